@@ -1,14 +1,14 @@
-"""How do the angles of Andrews' mechanism at 0.03 s move with each of its 42 numbers? Two ways, nine digits.
+"""Derivatives of the angles of Andrews' mechanism at 0.03 s by its 42 parameters, in two ways, to nine digits.
 
-The published equations, in which a number is moved by a complex step (a derivative without a difference), are solved
-for the accelerations and integrated by Gragg's midpoint rule with extrapolation, in extended precision. Beside them
-stands the tangent of a run of mbdae on its own model. The tables of examples/guide/andrews_gradients.md are what this
-prints, in some minutes.
+The published equations, with a complex step in each parameter (a derivative without a difference), are solved for the
+accelerations and integrated by Gragg's midpoint rule with extrapolation, in extended precision. They are compared with
+the tangent of a run of mbdae on its model. The output is the tables of examples/guide/andrews_gradients.md, after some
+minutes.
 
 Run: python examples/andrews_gradients.py; --page writes the table into the page
 
 Sources: Hairer, Wanner, Solving Ordinary Differential Equations II, section VII.7, and the Test Set for IVP Solvers,
-problem andrews, for equations and numbers; Hairer, Noersett, Wanner I, section II.9, for the extrapolation.
+problem andrews, for equations and parameters; Hairer, Noersett, Wanner I, section II.9, for the extrapolation.
 """
 
 import json
@@ -27,12 +27,12 @@ PAGE = HERE / "guide" / "andrews_gradients.md"
 TABLE = re.compile(r"(?<=<!-- written by andrews_gradients.py -->\n\n).*?(?=\n\n<!-- to here -->)", re.S)
 NUMBERS: dict[str, float] = DATA["parameters"]
 ANGLES: list[str] = DATA["coordinates"]
-STEP = 1e-30  # of a number, along the imaginary axis
+STEP = 1e-30  # of a parameter, along the imaginary axis
 
 Array = np.ndarray
 
-# A vector to the point P is a sum of lengths along angles: name, sign, angles that are added, quarter turns. Each of
-# the three others leads from a fixed point to P, and is met by the one through the crank.
+# A vector to the point P is a sum of lengths along angles: name, sign, angles that are added, quarter turns. The
+# constraints equate each of the three others, from a fixed point to P, with the one through the crank.
 CRANK = [("rr", 1, (0,), 0), ("d", -1, (0, 1), 0)]
 OTHERS = (
     (("xb", "yb"), [("ss", -1, (2,), 1)], (2,)),
@@ -42,11 +42,11 @@ OTHERS = (
 
 
 class Squeezer:
-    """The published equations for n sets of numbers side by side: angles and rates are (7, n).
+    """The published equations for n sets of parameters at once: angles and rates are (7, n).
 
     Args:
-        p: the numbers by their published names, (n,) each.
-        sin: sine of arrays of the kind of the numbers.
+        p: the parameters by their published names, (n,) each.
+        sin: sine of arrays of the parameters' type.
         cos: cosine.
     """
 
@@ -93,7 +93,7 @@ class Squeezer:
         return f
 
     def _to_P(self, parts: Sequence, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """A vector (2, n), its Jacobian (2, 7, n), and what is left of its second derivative without v', (2, n)."""
+        """A vector (2, n), its Jacobian (2, 7, n), and its second derivative without terms of v', (2, n)."""
         at, bend, J = (np.array([self.zero] * 2) for _ in range(2)), None, np.array([[self.zero] * 7] * 2)
         at, bend = at
         for name, sign, angles, quarter in parts:
@@ -140,7 +140,7 @@ def saddle(M: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> Array:
 
 
 def eliminate(A: Array) -> Array:
-    """Solve A[:, :m] x = A[:, m] for x (m, n), A (m, m + 1, n): Gauss' elimination with one order of rows for all."""
+    """Solve A[:, :m] x = A[:, m] for x (m, n), A (m, m + 1, n): Gauss elimination with one pivot order for all."""
     A, m = A.copy(), len(A)
     for k in range(m):
         i = k + max(range(m - k), key=lambda j: abs(A[k + j, k, 0]))
@@ -167,7 +167,7 @@ def extrapolated(rate: Callable[[Array], Array], y: Array, H: float, columns: in
 
 
 def published(steps: int, names: Sequence[str] = tuple(NUMBERS), end: float = 0.03) -> tuple[Array, Array]:
-    """(q, v) at the end, (14,), and their derivatives with respect to published numbers, (14, k)."""
+    """(q, v) at the end, (14,), and their derivatives with respect to published parameters, (14, k)."""
     p = {name: np.full(len(names), x, np.clongdouble) for name, x in NUMBERS.items()}
     for k, name in enumerate(names):
         p[name][k] += 1j * STEP
@@ -182,7 +182,7 @@ def published(steps: int, names: Sequence[str] = tuple(NUMBERS), end: float = 0.
     return y.real[:, 0].astype(float), (y.imag / STEP).astype(float)
 
 
-# Each published number moves these numbers of the model, by so much.
+# Parameters of the model that depend on each published parameter, with factors.
 MODEL: dict[str, dict[str, float]] = {
     **{f"m{i + 1}": {f"joint.{ANGLES[j]}.mass": 1} for i, j in enumerate((0, 1, 2, 3, 4, 5, 6))},
     **{f"i{i + 1}": {f"joint.{ANGLES[j]}.inertia.2": 1} for i, j in enumerate((0, 1, 2, 3, 4, 5, 6))},
@@ -218,7 +218,7 @@ MODEL: dict[str, dict[str, float]] = {
 
 
 def computed(names: Sequence[str] = tuple(NUMBERS), end: float = 0.03, **options: float | str) -> tuple[Array, Array]:
-    """(q, v) at the end of a run of mbdae, (14,), and their derivatives with respect to published numbers, (14, k)."""
+    """(q, v) at the end of a run of mbdae, (14,), and their derivatives by published parameters, (14, k)."""
     mech = load("andrews_squeezer")
     parts = sorted({part for name in names for part in MODEL[name]})
     sol = solve(mech, (0, end), **options)
@@ -241,7 +241,7 @@ def markdown(found: Array) -> str:
 
 
 def main(steps: int = 250, names: Sequence[str] = tuple(NUMBERS), **options: float | str) -> dict[str, Array]:
-    """Compute the derivatives twice, and print in how many digits they agree."""
+    """Compute the derivatives twice, and print the number of common digits."""
     options = options or {"method": "pherk6", "step": 1.5e-5}
     (y, slopes), (own_y, own) = published(steps, names), computed(names, **options)
     off = np.abs(own / slopes - 1)

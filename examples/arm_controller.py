@@ -1,7 +1,7 @@
 """A closed-loop arm under control: a Panda arm swings the crank of a wheel.
 
-The hand holds the handle by a revolute joint, so arm and wheel form a loop. The controller does not have to know it: at
-200 Hz it carries the arm's weight and pulls the hand along the circle of the handle, tau = weight + J^T f, so that the
+The hand holds the handle by a revolute joint, so arm and wheel form a loop. The controller ignores the loop: at 200 Hz
+it compensates the arm's weight and pulls the hand along the circle of the handle, tau = weight + J^T f, so that the
 wheel's angle follows a reference. Between two samples the torque is held.
 
 Run: python examples/arm_controller.py
@@ -17,12 +17,12 @@ STIFFNESS, DAMPING, OMEGA = 2000.0, 200.0, 2.0  # N/rad and N s/rad at the hand,
 
 
 def reference(t: float) -> tuple[float, float]:
-    """Angle of the wheel that is wanted in rad, and its rate in rad/s."""
+    """Reference angle of the wheel in rad, and its rate in rad/s."""
     return -0.45 - 0.4 * (1 - np.cos(OMEGA * t)), -0.4 * OMEGA * np.sin(OMEGA * t)
 
 
 def main(end: float = 4.0) -> mbdae.Solution:
-    """Print how the wheel follows and return the solution."""
+    """Print the tracking error of the wheel and return the solution."""
     model = mbdae.load("panda_handle").model
     data, hand, wheel = model.createData(), model.getFrameId("panda_hand_tcp"), model.getJointId("handle")
     iq, iv = model.joints[wheel].idx_q, model.joints[wheel].idx_v

@@ -1,7 +1,7 @@
-"""Modes of a limp arm on a crank handle, and which damper settles it soonest.
+"""Modes of an unactuated arm on a crank handle, and the damper with the shortest settling time.
 
-The slowest mode is the wheel that swings with the arm's weight. The root locus over the damping of the wheel's bearing
-shows how much of it the mode takes before it creeps.
+In the slowest mode the wheel swings with the arm's weight. The root locus over the damping of the wheel's bearing shows
+how much damping increases the decay rate before the mode becomes overdamped.
 
 Run: python examples/arm_modes.py
 """
@@ -12,7 +12,7 @@ import mbdae
 
 
 def main(values: int = 13) -> dict[str, float]:
-    """Print the modes and the best damping; return the decay rates in 1/s as shipped and at best."""
+    """Print the modes and the best damping; return the decay rates in 1/s initially and with it."""
     found = mbdae.modes(mbdae.load("panda_handle"))
     print(found)
     dampings = np.geomspace(0.05, 50, values)

@@ -1,9 +1,9 @@
-"""The counterweight that balances a slider-crank as well as one can, against the closed form.
+"""The optimal counterweight of a slider-crank, compared with the closed form.
 
-A crank at constant speed shakes its bed. The rod acts as two masses, at the crank pin and at the wrist pin: what turns
-with the crank can be balanced by a counterweight, what goes to and fro only by turning half of it against the slide.
-That half is best for the sum of squares of both components of the force, whatever the ratio of crank and rod: the even
-harmonics that the rod brings in are beyond a mass that turns with the crank.
+A crank at constant speed shakes its bed. The rod is equivalent to two masses, at the crank pin and at the wrist pin:
+rotating masses are balanced by a counterweight, reciprocating ones only partly. Balancing half of the reciprocating
+mass minimises the sum of squares of both components of the force, for any ratio of crank and rod: the even harmonics
+due to the rod are out of reach of a mass that rotates with the crank.
 
 Run: python examples/balancing.py
 """
@@ -74,7 +74,7 @@ guess = {{ block = {CRANK + ROD} }}
 
 
 def shaking(signals) -> tuple[float, dict[str, np.ndarray]]:
-    """Half the mean square of the force on the ground in N^2, and its slopes."""
+    """Half the mean square of the force on the ground in N^2, and its gradient."""
     parts = {name: signals[name] for name in ("lam.ground.1", "lam.ground.3")}
     n = len(signals["t"])
     return sum(f @ f for f in parts.values()) / (2 * n), {name: f / n for name, f in parts.items()}

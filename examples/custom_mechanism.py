@@ -1,7 +1,7 @@
-"""A mechanism of one's own: a tree from a URDF text, its loop closed in Python.
+"""A custom mechanism: a tree from a URDF text, its loop closed in Python.
 
 A parallelogram lifts a platform: two equal arms on the ground carry a bar, which stays level. A URDF is a tree, so the
-bar hangs on the left arm, and a closure pins it to the right one. A spring carries most of the weight.
+bar is attached to the left arm, and a closure pins it to the right one. A spring carries most of the weight.
 
 Run: python examples/custom_mechanism.py
 """
@@ -62,7 +62,7 @@ xyz = [0.4, 0.0, 0.0]
 
 
 def main(end: float = 2.0) -> mbdae.Solution:
-    """Run the lift, print how level the platform stays, and return the solution."""
+    """Run the lift, print the tilt of the platform, and return the solution."""
     with TemporaryDirectory() as folder:
         Path(folder, "lift.urdf").write_text(urdf())
         Path(folder, "lift.toml").write_text(TABLES)

@@ -1,7 +1,7 @@
-"""A method of one's own: a tableau as exact text, its order proven and measured.
+"""A custom method: a tableau as exact text, its order proven and measured.
 
 The half-explicit method on Ralston's three stages: Ahat is A shifted and closed by b. The conditions of trees with fat
-vertices say what is left of its order 3.
+vertices determine what remains of its order 3.
 
 Run: python examples/custom_method.py
 """
@@ -25,7 +25,7 @@ ralston = Tableau(
 def main(model: str = "four_bar") -> object:
     """Print proof and measurement, and return the measurement."""
     print(check_conditions(ralston))
-    study = mbdae.check_order(mbdae.load(model), [ralston])
+    study = mbdae.order(mbdae.load(model), [ralston])
     print(study)
     print(mbdae.drift(mbdae.solve(mbdae.load(model), (0, 1), method=ralston, step=1e-3)))
     return study

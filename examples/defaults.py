@@ -1,13 +1,13 @@
-"""Which method and tolerance to take when one knows nothing: a comparison over all models that come with mbdae.
+"""Default method and tolerance: a comparison over all models that come with mbdae.
 
-Each model runs over its own duration as a default run does: steps under control, positions kept. Each method needs some
-time, and some linear solves, to reach an error of q; relative to the best one on the same model, the geometric mean
-over the models says how good it is in general, and the largest ratio how wrong it can be. A method that does not reach
-the error on a model is counted there. Solves do not depend on what else the machine does; the leaps over singular
-positions are in the time alone. Errors over tolerance say what to expect of a tolerance.
+Each model runs over its default duration as a default run does: with step-size control and projection. Each method
+needs some time, and some linear solves, to reach an error of q; relative to the best one on the same model, the
+geometric mean over the models measures the method in general, and the largest ratio the worst case. A method that does
+not reach the error on a model is counted there. Solves do not depend on the load of the machine; crossings of singular
+configurations count only in the time. Errors over tolerance show the accuracy to expect of a tolerance.
 
-Left out by name are models that are stiff, which want radau5, those whose q closures and drivers give alone, so that
-its error at the coarsest tolerance is rounding, and for a target those whose reference cannot tell it.
+Excluded by name are stiff models, which need radau5, those whose q is determined by closures and drivers alone, so that
+its error at the coarsest tolerance is rounding, and, for a target, those whose reference is less accurate.
 
 Run: python examples/defaults.py, which takes some minutes
 """
@@ -27,13 +27,13 @@ TOLERANCES = (1e-4, 1e-6, 1e-8)
 TARGETS = (1e-4, 1e-6)
 REFERENCE = ("project:pherk6", "project:herk5")
 WORK: dict[Work, str] = {"seconds": "time", "solves": "solves"}
-SHARES = (0.0, 0.5, 1.0)  # of the models: least, median, largest
+SHARES = (0.0, 0.5, 1.0)  # of the models: smallest, median, largest
 
 
 def studies(
     models: Sequence[str], methods: Sequence[str], tolerances: Sequence[float], repeats: int
 ) -> dict[str, Comparison]:
-    """One comparison for each model in which q has an error to be judged; the others are said."""
+    """One comparison for each model in which the error of q can be measured; the others are printed."""
     out = {}
     for model in models:
         mech = mbdae.load(model)
@@ -57,7 +57,7 @@ def studies(
 def ratios(
     result: dict[str, Comparison], methods: Sequence[str], target: float, work: Work
 ) -> dict[str, dict[str, float]]:
-    """Work of each method to an error of q over that of the best one, by model; what is not reached is missing."""
+    """Work of each method to an error of q over that of the best one, by model; missing if not reached."""
     out = {}
     for model, study in result.items():
         try:
@@ -71,7 +71,7 @@ def ratios(
 
 
 def mean(values: Sequence[float]) -> float:
-    """The geometric mean; nan of nothing."""
+    """The geometric mean; nan if empty."""
     return float(np.exp(np.mean(np.log(values)))) if values else np.nan
 
 

@@ -1,6 +1,6 @@
-"""How many of the digits that others published, or that closed forms give, are reached?
+"""How many digits of published or closed-form solutions are reproduced?
 
-Each problem is run once and set beside its reference. The table of examples/guide/digits.md is what this script prints.
+Each problem is run once and compared with its reference. This script prints the table of examples/guide/digits.md.
 
 Run: python examples/digits.py [NAME ...]; --page writes the table into the page
 """
@@ -30,7 +30,7 @@ TABLE = re.compile(r"(?<=<!-- written by digits.py -->\n\n).*?(?=\n\n<!-- to her
 
 
 class Digits(NamedTuple):
-    """One line: what it is, with its unit; the reference as it is printed; how far beside it the run ends."""
+    """One line: the quantity with its unit; the reference as it is printed; the error at the end of the run."""
 
     what: str
     reference: str
@@ -117,7 +117,7 @@ def bicycle() -> list[Digits]:
     weave = brentq(lambda v: max(x.real for x in roots(v) if abs(x.imag) > 1), 4.2, 4.4, xtol=1e-13)
     near = 6.02 + 0.1 * np.cos(
         np.pi * (np.arange(10) + 0.5) / 10
-    )  # where it vanishes it cannot be told from symmetries
+    )  # where it vanishes it cannot be distinguished from symmetries
     real = Chebyshev.fit(near, [max(x.real for x in roots(v) if abs(x.imag) < 1) for v in near], 9)
     capsize = brentq(real, 6.0, 6.1, xtol=1e-13)
     speeds = beside({"weave speed, m/s": weave, "capsize speed, m/s": capsize}, "4.29238253634111 6.02426201538837")
@@ -172,7 +172,7 @@ def four_bars(N: int = 40) -> list[Digits]:
 
 
 def bricard() -> list[Digits]:
-    """A04, Bricard's mechanism, with more closures than freedoms, 10 s."""
+    """A04, Bricard's mechanism, with more closures than coordinates, 10 s."""
     found = drift(solve(load("bricard"), (0, 10), method="pherk5", rtol=1e-12))
     return [Digits("all rows, m", "0", found.g_max), Digits("energy, relative", "0", found.energy_relative)]
 
@@ -194,15 +194,15 @@ TIMES = [0.1, 1.0, 2.0, 3.0, 5.0]
 def equation_of_motion(centre: float) -> np.ndarray:
     """Return crank and slider at TIMES, (2, 5), from 2 T theta'' + T_theta theta'^2 + V_theta = 0 in one coordinate.
 
-    The rod lies along d = (p - s)/l, p the crank pin and s the slider; the universal joint, whose first axis is x, lets
-    it turn by a about x, a' = d'.(e_x x d)/|e_x x d|^2, and so spin with a' d_x about itself.
+    The rod lies along d = (p - s)/l, p the crank pin and s the slider; the universal joint, whose first axis is x,
+    allows rotation by a about x, a' = d'.(e_x x d)/|e_x x d|^2, and thus spin with a' d_x about the rod.
     """
 
     def place(theta: complex) -> tuple[np.ndarray, np.ndarray]:
         s, c = np.sin(theta), np.cos(theta)
         p, dp = np.array([0, 0.1 - 0.08 * s, 0.12 + 0.08 * c]), np.array([0, -0.08 * c, -0.08 * s])
         x = np.sqrt(0.3**2 - p @ p)
-        return np.array([-x, p[1], p[2]]), np.array([p @ dp / x, dp[1], dp[2]])  # l d and its slope
+        return np.array([-x, p[1], p[2]]), np.array([p @ dp / x, dp[1], dp[2]])  # l d and its derivative
 
     def energies(theta: complex) -> np.ndarray:
         d, slope = place(theta)
@@ -222,7 +222,7 @@ def equation_of_motion(centre: float) -> np.ndarray:
 
 
 def spatial_slider_crank(centre: float) -> list[Digits]:
-    """Slider and crank at five times, and how far the equation of motion in one coordinate ends beside them."""
+    """Slider and crank at five times, and the error of the equation of motion in one coordinate."""
     sol = solve(load("spatial_slider_crank", centre=centre), (0, 5), method="pherk6", rtol=1e-11, t_eval=TIMES)
     lines = beside({f"x({t:g}), m": x for t, x in zip(TIMES, sol.signals()["q.slider"], strict=True)}, SLIDER[centre])
     angles = sol.signals()["q.crank"]
@@ -260,7 +260,7 @@ def cart_pole() -> list[Digits]:
     first = solve(mech, (0, 1), method="pherk6", rtol=1e-12, events=below).t[-1]
     cart, x, _, z = solve(mech, (0, 10), method="pherk6", rtol=1e-12).q[-1]
     swing = quarter_swing(1e-6)
-    back = 10 % (4 * swing) - swing  # s behind the last passage below the cart, on the side of negative angles
+    back = 10 % (4 * swing) - swing  # s after the last passage below the cart, on the side of negative angles
     angle = -brentq(lambda a: quarter_swing(1e-6, a) - min(back, 2 * swing - back), 0.1, np.pi / 2, xtol=1e-15)
     reached = {"quarter swing, s": first, "theta(10), rad": np.arctan2(x - cart, -z)}
     off = max(abs(swing - reached["quarter swing, s"]), abs(angle - reached["theta(10), rad"]))

@@ -1,7 +1,7 @@
-"""A crank driven at constant speed, and the torque that its motor must give.
+"""A crank driven at constant speed, and the torque of its motor.
 
-A driver makes the crank follow 0.3 + omega t exactly; its multiplier is the torque, and the power that it brings in is
-all that changes the energy.
+A driver makes the crank follow 0.3 + omega t exactly; its multiplier is the torque, and only its power changes the
+energy.
 
 Run: python examples/driven_crank.py
 """
@@ -18,7 +18,7 @@ def main(omega: float = 20.0, end: float = 1.0) -> dict[str, float]:
     q, v = mech.assemble(v={"crank": omega})
     sol = mbdae.solve(mech, (0, end), q, v, rtol=1e-9, t_eval=np.linspace(0, end, 1001))
     motor = sol.effort("motor")
-    work = np.trapezoid(motor.power, motor.t)  # the drift check knows it better: it is integrated along
+    work = np.trapezoid(motor.power, motor.t)  # the drift check is more accurate: it integrates along with the run
     drift = mbdae.drift(sol)
     print(f"torque of the motor {motor.effort.min():.4g} to {motor.effort.max():.4g} N m at {omega:g} rad/s")
     print(f"its work in {end:g} s: {work:.6g} J; {drift.work_end:.6g} J integrated with the motion")

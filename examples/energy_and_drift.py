@@ -1,7 +1,7 @@
-"""What a formulation keeps: |g| and energy over time, for one mechanism and one method.
+"""Invariants of a formulation: |g| and energy over time, for one mechanism and one method.
 
-Without friction a four-bar keeps its energy. In index-2 form the velocity constraint holds to rounding and the position
-drifts slowly; projection and the form of Gear, Gupta and Leimkuhler keep both; accelerations alone keep neither.
+Without friction a four-bar conserves its energy. In index-2 form the velocity constraint holds to rounding and the
+position drifts slowly; projection and the GGL form keep both; accelerations alone keep neither.
 
 Run: python examples/energy_and_drift.py
 """

@@ -1,7 +1,7 @@
-"""Events: times at which a signal passes a level, or a function of the state is zero.
+"""Events: times at which a signal crosses a level, or a function of the state is zero.
 
 A four-bar swings from rest. The turning points of its crank are zeros of its speed, and the run ends where the end of
-the coupler falls through a level.
+the coupler falls below a level.
 
 Run: python examples/events.py
 """
@@ -24,7 +24,7 @@ def main(end: float = 10.0) -> mbdae.Solution:
         pin.framesForwardKinematics(model, data, q)
         return float(data.oMf[tip].translation[2]) - LEVEL
 
-    turning = "v.crank"  # a signal, whose zeros are meant
+    turning = "v.crank"  # a signal alone means its zeros
     low = mbdae.Event(height, terminal=True, direction=-1)
     sol = mbdae.solve(mech, (0, end), rtol=1e-10, events=[turning, low])
     (turns, _), (lows, _) = sol.events  # times (n,) and states (n, ny)

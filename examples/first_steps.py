@@ -1,4 +1,4 @@
-"""First steps: load a mechanism, choose its start, run it, judge the run, keep it, look at it.
+"""First steps: load a mechanism, choose its start, run it, check the run, save it, replay it.
 
 Run: python examples/first_steps.py
 """
@@ -11,7 +11,7 @@ import mbdae
 def main(folder: str | Path = ".", end: float = 5.0) -> mbdae.Solution:
     """Write run.npz and run.html into ``folder`` and return the solution."""
     mech = mbdae.load("slider_crank")
-    print(mbdae.card(mech))
+    print(mbdae.info(mech))
     q, v = mech.assemble(q={"crank": 0.3}, v={"crank": 6.0})  # the loop gives the other coordinates
     sol = mbdae.solve(mech, (0, end), q, v, rtol=1e-8)
     print(f"{sol.status}: {sol.stats['steps']} steps, {sol.stats['solves']} linear solves")

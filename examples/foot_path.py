@@ -1,7 +1,7 @@
 """Lengths of Theo Jansen's leg for a flatter path of the foot on the ground.
 
-While the foot stands, it shall stay at one height, and go as far and lift as high as it did. Poses over one turn of the
-crank are differentiated by the lengths of the bars; each may change by a tenth.
+In stance, the foot should stay at one height, with its original step length and lift. Poses over one turn of the crank
+are differentiated by the lengths of the bars; each may change by a tenth.
 
 Run: python examples/foot_path.py
 """
@@ -21,7 +21,7 @@ STANDING = 0.45  # of a turn, in which the foot is on the ground
 
 
 def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
-    """Print the lengths, and how flat the foot walks; return that."""
+    """Print the lengths and the height variation of the foot; return the variation."""
     shipped = mbdae.kinematics(mbdae.load(MODEL), "crank", points=points).signals()
     x, z = shipped[f"{FOOT}.x"], shipped[f"{FOOT}.z"]
     stands = np.isin(np.arange(points), np.argsort(z)[: int(STANDING * points)])  # always the same poses
@@ -29,7 +29,7 @@ def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
     top = int(np.argmax(z))
 
     def bumps(signals):
-        """Half the variance of the height of the standing foot in mm^2, and its slopes."""
+        """Half the variance of the height of the foot in stance in mm^2, and its gradient."""
         height = 1e3 * signals[f"{FOOT}.z"]
         left = np.where(stands, height - height[stands].mean(), 0.0)
         return left @ left / (2 * stands.sum()), {f"{FOOT}.z": 1e3 * left / stands.sum()}

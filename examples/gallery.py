@@ -1,8 +1,8 @@
 """The pictures of the pages: replays, and figures of studies.
 
-Everything is drawn by mbdae itself: a browser without a window draws the replay pages, matplotlib the figures. Run it
-after a change of what draws them; it takes some minutes. Each picture carries a digest of the code that drew it (style
-sheets and scripts as they are, Python without docstrings and comments), by which a test finds those that are older.
+Everything is drawn by mbdae: a headless browser draws the replay pages, matplotlib the figures. Run it after a change
+of the code that draws them; it takes some minutes. Each picture contains a digest of the code that drew it (style
+sheets and scripts as they are, Python without docstrings and comments), by which a test finds outdated ones.
 """
 
 import ast
@@ -19,7 +19,7 @@ from mbdae.studies.drift.figure import drifts
 from mbdae.studies.replay import video
 from mbdae.studies.replay.replay import page
 
-REPLAYS = {  # model: end (s), share of it that is shown
+REPLAYS = {  # model: end (s), fraction of it that is shown
     "slider_crank": (2.0, 0.6),
     "four_bar": (2.0, 0.55),
     "andrews_squeezer": (0.03, 0.4),
@@ -34,7 +34,7 @@ FOLDER = EXAMPLES / "pictures"
 KEY = "drawn by"
 REPLAY = ("studies/replay/*.[jch]*", "studies/replay/*.py", "mechanism/scene/*.py")
 FIGURE = ("studies/figures.py", "studies/{}/figure.py")
-SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.png belongs to its measurements
+SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.png belongs to the benchmark
     "replays.png": [PACKAGE / x for x in REPLAY],
     "replay_page.png": [PACKAGE / x for x in REPLAY],
     "work_precision.png": [PACKAGE / x.format("comparison") for x in FIGURE],
@@ -73,7 +73,7 @@ def replay(name: str, end: float, share: float) -> Image.Image:
 
 
 def replay_page(folder: Path) -> None:
-    """A replay page as a whole: two solutions, the path of a point, the force in a joint, and signals."""
+    """A whole replay page: two solutions, the path of a point, the force in a joint, and signals."""
     mech = mbdae.load("slider_crank")
     sol = mbdae.solve(mech, (0, 5), rtol=1e-8)
     coarse = mbdae.solve(mech, (0, 5), method="herk1", step=0.01)
@@ -92,7 +92,7 @@ def work_precision(
 
 def convergence(folder: Path, methods: Sequence[str] = ("herk3", "herk5", "pherk5", "rk4")) -> None:
     """Observed and claimed orders."""
-    mbdae.check_order(mbdae.load("four_bar"), methods=methods).plot(folder / "convergence.png")
+    mbdae.order(mbdae.load("four_bar"), methods=methods).plot(folder / "convergence.png")
     reduce(folder / "convergence.png")
 
 
@@ -149,7 +149,7 @@ def without_docstrings(text: str) -> str:
 
 
 def outdated(pictures: Iterable[Path]) -> list[str]:
-    """Names of pictures that other code than today's drew."""
+    """Names of pictures that were drawn by older code."""
     names = []
     for path in pictures:
         with Image.open(path) as image:

@@ -1,8 +1,8 @@
-"""The spring of a lift: where to fix it, and how stiff, so that the hatch is moved by the same torque at all heights.
+"""The spring of a lift: its anchor and stiffness for the same torque on the hatch at all heights.
 
-A hatch hangs on two arms. Without a spring the torque that holds it changes with the angle of the arm; the spring shall
-leave a small constant torque that shuts the hatch. Poses are followed over the angle of the arm, and what the drive
-must give to hold each of them at rest is differentiated by stiffness, rest length and anchor of the spring.
+A hatch hangs on two arms. Without a spring the torque that holds it changes with the angle of the arm; the spring
+should leave a small constant torque that closes the hatch. Poses are followed over the angle of the arm, and the
+holding torque at rest is differentiated by stiffness, rest length and anchor of the spring.
 
 Run: python examples/lift_assist.py
 """
@@ -80,7 +80,7 @@ BOUNDS = {
 
 
 def main(torque: float = -1.0, points: int = 25) -> dict[str, float]:
-    """Print the spring, and by how much the holding torque departs from a constant in N m; return that."""
+    """Print the spring, and the deviation of the holding torque from a constant in N m; return the deviation."""
     cost = mbdae.Squares({"holding": np.full(points, torque)}, sigma=points**0.5)
     with TemporaryDirectory() as folder:
         path = Path(folder, "hatch.toml")

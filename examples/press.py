@@ -1,8 +1,8 @@
-"""The torque of a press over the angle of its crank, and the motor that brings it up.
+"""The torque of a press over its crank angle, and the motor that it needs.
 
 The block of a slider-crank presses with 800 N over the last 20 mm of its stroke. Inverse dynamics of one turn at
-constant speed tells peak and RMS of the torque; of a list of motors and gears, the first that gives both at the speed
-is taken.
+constant speed gives peak and RMS of the torque; from a list of motors and gears, the first with sufficient torques at
+the speed is chosen.
 
 Run: python examples/press.py
 """
@@ -19,7 +19,7 @@ STROKE, FORCE, DEPTH = 0.45, 800.0, 0.02  # m, N, m
 
 
 def pressing(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Generalised forces (3,): the work piece resists while the block moves on into it."""
+    """Generalised forces (3,): the workpiece resists while the block advances into it."""
     depth = np.clip((q[2] - (STROKE - DEPTH)) / (0.2 * DEPTH), 0, 1)
     return np.array([0, 0, -FORCE * depth * np.clip(v[2] / 0.1, 0, 1)])
 

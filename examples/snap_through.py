@@ -1,7 +1,7 @@
-"""Snap-through: a toggle is pressed through its limit point, slowly by continuation and in time by a run.
+"""Snap-through: a toggle is loaded beyond its limit point, slowly by continuation and in time by a run.
 
-Equilibria under a growing load turn back at the limit point, 42.914 N. A run in which the load grows steadily stays on
-the curve until there, and then jumps to the far side.
+The path of equilibria under a growing load reverses at the limit point, 42.914 N. A run in which the load grows
+steadily stays on the path up to there, and then jumps to the far side.
 
 Run: python examples/snap_through.py
 """
@@ -14,7 +14,7 @@ RATE = 0.02  # of the nominal load of 100 N, per second
 
 
 def main(end: float = 25.0) -> dict[str, float]:
-    """Print where it snaps on the path and in the run; return both loads in N."""
+    """Print the snap-through loads of the path and of the run; return both in N."""
     mech = mbdae.load("snap_toggle")
     path = mbdae.load_path(mech, "press", (0, 2))
     limit = path.critical[0]

@@ -1,7 +1,8 @@
-"""Where a Stewart platform can stand, and where it cannot be held: a slice of its workspace, and singular poses.
+"""Workspace of a Stewart platform: a slice of it, and singular poses.
 
-The platform is put on a grid of places without turning; legs have strokes, and the ratio of singular values of all rows
-with the pistons held says how well they hold it. Turned about the vertical it comes to poses in which they do not.
+The platform is put on a grid of positions without rotation; legs have strokes, and the ratio of singular values of all
+rows with the pistons locked measures the distance from singularity. Rotated about the vertical it reaches singular
+poses.
 
 Run: python examples/stewart_workspace.py
 """
@@ -16,7 +17,7 @@ LOW, HIGH = 0.1, 0.5  # strokes of the legs, m
 
 
 def held(mech: mbdae.Mechanism, x: float, z: float, yaw: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Strokes of the legs (6,), and all rows with those that hold the pistons (24, 24), for a pose of the platform."""
+    """Strokes of the legs (6,), and all rows with the pistons locked (24, 24), for a pose of the platform."""
     pose = (x, 0.0, z, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
     q, _ = mech.assemble(q={"platform": pose})
     pistons = mech.coordinates(dict.fromkeys(LEGS, 0.0))[1]
@@ -25,7 +26,7 @@ def held(mech: mbdae.Mechanism, x: float, z: float, yaw: float = 0.0) -> tuple[n
 
 
 def main(n: int = 13) -> dict[str, float]:
-    """Print the slice y = 0 and the singular angle, and return numbers."""
+    """Print the slice y = 0 and the singular angle, and return the results."""
     mech = mbdae.load("stewart_platform")
     reached, worst = 0, np.inf
     for z in np.linspace(1.0, 0.5, n):

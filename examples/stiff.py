@@ -1,8 +1,8 @@
 """A stiff mechanism: half-explicit steps are limited by stability, Radau IIA by accuracy.
 
-The slider of a slider-crank moves in a viscous guide and hangs on a stiff spring-damper of a flyball governor's data,
-K = 8e5 N/m and C = 4e4 N s/m (IFToMM benchmark A05), whose other end is fixed. The slider creeps with a
-rate of C / m, which the step of an explicit method must resolve although the motion is slow.
+The slider of a slider-crank moves in a viscous guide and is connected to a fixed point by a stiff spring-damper with
+the data of a flyball governor, K = 8e5 N/m and C = 4e4 N s/m (IFToMM benchmark A05). The slider creeps with a rate of C
+/ m, which the step of an explicit method must resolve although the motion is slow.
 
 Run: python examples/stiff.py
 """

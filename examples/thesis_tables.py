@@ -2,9 +2,9 @@
 
     y1' = y1 y2^2 z^2,  y2' = y1^2 y2^2 - 3 y2^2 z,  0 = y1^2 y2 - 1,   exact y = (e^t, e^-2t), z = e^2t
 
-Classical explicit tableaus used half-explicitly (kutta3, rk4, rule38) fall to order 2, because their stages do not
+Classical explicit tableaus used half-explicitly (kutta3, rk4, rule38) drop to order 2, because their stages do not
 satisfy the conditions of the trees with fat vertices. HERK methods satisfy them with more stages; PHERK methods keep
-the classical tableau and give its stages a second matrix: the 3/8 rule reaches order 4 with the same four solves.
+the classical tableau and add a second matrix for its stages: the 3/8 rule reaches order 4 with the same four solves.
 
 Run: python examples/thesis_tables.py
 """
@@ -24,7 +24,7 @@ STEPS = (20, 40, 80, 160, 320)
 
 
 def errors(method: str, steps: tuple[int, ...] = STEPS) -> np.ndarray:
-    """Largest errors of y and of the method's own z over the run, one row for each number of steps."""
+    """Largest errors of y and of the method's z over the run, one row for each number of steps."""
     problem, rows = hessenberg_a(), []
     for n in steps:
         sol = solve(problem, (0, 1), method=method, step=1 / n)

@@ -1,8 +1,8 @@
 """Tolerances of links and the largest reaction force of a slider-crank, by a thousand runs.
 
-Crank and rod of the model slider_crank are a little longer or shorter than drawn, the rail a little higher or lower,
-and the rod a little heavier or lighter: normal distributions. Each run takes the crank through about four turns; what
-is kept is the largest force in the wrist pin.
+Crank and rod of the model slider_crank are a little longer or shorter than nominal, the rail a little higher or lower,
+and the rod a little heavier or lighter: normal distributions. Each run takes the crank through about four turns; its
+result is the largest force in the wrist pin.
 
 Run: python examples/tolerance_sweep.py [number of runs]
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 import mbdae
 
-LINKS = {  # name in the model: words, nominal value, standard deviation
+LINKS = {  # name in the model: description, nominal value, standard deviation
     "joint.crank_pin.xyz.0": ("crank (m)", 0.1, 0.2e-3),
     "frame.rod_tip.xyz.0": ("rod (m)", 0.35, 0.7e-3),
     "joint.slider.xyz.2": ("height of the rail (m)", 0.0, 0.2e-3),
@@ -26,7 +26,7 @@ FORCE = "peak force.wrist pin"
 def main(
     n: int = 1000, end: float = 5.0, path: str | Path | None = None, plot: str | Path | None = None, **options: str
 ) -> mbdae.Sweep:
-    """Run the sample, print what it tells, and return the table."""
+    """Run the sample, print its statistics, and return the table."""
     links = {name: {"distribution": "normal", "loc": at, "scale": std} for name, (_, at, std) in LINKS.items()}
     result = mbdae.sweep(
         "slider_crank",
@@ -34,7 +34,7 @@ def main(
         end,
         outputs=[FORCE],
         rtol=1e-8,
-        max_step=2e-3,  # a peak between the ends of two steps is seen
+        max_step=2e-3,  # resolves a peak between the ends of two steps
         path=path,
         seed=1,
         **options,

@@ -1,10 +1,10 @@
 """mbdae: constrained mechanisms as index-2 DAEs, stepped by half-explicit Runge-Kutta methods and Radau IIA.
 
-Names are imported when they are used: Pinocchio, numpy and scipy take a second, which the command line does not have
-when it completes a word.
+Names are imported on first use: importing Pinocchio, numpy and scipy takes a second, which is too long for completion
+on the command line.
 """
 
-from .cli import interrupt  # noqa: F401, before all that takes time to import
+from .cli import interrupt  # noqa: F401, before all slow imports
 
 # isort: split
 from functools import cache
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from .discovery import classes, public
 
-if TYPE_CHECKING:  # what editors and type checkers see of the names that `_places` finds
+if TYPE_CHECKING:  # names found by `_places`, for editors and type checkers
     from .errors import MbdaeError as MbdaeError
     from .integrate.events import Event as Event
     from .integrate.solve import solve as solve
@@ -41,10 +41,10 @@ if TYPE_CHECKING:  # what editors and type checkers see of the names that `_plac
     from .methods import Tableau as Tableau
     from .progress import progress_bar as progress_bar
     from .solution.solution import Solution as Solution
-    from .studies.card.card import card as card
     from .studies.comparison.compare import compare as compare
     from .studies.drift.drift import drift as drift
     from .studies.fit.fit import fit as fit
+    from .studies.info.info import info as info
     from .studies.inverse.inverse import inverse_dynamics as inverse_dynamics
     from .studies.kinematics.assembly_modes import assembly_modes as assembly_modes
     from .studies.kinematics.kinematics import kinematics as kinematics
@@ -53,10 +53,10 @@ if TYPE_CHECKING:  # what editors and type checkers see of the names that `_plac
     from .studies.modes.root_locus import root_locus as root_locus
     from .studies.optimize.optimize import optimize as optimize
     from .studies.order.gradients import check_gradients as check_gradients
-    from .studies.order.order import check_order as check_order
+    from .studies.order.order import order as order
     from .studies.replay.replay import animate as animate
     from .studies.report.report import report as report
-    from .studies.schema.json_schema import json_schema as json_schema
+    from .studies.schema.schema import schema as schema
     from .studies.sensitivity.cost import Squares as Squares
     from .studies.sensitivity.gradient import gradient as gradient
     from .studies.sensitivity.sensitivity import sensitivity as sensitivity
@@ -85,7 +85,7 @@ _CORE = {
 
 @cache
 def _places() -> dict[str, str]:
-    """The module of each public name: of the core, of forces, and of studies by their ``__all__``."""
+    """Return the module of each public name: of the core, of forces, and of studies by their ``__all__``."""
     core = {name: f"mbdae.{module}" for module, names in _CORE.items() for name in names}
     forces = classes("mbdae.mechanism.forces", "Force", "PythonForce")
     return core | forces | public("mbdae.studies", "*/*.py")
@@ -98,14 +98,14 @@ def _value(name: str) -> Any:
         return import_module("importlib.metadata").version("mbdae")
     if name in _places():
         return getattr(import_module(_places()[name]), name)
-    if name[0].isupper():  # a class of forces that another package adds
+    if name[0].isupper():  # a force class from another package
         forces = import_module("mbdae.mechanism.forces").NAMES
         if name in forces:
             return forces[name]
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")
 
 
-if not TYPE_CHECKING:  # to a type checker every name would be one of mbdae's
+if not TYPE_CHECKING:  # otherwise a type checker would accept every name of mbdae
 
     def __getattr__(name: str) -> Any:
         globals()[name] = value = _value(name)

@@ -1,4 +1,4 @@
-"""The command line: every sub-command is thin, one public function stands behind it."""
+"""Command line: each sub-command is a thin wrapper of a public function."""
 
 import sys
 import warnings
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def _say(text: str) -> None:
-    """Say one line on stderr; names from files may hold anything."""
+    """Print one line on stderr; names from files may contain any characters."""
     click.echo(printable(" ".join(f"mbdae: {text}".split("\n"))), err=True)
 
 

@@ -34,6 +34,7 @@ class Tolerances:
         falling: float,
         open: float,
         stalled: float,
+        kept: float,
         iterations: int,
         unmoved: float,
         row_scales: list[float],
@@ -180,6 +181,8 @@ class Run:
     project: bool
     watched: bool
     tolerated: float
+    taken_back: float
+    nothing: float
     seconds: float
     budget: int
     kept: int

@@ -1,24 +1,26 @@
-"""The back ends: is the compiled core there, may it be imported, and which one computes a run.
+"""Back ends: availability of the compiled core, and selection of the back end of a run.
 
 The core is linked to Pinocchio's library, whose name carries no version: loaded beside another Pinocchio than it was
-built for, it crashes. So the versions are compared before it is imported.
+built for, it crashes. So the versions are compared before it is imported. A clone of the sources without a core takes
+that of an installed mbdae, if it is built from the same sources (`mbdae.installed_core`).
 """
 
 import platform
 import re
+import sys
 import warnings
 from functools import cache
-from importlib import import_module
-from importlib.util import find_spec
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
 from .errors import InputError, UnknownNameError
+from .installed_core import find_installed
 
 BACKENDS = ("auto", "native", "python")
-SLOW = "mbdae computes in Python"  # how the warning begins
+SLOW = "mbdae computes in Python"  # beginning of the warning
 CORE = "mbdae._native"
-BUILT_FOR = "_native_pinocchio.txt"  # written beside the core when it is built
+BUILT_FOR = "_native_pinocchio.txt"  # written next to the core when it is built
 
 
 def load() -> ModuleType | None:
@@ -32,7 +34,7 @@ def status() -> str:
 
 
 def machine() -> str:
-    """Return what times were measured on: system, processor, version of Python."""
+    """Return the machine for timings: system, processor, version of Python."""
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except OSError:
@@ -54,15 +56,15 @@ def known(backend: str) -> str:
 
 
 def choose(backend: str) -> ModuleType | None:
-    """Return what computes a run: the compiled core, or None for Python.
+    """Return the compiled core, or None for Python.
 
     Args:
-        backend: ``"auto"`` takes the core, or Python with one warning in each process; ``"native"`` insists on the
-            core; ``"python"`` does without.
+        backend: ``"auto"`` uses the core, or Python with one warning per process; ``"native"`` requires the core;
+            ``"python"`` does not use it.
 
     Raises:
         UnknownNameError: for another name.
-        InputError: ``"native"`` without a core that can be used; the message has the reason.
+        InputError: for ``"native"`` without a usable core; the message has the reason.
     """
     if known(backend) == "python":
         return None
@@ -81,22 +83,42 @@ def _warn() -> None:
 
 @cache
 def _core() -> tuple[ModuleType | None, str]:
-    spec = find_spec(CORE)
-    if spec is None or spec.origin is None:
-        return None, f"python: {_not_built(Path(__file__).parent)}"
-    built = _built_for(Path(spec.origin).with_name(BUILT_FOR))
+    package, spec, where = Path(__file__).parent, find_spec(CORE), ""
+    path = Path(spec.origin) if spec and spec.origin else None
+    if path is None:  # a clone: the core is where mbdae is installed
+        path, reason = find_installed(package, CORE.rpartition(".")[2])
+        if path is None:
+            return None, f"python: {reason or _not_built(package)}"
+        where = f", installed in {path.parent}"
+    built = _built_for(path.with_name(BUILT_FOR))
     found = _installed()  # imports Pinocchio, whose libraries the core then finds
     if built != found:
         return None, f"python: built for Pinocchio {built} but {found} is installed; install mbdae again"
     try:
-        return import_module(CORE), f"native (built for Pinocchio {built})"
+        return _imported(path), f"native (built for Pinocchio {built}{where})"
     except ImportError as e:
         return None, f"python: import failed: {' '.join(str(e).split())}"
 
 
+def _imported(path: Path) -> ModuleType:
+    """Import the core from its file, under its name, wherever the file is; once in a process, as any import."""
+    if CORE in sys.modules:
+        return sys.modules[CORE]
+    spec = spec_from_file_location(CORE, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is no module")
+    sys.modules[CORE] = module = module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[CORE]
+        raise
+    return module
+
+
 def _not_built(package: Path) -> str:
     if (package / "native" / "CMakeLists.txt").is_file():
-        return f"not built in {package}; install it with a C++17 compiler, or start from another folder"
+        return f"not built in {package}; no core is installed: run `pip install .` with a C++17 compiler"
     return "not built for this Python; install mbdae again with a C++17 compiler"
 
 
@@ -111,7 +133,7 @@ def _built_for(file: Path) -> str:
 
 
 def _installed() -> str:
-    """The exact version of Pinocchio, if the package that is imported and its library's are the same."""
+    """Return the exact version of Pinocchio, if the imported package and its library have the same."""
     from importlib.metadata import PackageNotFoundError, version
 
     import pinocchio
@@ -120,10 +142,10 @@ def _installed() -> str:
         library = version("libpinocchio")
     except PackageNotFoundError:
         return f"{pinocchio.__version__} without the package libpinocchio"
-    same = library.split(".")[:3] == pinocchio.__version__.split(".")[:3]  # a package may be built again: 4.1.0.1
+    same = library.split(".")[:3] == pinocchio.__version__.split(".")[:3]  # a package may be rebuilt: 4.1.0.1
     return library if same else f"{pinocchio.__version__} beside libpinocchio {library}"
 
 
 def computed_by(backend: str, because: str) -> str:
-    """Say it in words: the back end, and why not another one."""
+    """Return the back end in words, and the reason for not using another one."""
     return f"{backend} back end ({because})" if because else f"{backend} back end"

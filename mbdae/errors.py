@@ -1,4 +1,4 @@
-"""The errors of mbdae: one base class, and a few leaves that carry data."""
+"""Errors of mbdae: one base class, and a few derived classes with data."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -8,7 +8,7 @@ from types import UnionType
 from typing import Any, TypeGuard
 from unicodedata import category
 
-MAX_LISTED = 60  # names that a message lists
+MAX_LISTED = 60  # longest list of names in a message
 # control, format (writing direction), halves of characters, line ends
 CONTROL_CATEGORIES = ("Cc", "Cf", "Cs", "Zl", "Zp")
 STATUS = {
@@ -32,17 +32,17 @@ STATUS = {
 
 
 def printable(text: str) -> str:
-    """A text whose control characters, but for line ends and tabs, are escapes: they could act on a terminal."""
+    """Return text with control characters, except line ends and tabs, escaped: they could affect a terminal."""
     return "".join(ascii(c)[1:-1] if category(c) in CONTROL_CATEGORIES and c not in "\n\t" else c for c in text)
 
 
 class MbdaeError(Exception):
-    """Base of every error that mbdae raises on purpose; its text is one line that names the thing."""
+    """Base of every error that mbdae raises on purpose; its text is one line that names the object."""
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(printable(" ".join(message.splitlines())))  # names may hold anything
+        super().__init__(printable(" ".join(message.splitlines())))  # names may contain any characters
 
-    def __reduce__(self) -> tuple:  # an error of a worker process comes home as it is
+    def __reduce__(self) -> tuple:  # an error of a worker process is restored unchanged
         return _again, (type(self), self.args, self.__dict__)
 
 
@@ -53,21 +53,21 @@ def _again(kind: type[MbdaeError], args: tuple, data: dict) -> MbdaeError:
 
 
 class InputError(MbdaeError, ValueError):
-    """The user's input is wrong: the message says what was expected and what came."""
+    """Invalid input of the user: the message contains the expected and the actual value."""
 
 
 def require(value: object, kind: type | UnionType, what: str) -> None:
-    """Refuse an argument of another kind.
+    """Reject an argument of another type.
 
     Raises:
-        InputError: ``what``, and what came.
+        InputError: with ``what``, and the actual value.
     """
     if not isinstance(value, kind):
         raise InputError(f"{what}, got {value!r:.60}")
 
 
 def is_number(x: object) -> TypeGuard[float]:
-    """Say whether an argument is a finite number."""
+    """Return whether an argument is a finite number."""
     return isinstance(x, Real) and not isinstance(x, bool) and isfinite(float(x))
 
 
@@ -75,7 +75,7 @@ def as_list(values: Any, what: str) -> list[Any]:
     """Return an argument that lists names as a list; a bare name is a list of one.
 
     Raises:
-        InputError: for what cannot be listed: ``what``, and what came.
+        InputError: for an argument that cannot be listed: with ``what``, and the actual value.
     """
     if isinstance(values, str):
         return [values]
@@ -84,14 +84,14 @@ def as_list(values: Any, what: str) -> list[Any]:
 
 
 class UnknownNameError(InputError):
-    """A name that does not exist.
+    """An unknown name.
 
     Attributes:
-        kind: what was looked up, for instance ``"joint"``.
-        name: the name that was not found.
-        valid: the names that exist.
-        what: what is wrong.
-        choice: what is right.
+        kind: kind of object, for instance ``"joint"``.
+        name: the unknown name.
+        valid: the valid names.
+        what: description of the error.
+        choice: description of valid input.
     """
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
@@ -108,7 +108,7 @@ class AssemblyError(MbdaeError):
     """No consistent configuration or velocity was found.
 
     Attributes:
-        closure: name of the closure that stays open the most.
+        closure: name of the closure with the largest violation.
         gap: its residual norm (m, rad or dimensionless axis products; m/s at velocity level).
     """
 
@@ -122,8 +122,8 @@ class EquilibriumError(MbdaeError):
 
     Attributes:
         q: the configuration that came nearest, as a list.
-        residual: what is left of the forces along free motions there, as a share of the largest met.
-        joint: where most of it acts.
+        residual: residual of the forces along free directions there, relative to the largest one.
+        joint: joint with the largest residual.
     """
 
     def __init__(self, message: str, q: list[float], residual: float, joint: str) -> None:
@@ -132,11 +132,11 @@ class EquilibriumError(MbdaeError):
 
 
 class NotCompiled(MbdaeError):
-    """Names a part of a mechanism that the core does not have."""
+    """Names a feature of a mechanism that the core does not support."""
 
 
 class StepError(MbdaeError):
-    """A step could not be taken; `solve` turns it into a status and keeps what was computed.
+    """A failed step; `solve` turns it into a status and keeps the results so far.
 
     Attributes:
         status: short name of the reason, one of `mbdae.errors.STATUS`.

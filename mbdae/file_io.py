@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and read as UTF-8."""
+"""Atomic writes of files, and UTF-8 reads."""
 
 import os
 import tempfile
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from .errors import InputError
 
-TABLE_SUFFIXES = (".csv", ".json", ".tex")  # what results of studies are saved as
+TABLE_SUFFIXES = (".csv", ".json", ".tex")  # file formats for results of studies
 
 
 @contextmanager
 def write_whole(path: str | Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path``; move it there when the block ends without an error.
+    """Yield a temporary path next to ``path``; move it there if the block ends without an error.
 
     Raises:
         InputError: if the folder is missing or not writable.
@@ -38,7 +38,7 @@ def write_whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_page(path: str | Path, page: Callable[[], str], what: str) -> None:
-    """Write what ``page`` returns as .html, whole or not at all.
+    """Write the result of ``page`` as .html, atomically.
 
     Raises:
         InputError: for another suffix, or if the folder is missing or not writable.

@@ -1,8 +1,8 @@
-"""Differences of order six, for what has no derivative of its own.
+"""Sixth-order finite differences, for functions without exact derivatives.
 
     f'(0) = (45 (f(h) - f(-h)) - 9 (f(2h) - f(-2h)) + f(3h) - f(-3h))/(60 h) - h^6 f^(7)/140
 
-and at the end of a range, where there is nothing on one side, one-sided ones
+and at the end of a range, where values exist on one side only, one-sided ones
 
     f'(0) = (360 f(h) - 450 f(2h) + 400 f(3h) - 225 f(4h) + 72 f(5h) - 10 f(6h) - 147 f(0))/(60 h) + h^6 f^(7)/7
 
@@ -21,13 +21,13 @@ WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
 ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
 STENCIL = (-3, -2, -1, 1, 2, 3)  # all k
 ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # those of one-sided differences
-NARROWER, TIMES = 8.0, 6  # how much, and how often a width shrinks
-AGREEMENT = 1e-10  # of a slope: what two widths may differ by
-ROUNDING = 1e-15  # of the largest value: what closes is a difference of such ones
+NARROWER, TIMES = 8.0, 6  # by how much, and how often a width shrinks
+AGREEMENT = 1e-10  # relative difference of two widths that counts as agreement
+ROUNDING = 1e-15  # of the largest value: rounding of values that are subtracted
 
 
 def central_difference(values: Mapping[int, Any], h: float) -> Any:
-    """Return the slope of numbers or arrays known at k h; exactly zero where they do not change.
+    """Return the derivative of numbers or arrays known at k h; exactly zero where they do not change.
 
     Args:
         values: by k, all of `STENCIL`, `ABOVE` or `BELOW`.
@@ -40,22 +40,22 @@ def central_difference(values: Mapping[int, Any], h: float) -> Any:
 
 
 def weights(places: Iterable[int], h: float) -> dict[int, float]:
-    """Return the numbers by which `quotient` multiplies values at these places."""
+    """Return the weights by which `central_difference` multiplies values at these points."""
     return {k: float(central_difference({i: float(i == k) for i in places}, h)) for k in places}
 
 
 def numerical_derivative(value: Callable[[float], Any], h: float) -> Any:
-    """Return the slope of value: x -> number or array at x = 0 from places h apart."""
+    """Return the derivative of value: x -> number or array at x = 0 from points h apart."""
     return central_difference({k: value(k * h) for k in STENCIL}, h)
 
 
 def numerical_jacobian(value: Callable[[Array], Any], n: int, h: float) -> Array:
-    """Return the slopes of value: x (n,) -> (...) at x = 0 along each coordinate, (..., n)."""
+    """Return the partial derivatives of value: x (n,) -> (...) at x = 0 along each coordinate, (..., n)."""
     return np.stack([numerical_derivative(lambda x, e=e: value(x * e), h) for e in np.eye(n)], axis=-1)  # type: ignore[misc]
 
 
 class ConvergedDifference(NamedTuple):
-    """A slope (n, ...), the width of its differences, and how far another width is from it, relative to the largest."""
+    """Derivative (n, ...), the width of its differences, and its relative difference from that of another width."""
 
     slope: Array
     h: float
@@ -65,16 +65,16 @@ class ConvergedDifference(NamedTuple):
 def converged_difference(
     values: Callable[[float], Mapping[int, Array]], h: float, noise: float = 0.0, times: int = TIMES
 ) -> ConvergedDifference:
-    """Return the slope of arrays with a width small enough for it: where narrower differences say the same.
+    """Return the derivative of arrays with a width at which narrower differences agree.
 
     Args:
-        values: the arrays (n, ...) at k h, as `quotient` takes them, for a width h.
+        values: the arrays (n, ...) at k h, as for `central_difference`, for a width h.
         h: the widest.
-        noise: error of each value, beside rounding.
-        times: how often the width shrinks at most.
+        noise: error of each value, in addition to rounding.
+        times: largest number of reductions of the width.
 
     Raises:
-        MbdaeError: what the narrowest values raise, where none can be computed.
+        MbdaeError: raised by the narrowest values, if none can be computed.
     """
     last, best, least = None, None, np.inf  # type: ConvergedDifference | None, ConvergedDifference | None, float
     for i in range(times + 1):
@@ -101,5 +101,5 @@ def converged_difference(
 
 
 def _rows(x: Array) -> Array:
-    """The largest magnitude in each row, (n,)."""
+    """Return the largest magnitude in each row, (n,)."""
     return np.abs(x).reshape(len(x), -1).max(axis=1, initial=0.0) if x.ndim else np.abs(x)[None]

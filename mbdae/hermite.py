@@ -1,8 +1,8 @@
-"""Dense output: polynomials through both ends of a step and rates in between.
+"""Dense output: Hermite polynomials through both ends of a step and rates in between.
 
-A step leaves states and their rates of change at both ends. The Hermite polynomial through them is refined by
-collocation: rates at m interior nodes, evaluated on the polynomial before, fix a polynomial of higher degree; each
-sweep raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 (1986), bootstrapping).
+A step provides states and their rates of change at both ends. The Hermite polynomial through them is refined by
+collocation: rates at m interior nodes, evaluated on the previous polynomial, determine one of higher degree; each sweep
+raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 (1986), bootstrapping).
 """
 
 from collections.abc import Callable
@@ -15,23 +15,23 @@ from .system import Array
 
 
 def nodes(m: int) -> Array:
-    """Interior nodes in (0, 1), (m,): equidistant, for odd m without the last of m + 1.
+    """Return interior nodes in (0, 1), (m,): equidistant, for odd m without the last of m + 1.
 
-    Not the Gauss points: with a symmetric odd number of slopes, or four second derivatives at Gauss points, together
-    with the data at both ends no polynomial is fixed (Hermite-Birkhoff interpolation).
+    Gauss points are not suitable: a symmetric odd number of rates, or four second derivatives at Gauss points, together
+    with the data at both ends do not determine a polynomial (Hermite-Birkhoff interpolation).
     """
     return np.arange(1, m + 1) / (m + 1 + m % 2)
 
 
 def powers(theta: float, degree: int, derivative: int = 0) -> Array:
-    """The derivative of the monomials 1, theta, ..., theta^degree, (degree + 1,)."""
+    """Return the derivative of the monomials 1, theta, ..., theta^degree, (degree + 1,)."""
     factors, exponents = _monomials(degree, derivative)
     return factors * float(theta) ** exponents
 
 
 @cache
 def _monomials(degree: int, derivative: int) -> tuple[Array, Array]:
-    """Factors and exponents of the derivative of 1, theta, ..., theta^degree, (degree + 1,) each."""
+    """Return factors and exponents of the derivative of 1, theta, ..., theta^degree, (degree + 1,) each."""
     k = np.arange(degree + 1)
     factors = np.array([float(perm(i, derivative)) for i in range(degree + 1)])
     return factors, np.maximum(k - derivative, 0)
@@ -45,7 +45,7 @@ def _inverse(order: int, m: int) -> Array:
 
 
 def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
-    """Coefficients (degree + 1, n) of the polynomial in theta with given values and derivatives.
+    """Return coefficients (degree + 1, n) of the polynomial in theta with given values and derivatives.
 
     Args:
         ends: for derivatives 0, 1, .. k with respect to theta, the vectors (n,) at 0 and 1.
@@ -56,13 +56,13 @@ def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
 
 
 def fits(ends: list[tuple[Array, Array]], inner: list[Array]) -> Array:
-    """Coefficients (m, degree + 1, n) of m polynomials at once: as `fit`, with vectors (m, n) for vectors (n,)."""
+    """Return coefficients (m, degree + 1, n) of m polynomials: as `fit`, with vectors (m, n) for vectors (n,)."""
     data = np.array([v for pair in ends for v in pair] + inner)
     return np.einsum("ij,jmn->min", _inverse(len(ends) - 1, len(inner)), data)
 
 
 def values(c: Array, theta: Array, derivative: int = 0) -> Array:
-    """Values (m, n), or a derivative, of m polynomials c (m, degree + 1, n), each at its own theta (m,)."""
+    """Return values (m, n), or a derivative, of m polynomials c (m, degree + 1, n), at theta (m,)."""
     out = np.zeros((len(c), c.shape[2]))
     for k in range(c.shape[1] - 1, derivative - 1, -1):
         out = out * theta[:, None] + factorial(k) // factorial(k - derivative) * c[:, k]
@@ -75,7 +75,7 @@ def refine(ends: list[tuple[Array, Array]], rate: Callable[[float, Array], Array
     Args:
         ends: as for `fit`.
         rate: (theta, coefficients so far) -> the highest given derivative at theta, (n,).
-        sweeps: by how much the order is to rise.
+        sweeps: by how much to raise the order.
     """
     c = fit(ends, np.empty((0, len(ends[0][0]))))
     for _ in range(sweeps):

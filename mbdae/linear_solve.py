@@ -18,8 +18,8 @@ def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
         name: of the system, for messages.
 
     Raises:
-        StepError: ``"nonfinite"``, where numbers of the matrix or of its factors overflow or are not finite;
-            ``"singular"``, where no factorization exists.
+        StepError: ``"nonfinite"``, if entries of the matrix or of its factors overflow or are not finite;
+            ``"singular"``, if no factorization exists.
     """
     getrf, trsv = (zgetrf, ztrsv) if np.iscomplexobj(matrix) else (dgetrf, dtrsv)
     lu, pivots, info = getrf(matrix)
@@ -30,5 +30,5 @@ def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
     order = list(range(len(pivots)))
     for i, k in enumerate(pivots.tolist()):
         order[i], order[k] = order[k], order[i]
-    # not zgetrs: OpenBLAS threads it at any size, and threads round in another way than one alone
+    # not zgetrs: OpenBLAS runs it in threads at any size, which changes rounding
     return lambda b: trsv(lu, trsv(lu, b[order], lower=1, diag=1, overwrite_x=1), overwrite_x=1)

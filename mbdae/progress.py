@@ -1,4 +1,4 @@
-"""How far long work has come, as a bar on a terminal and in a notebook."""
+"""Progress of long computations, as a bar on a terminal and in a notebook."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -7,20 +7,21 @@ from html import escape
 from time import monotonic
 from typing import Any
 
-OFTEN = 0.1  # s between two looks of a bar in a notebook
+OFTEN = 0.1  # s between two updates of a bar in a notebook
 
 Tell = Callable[..., None]
 
 
 @contextmanager
 def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Tell]:
-    """Show a bar while the block runs: on stderr when that is a terminal, in the output of a notebook, else nowhere.
+    """Show a bar while the block runs: on stderr if that is a terminal, in the output of a notebook, else nowhere.
 
-    What it gives is the ``progress`` of `mbdae.solve` and of the studies: it is told a fraction, a text, or both.
+    The result is the ``progress`` argument of `mbdae.solve` and of the studies: called with a fraction, a text, or
+    both.
 
     Args:
         label: what stands beside the bar until a text comes.
-        total: 1, or None for studies that tell texts alone (`mbdae.check_order`, `mbdae.fit`).
+        total: 1, or None for studies that tell texts alone (`mbdae.order`, `mbdae.fit`).
 
     Example:
         >>> with mbdae.progress_bar("links") as progress:                            # doctest: +SKIP
@@ -47,7 +48,7 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Tell]:
 
 @contextmanager
 def _in_notebook(label: str) -> Iterator[Tell]:
-    """A bar of HTML that takes its place again; rich's would want ipywidgets."""
+    """A bar of HTML that is updated in place; that of rich would require ipywidgets."""
     from IPython.display import HTML, display
 
     place = display(HTML(_bar(label, None)), display_id=True)
@@ -68,7 +69,7 @@ def _in_notebook(label: str) -> Iterator[Tell]:
 
 
 def _read(what: Any, name: str | None) -> tuple[str | None, float | None]:
-    """Text and fraction of what is told: one of them, or both."""
+    """Return text and fraction of a report: one of them, or both."""
     return (what, None) if isinstance(what, str) else (name, what)
 
 

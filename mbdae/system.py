@@ -1,4 +1,4 @@
-"""The contract between problems and methods: what a method may ask of a problem, and nothing else.
+"""Interface between problems and methods: all that a method may use of a problem.
 
 A problem is an index-2 differential-algebraic equation in Hessenberg form on a manifold,
 
@@ -23,9 +23,9 @@ Array = np.ndarray
 
 @dataclass
 class Counts:
-    """Work done so far: evaluations of f, of mass matrices M and constraint Jacobians G; stage systems solved.
+    """Work done so far: evaluations of f, mass matrices M and constraint Jacobians G; solved stage systems.
 
-    Then factorizations of any kind, projections of embedded solutions, and of states at the ends of steps.
+    Further factorizations of any kind, projections of embedded solutions, and of states at the ends of steps.
     """
 
     f: int = 0
@@ -43,10 +43,10 @@ class Counts:
 
 
 class State(NamedTuple):
-    """What a one-step method carries: the point y (n,), and the derivative that makes a first stage explicit.
+    """State of a one-step method: the point y (n,), and the carry, such as the derivative of an explicit first stage.
 
-    ``compensation`` (ny,) is what rounding lost of the increments so far; the next step adds it (compensated summation,
-    Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5), so that many small steps cost few digits.
+    ``compensation`` (ny,) is the rounding error of the increments so far; the next step adds it (compensated summation,
+    Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5), so that many small steps lose few digits.
     """
 
     y: Array
@@ -55,7 +55,7 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of one step: the new state, the method's own z (nz,), error vectors (k, ny), one per embedded formula."""
+    """Result of one step: the new state, the method's z (nz,), error vectors (k, ny), one per embedded formula."""
 
     state: State
     z: Array
@@ -67,7 +67,7 @@ Solver = Callable[[Array, Array], tuple[Array, Array]]
 
 
 class Linearization(Protocol):
-    """Slopes of a problem E x' = E f(t, x, z), 0 = g(t, x) at a point, E a matrix of its choice; holds arrays only."""
+    """Partial derivatives of E x' = E f(t, x, z), 0 = g(t, x) at a point, with a chosen matrix E; arrays only."""
 
     def weigh(self, e: Array) -> Array:
         """Return E e, (ny,), of e (ny,)."""
@@ -77,9 +77,9 @@ class Linearization(Protocol):
 
 
 class Chart(Protocol):
-    """A problem in tangent coordinates x (ny,) at the start of a step, y = y_n (+) x (n,); charts live for one step.
+    """A problem in tangent coordinates x (ny,) at the start of a step, y = y_n (+) x (n,); one chart per step.
 
-    x' is (ny,), z as a stage returns it (m,): the unknowns, one for each row that is solved for.
+    x' is (ny,), z as a stage returns it (m,): the unknowns, one for each row in use.
     """
 
     def first(self, carry: Any) -> tuple[Array, Array]:
@@ -99,7 +99,7 @@ class Chart(Protocol):
 
     @property
     def unknowns(self) -> Any:
-        """Which z are solved for: values (m,) of other steps serve while this stays the same."""
+        """Identifies the unknown z: values (m,) of other steps can be reused while it is unchanged."""
 
     def start(self) -> tuple[Array, Array]:
         """Return x' (ny,) at x = 0 and the unknown z (m,) from the hidden constraint."""
@@ -108,23 +108,23 @@ class Chart(Protocol):
         """Return E (f(t, x, z) - x'), (ny,), and -g(t, x), (m,), at a stage of an implicit method."""
 
     def linearize(self, x: Array, dx: Array, z: Array) -> Linearization:
-        """Take the slopes at (x, x', z)."""
+        """Return the partial derivatives at (x, x', z)."""
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y_n (+) x (n,), where a step ends, and z there in full, (nz,), made to fit x' = f(t, x, z)."""
+        """Return y_n (+) x (n,), the end of a step, and all multipliers z there, (nz,), consistent with x'."""
 
 
 class System(Protocol):
     """A problem bound to a workspace of one solve (not to be shared between threads).
 
-    What stands here with a body is so for a problem without rows to choose, jumps and a core that computes it.
+    Methods with a body apply to problems without row selection, jumps and compiled core.
 
     Attributes:
-        ny: length of tangent vectors; a point y has n numbers, more than ny where quaternions are among them.
+        ny: length of tangent vectors; a point y has n components, more than ny if it contains quaternions.
         nz: number of constraints.
         counts: the work done so far.
-        measured: the components of a tangent vector whose error is controlled.
-        native: the compiled core, where it computes points and steps.
+        measured: the components of a tangent vector with error control.
+        native: the compiled core, if it computes points and steps.
     """
 
     ny: int
@@ -134,14 +134,14 @@ class System(Protocol):
     native: ModuleType | None = None
 
     def new_workspace(self) -> "System":
-        """Return another workspace of the problem, computed by the same back end; it counts for itself."""
+        """Return another workspace of the problem, in the same back end, with separate counters."""
 
     def order_of(self, tableau: Any) -> int:
         """Return the order of y that a method claims on a problem like this."""
         return tableau.order
 
     def split(self, y: Array) -> tuple[Array, ...]:
-        """Return what users see of a point: y itself, or q and v of a mechanism."""
+        """Return the user's view of a point: y itself, or q and v of a mechanism."""
         return (y,)
 
     def chart(self, t: float, y: Array) -> Chart:
@@ -151,7 +151,7 @@ class System(Protocol):
         """Return y' (ny,) in the tangent at y (n,), z (nz,) from g_t + g_y f(t, y, z) = 0: the root near a guess."""
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
-        """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; nan where they cannot be found."""
+        """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; nan where they cannot be computed."""
         F, z = np.full((len(t), self.ny), np.nan), np.full((len(t), self.nz), np.nan)
         for i in range(len(t)):
             with suppress(StepError):
@@ -159,84 +159,88 @@ class System(Protocol):
         return F, z
 
     def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
-        """Return a step that is computed at once; None where `mbdae.methods` goes through its stages.
+        """Return a step computed in one call; None if `mbdae.methods` must compute its stages.
 
-        Controlled steps of collocation methods have an error estimate, and give up soon; others always have theirs.
+        Controlled steps of collocation methods have an error estimate, and fail early; others always have one.
         """
         return None
 
     def carry(self, F: Array, z: Array) -> Any:
-        """Return what a method with an explicit first stage keeps of a derivative at the new point."""
+        """Return the carry of a method with an explicit first stage, from a derivative at the new point."""
 
     def add(self, y: Array, x: Array) -> Array:
         """Return y (+) x, (n,)."""
 
     def lost(self, y0: Array, x: Array, y1: Array) -> Array:
-        """Return what rounding lost of x (ny,) in y1 = y0 (+) x (n,), (ny,); zero where the tangent is curved."""
+        """Return the rounding error of x (ny,) in y1 = y0 (+) x (n,), (ny,); zero where the tangent is curved."""
 
     def difference(self, y0: Array, y1: Array) -> Array:
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """Return the point (n,) nearest to y that meets what the methods do not keep: positions of a mechanism.
+        """Return the point (n,) nearest to y that satisfies what the methods do not enforce: positions of a mechanism.
 
-        As far as it matters elsewhere, or as closely as rounding allows.
+        To the accuracy needed elsewhere, or, if tight, to rounding.
         """
         return y
 
     @property
     def in_use(self) -> tuple[int, ...]:
-        """The constraint rows that are solved for where some depend on others."""
+        """The constraint rows in use, if some are redundant."""
         return ()
 
     def hold(self, rows: tuple[int, ...]) -> None:
-        """Solve for these rows from now on, until `settle` chooses others."""
+        """Use these rows from now on, until `settle` selects others."""
 
     def settle(self, t: float, state: State) -> State:
-        """Choose the rows that the next step solves for, and return the state with them met."""
+        """Select the rows in use of the next step, and return the state projected onto them."""
         return state
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which f or y may jump; sign * inf if none.
 
-        At that very time f belongs to what comes after (in rising t).
+        At exactly that time, f has its value after the jump (for increasing t).
         """
         return sign * np.inf
 
     def jump(self, t: float, y: Array) -> Array:
-        """Return y (n,) just after time t: y itself, but for what jumps there."""
+        """Return y (n,) just after time t: equal to y except for components that jump there."""
         return y
 
     def size(self, y: Array) -> Array:
         """Magnitude of each tangent component for relative tolerances, (ny,); 1 for rotations."""
 
+    def magnitude(self, y: Array) -> Array:
+        """`size`, and what it is measured by where y is near zero: characteristic lengths and the largest speed."""
+        return 1 + self.size(y)
+
     def noise(self, y: Array, share: float) -> Array:
-        """Return what rounding makes of an error estimate at y, (ny,): `mbdae.methods.tableau.Tableau.noise` of v."""
+        """Return the rounding error of an error estimate at y, (ny,): `mbdae.methods.tableau.Tableau.noise` of v."""
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
-        """Return the norm of (g_y f_z)^-1, by which rounding in g reaches z."""
+        """Return the norm of (g_y f_z)^-1, the amplification of rounding from g to z."""
 
     def interpolant(
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
     ) -> Callable[[float], Array]:
-        """Return theta -> y (n,) on a step, of the wanted order, from y (n,) and y' (ny,) at both ends."""
+        """Return theta -> y (n,) on a step, of the required order, from y (n,) and y' (ny,) at both ends."""
 
 
 class StageSensitivity(Protocol):
-    """How x' = F of a stage moves; m variations or cotangents stand side by side."""
+    """Tangent and adjoint of x' = F of a stage; m tangents or cotangents are columns."""
 
     def forward(self, dx: Array, dxhat: Array, dy: Array, dp: Array, clock: Array | None = None) -> Array:
-        """Return dx' (ny, m) of those of x, of the known part of xhat, of y_n and of k parameters, (..., m).
+        """Return dx' (ny, m) from those of x, of the known part of xhat, of y_n and of k parameters, (..., m).
 
-        ``clock`` are the variations of t, that and the factor, (3, m).
+        ``clock`` are the tangents of t, that and the factor, (3, m).
         """
 
     def reverse(self, F: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the cotangents of x, xhat, y_n and the parameters, of that of x', (ny, m)."""
+        """Return the cotangents of x, xhat, y_n and the parameters, from that of x', (ny, m)."""
 
 
 class StagePartials(NamedTuple):
-    """The slopes of the ny + m equations of a stage of a collocation method, each (ny + m, ...).
+    """Partial derivatives of the ny + m equations of a stage of a collocation method, each (ny + m, ...).
 
     Attributes:
         F: by x' of the stage, (ny + m, ny).
@@ -256,12 +260,12 @@ class StagePartials(NamedTuple):
 
 
 class DiscreteSensitivity(Protocol):
-    """The slopes of what a run is made of, with respect to (dy, dp): y in its tangent (ny,) and k parameters.
+    """Tangent and adjoint of the maps that make up a run, by (dy, dp): y in its tangent (ny,) and k parameters.
 
     Attributes:
         ny: length of tangent vectors.
         k: number of parameters.
-        width: of a stage, x' and what more a method may carry of it.
+        width: length of a stage: x' and further data that a method may carry.
     """
 
     ny: int
@@ -273,10 +277,10 @@ class DiscreteSensitivity(Protocol):
     def stage(
         self, chart: Any, times: tuple[float, float], x: Array, xhat: Array, factor: float, F: Array, lam: Array
     ) -> StageSensitivity:
-        """Take the slopes of a stage at t and that that was just computed: x' (ny,) and the unknown z (m,)."""
+        """Return the partial derivatives of the stage just computed at t and that: x' (ny,) and the unknown z (m,)."""
 
     def implicit(self, chart: Any, t: float, x: Array, F: Array, z: Array) -> StagePartials:
-        """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and the unknown z, (m,)."""
+        """Return the partials of a collocation stage at t, with x and x', (ny,), and the unknown z, (m,)."""
 
     def first(self, dy: Array, carry: Array) -> Array:
         """Return dx' of an explicit first stage, (ny, m)."""
@@ -285,10 +289,10 @@ class DiscreteSensitivity(Protocol):
         """Return the cotangents of y and of the carry."""
 
     def carried(self, F: Array) -> Array:
-        """Return the variation of what is carried, of that of x' of the last stage."""
+        """Return the tangent of the carry, from that of x' of the last stage."""
 
     def carried_reverse(self, carry: Array) -> Array:
         """Return the cotangent of x', (ny, m)."""
 
     def end(self, x: Array) -> tuple[Array, Array]:
-        """Return the slopes of y (+) x with respect to y and x, (ny, ny) each."""
+        """Return the partial derivatives of y (+) x with respect to y and x, (ny, ny) each."""

@@ -1,4 +1,4 @@
-"""Results show themselves: as text and in notebooks, as columns in files, pandas and xarray, and as tables in LaTeX."""
+"""Presentation of results: as text and in notebooks, as columns in files, pandas and xarray, and as LaTeX tables."""
 
 import csv
 import json
@@ -27,8 +27,8 @@ class Columns(NamedTuple):
 
     Attributes:
         values: by name, (n,) each, or (n, k) where a row has several numbers.
-        units: of those that have one.
-        over: the column that the others are functions of; "" where rows are counted.
+        units: units of the columns that have one.
+        over: the independent column; "" if rows are counted.
     """
 
     values: Mapping[str, Any]
@@ -37,14 +37,14 @@ class Columns(NamedTuple):
 
 
 class Tabular:
-    """What the results of studies share: display in notebooks, tables in files.
+    """Base of the results of studies: display in notebooks, tables in files.
 
-    A result says what it is in ``__str__``, of which the first line is its heading. It may have `cells`, a table to be
-    read, and `tabulated`, columns of numbers to go on with.
+    ``__str__`` describes a result, with a heading in the first line. Optional are `cells`, a table to read, and
+    `tabulated`, numerical columns for further processing.
     """
 
     def cells(self) -> list[list[str]]:
-        """The table as text, headings first; empty where the text has none."""
+        """Return the table as text, headings first; empty if the text has none."""
         return []
 
     def remarks(self) -> list[str]:
@@ -55,12 +55,12 @@ class Tabular:
         """Named columns of equal length.
 
         Raises:
-            InputError: for a result that has none.
+            InputError: for a result without columns.
         """
         raise InputError(f"{type(self).__name__} has no columns: see its to_dict()")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON: the columns."""
+        """Return JSON data: the columns."""
         return {name: _listed(x) for name, x in self.tabulated().values.items()}
 
     def to_pandas(self) -> Any:
@@ -75,7 +75,7 @@ class Tabular:
         return frame
 
     def to_xarray(self) -> Any:
-        """Return the columns as an ``xarray.Dataset`` over time, or what they depend on, ``attrs["units"]`` with each.
+        """Return the columns as an ``xarray.Dataset`` over time, or their independent column, with ``attrs["units"]``.
 
         Raises:
             InputError: without xarray, or for a result without columns.
@@ -120,20 +120,20 @@ class Tabular:
         return str(self).partition("\n")[0]
 
     def _repr_html_(self) -> str | None:
-        """How a notebook shows it."""
+        """HTML representation in notebooks."""
         first, _, rest = str(self).partition("\n")
         cells = self.cells()
-        cells[:1] = [["" if cell == first else cell for cell in row] for row in cells[:1]]  # the title stands above
+        cells[:1] = [["" if cell == first else cell for cell in row] for row in cells[:1]]  # the title is printed above
         body = table(cells) if cells else f"<pre>{escape(rest)}</pre>" if rest else ""
         below = "".join(f"<div>{escape(line)}</div>" for line in self.remarks()) if cells else ""
         return f"<div><strong>{escape(first)}</strong>{body}{below}</div>"
 
 
 def needed(package: str) -> ModuleType:
-    """Import a package that mbdae does without.
+    """Import an optional package.
 
     Raises:
-        InputError: naming it, where it is missing.
+        InputError: naming it, if it is missing.
     """
     try:
         return import_module(package)
@@ -142,14 +142,14 @@ def needed(package: str) -> ModuleType:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of aligned columns, the first to the left and the others to the right."""
+    """Return lines of aligned columns, the first left-aligned and the others right-aligned."""
     widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
     shifted = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
     return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]) for row, cells in zip(rows, shifted, strict=True)]
 
 
 def table(cells: Sequence[Sequence[str]]) -> str:
-    """A table in HTML, headings first; columns of words stand to the left, as notebooks do not place them."""
+    """Return a table in HTML, headings first; columns of words are left-aligned."""
     sides = [' style="text-align: left"' if word else "" for word in wordy(cells[1:])] or [""] * len(cells[0])
     head, *body = (
         "".join(f"<{tag}{side}>{escape(c)}</{tag}>" for c, side in zip(row, sides, strict=True))
@@ -160,12 +160,12 @@ def table(cells: Sequence[Sequence[str]]) -> str:
 
 
 def wordy(rows: Sequence[Sequence[str]]) -> list[bool]:
-    """Which columns are words: those in which a cell begins with a letter; none without rows."""
+    """Return which columns are words: those in which a cell begins with a letter; none without rows."""
     return [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
 
 
 def latex(cells: Sequence[Sequence[str]], heading: str = "") -> str:
-    """A table in LaTeX, headings first, numbers like 1.2e-05 as powers of ten; the heading is a comment."""
+    """Return a table in LaTeX, headings first, numbers like 1.2e-05 as powers of ten; the heading is a comment."""
     heads, *rows = ([_cell(c) for c in row] for row in cells)
     body = [" & ".join(row) + r" \\" for row in (heads, *rows)]
     above = [f"% {heading}", r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}"]
@@ -180,7 +180,7 @@ def _cell(text: str) -> str:
 
 
 def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
-    """Write columns of equal length, by name, as comma-separated values; of (n, k) each part for itself, from 0."""
+    """Write columns of equal length, by name, as comma-separated values; columns of (n, k) are split, from 0."""
     flat: dict[str, Any] = {}
     for name, x in columns.items():
         flat |= {name: x} if np.ndim(x) < 2 else {f"{name}[{i}]": part for i, part in enumerate(np.asarray(x).T)}
@@ -191,7 +191,7 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
 
 
 def finite(data: Any) -> Any:
-    """Plain data in which numbers that are not finite are None, as JSON has them."""
+    """Return data with None in place of numbers that are not finite, as in JSON."""
     if isinstance(data, dict):
         return {key: finite(x) for key, x in data.items()}
     if isinstance(data, list | tuple):

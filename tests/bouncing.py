@@ -1,4 +1,4 @@
-"""Small mechanisms that strike something, and random ones."""
+"""Small mechanisms with impacts, and random ones."""
 
 import numpy as np
 import pinocchio as pin
@@ -44,7 +44,7 @@ def pendulum(lower=0.3, restitution=0.7):
 
 
 def dropped_chain(rng):
-    """A chain of up to four links that falls on a plane, and a state; its tips strike the plane, its joints stops."""
+    """A chain of up to four links that falls on a plane, and a state; its tips hit the plane, its joints hit stops."""
     n, kind, e = int(rng.integers(1, 5)), int(rng.integers(3)), float(rng.choice([0.0, 0.3, 0.5, 0.8, 1.0]))
     upright = pin.SE3(pin.utils.rotate("x", np.pi / 2), np.zeros(3))
     bases = (pin.JointModelPlanar(), upright), (pin.JointModelPZ(), None), (pin.JointModelFreeFlyer(), None)
@@ -76,7 +76,7 @@ def dropped_chain(rng):
 
 
 def gaps(mech, *qs):
-    """Gaps of all rows that press on one side, at each q, (n, k), positive where they are open."""
+    """Gaps of all unilateral rows, at each q, (n, k), positive where they are open."""
     from mbdae.mechanism.hybrid.mode_point import AllRows
 
     rows = AllRows(mech.system())

@@ -1,7 +1,7 @@
-"""A browser without a window for the tests: pages are opened, photographed, and asked by scripts put into them.
+"""A headless browser for the tests: pages are opened, captured as images, and queried by scripts.
 
-One browser serves a whole session of tests, through the pipe of its debugging protocol; every page is a tab of its own.
-A tab that is left is empty again and takes the next page: what starts a tab and reads the scripts is spent once.
+One browser serves a whole session of tests, through the pipe of its debugging protocol; every page is a separate tab. A
+closed page leaves an empty tab for the next page: the start of a tab and the loading of scripts happen once.
 """
 
 import atexit
@@ -20,7 +20,7 @@ from PIL import Image
 
 FLAGS = "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
 FLAGS += " --disable-background-networking --no-first-run --remote-debugging-pipe --hide-scrollbars"
-FLAGS += " --disable-gpu-compositing"  # pages are put together without the emulated graphics: half the time
+FLAGS += " --disable-gpu-compositing"  # pages are composed without the emulated graphics: half the time
 READY = """new Promise((done, failed) => {
   const look = () => {
     const clock = document.getElementById("clock");
@@ -38,29 +38,29 @@ SCRIPT = """(async () => {
 
 
 def changed(a, b):
-    """The share of pixels that differ."""
+    """The fraction of pixels that differ."""
     return (np.abs(a - b).max(axis=2) > 20).mean()
 
 
 class Chromium:
-    """Opens pages; a replay counts as loaded when its scene stands."""
+    """Opens pages; a replay counts as loaded when its scene is drawn."""
 
     def __init__(self):
         self.browser = _browser()
 
     def open(self, address, size=(600, 400), ready="window.mbdae"):
-        """A tab with a page, by its address or by its path, then without shadows, which take long, once it is ready."""
+        """A tab with a page, by its address or path, without shadows, which are slow, once it is ready."""
         address = address if isinstance(address, str) else f"{address.as_uri()}#shadows=0"
         return Tab(self.browser, address, size, ready)
 
     def shot(self, page, t, size=(600, 400), **more):
-        """The picture of a page standing at a time, (height, width, 3); ``more`` goes into its address."""
+        """The picture of a page paused at a time, (height, width, 3); ``more`` is added to its address."""
         words = "&".join(f"{key}={value}" for key, value in {"t": t, "shadows": 0, **more}.items())
         with self.open(f"{page.as_uri()}#{words}", size) as tab:
             return tab.picture()
 
     def ask(self, page, script, size=(600, 400)):
-        """What a script notes in `log` once the scene stands."""
+        """The entries of `log` written by a script once the scene is drawn."""
         with self.open(page, size) as tab:
             return tab.ask(script)
 
@@ -99,7 +99,7 @@ class Tab:
         return answer["result"].get("value")
 
     def ask(self, script):
-        """What a script notes in `log`."""
+        """The entries of `log` written by a script."""
         return json.loads(self.evaluate(SCRIPT % script))
 
     def at(self, t):
@@ -108,13 +108,13 @@ class Tab:
         return self.picture()
 
     def mouse(self, *steps):
-        """Moves, presses and releases at (what, x, y)."""
+        """Moves, presses and releases at (event, x, y)."""
         for what, x, y in steps:
             button = {"button": "none"} if what == "Moved" else {"button": "left", "clickCount": 1}
             self.call("Input.dispatchMouseEvent", type=f"mouse{what}", x=x, y=y, **button)
 
     def picture(self):
-        """What is seen, (height, width, 3)."""
+        """The visible picture, (height, width, 3)."""
         data = self.call("Page.captureScreenshot", format="png")["data"]
         with Image.open(BytesIO(base64.b64decode(data))) as image:
             return np.asarray(image.convert("RGB"), dtype=int)

@@ -61,7 +61,7 @@ def tree(kinds, parents, seed=0):
 
 
 def random_q(model, rng, width=1.2):
-    """A configuration far from neutral, quaternions and circles included."""
+    """A random configuration far from neutral, quaternions and circles included."""
     return pin.integrate(model, pin.neutral(model), rng.uniform(-width, width, model.nv))
 
 

@@ -1,6 +1,7 @@
-"""Each kind of closure once: far open in a tree of joints, closed between a body and the world, what it leaves free.
+"""Each kind of closure once: far from satisfied in a tree of joints, and satisfied between a body and the world, with
+its free motions.
 
-A kind that is new is tried by all tests when it stands here.
+All tests use a new kind once it is listed here.
 """
 
 from math import cos, pi, sin
@@ -26,9 +27,9 @@ RISING = [(x, y + x / 2) for x, y in LAW[:-1]] + [(2 * pi, LAW[0][1] + pi)]
 
 
 class Kind(NamedTuple):
-    """A closure between frames of `test_closure_kinds.mechanism`; joints that leave free what it leaves free.
+    """A closure between frames of `test_closure_kinds.mechanism`; joints with the same free motions.
 
-    Then which of `test_closure_kinds.MOTIONS` those are, and further keys of the closure between a body and the world.
+    Then which of `test_closure_kinds.MOTIONS` are free, and further keys of the closure between a body and the world.
     """
 
     closure: Closure
@@ -69,7 +70,7 @@ HIGHER = {  # further profiles and laws
     "eccentric": Closure.law("revolute_0", "continuous_5", {"kind": "harmonic", "amplitude": 0.3, "omega": 2.0}),
     "sum": Closure.coupling("revolute_0", ("helical_7", "prismatic_2"), (0.1, -1.5, 0.7)),
 }
-ROLLING = {  # what else a rolling closure may be, and what is kept of velocity only
+ROLLING = {  # further variants of a rolling closure, and constraints at velocity level only
     "disc": Closure.rolling("tip_2", "tip_5", 0.3, A),
     "sphere": Closure.rolling("ground", "tip_6", 0.3),
     "ball on an axle": Closure.rolling("tip_8", "tip_2", 0.3, A, tyre=0.3, grip="lateral"),
@@ -111,7 +112,7 @@ frames = ["socket", "plug"]
 
 
 def body_and_closure(kind: str, folder: Path) -> Mechanism:
-    """A body whose frame "plug" is joined to the world's "socket", from a file that is written into a folder."""
+    """A body whose frame "plug" is joined to the world's "socket", from a file written into a folder."""
     path = folder / f"{kind}.toml"
     path.write_text(f"{BODY}kind = {kind!r}\n{KINDS[kind].keys}\n")
     return mbdae.load(path)

@@ -1,4 +1,4 @@
-"""Columns of bars on springs, pushed at their tip: what buckles or flutters in closed form."""
+"""Columns of bars on springs, loaded at their tip: buckling and flutter in closed form."""
 
 BAR = """
 [[body]]
@@ -30,7 +30,7 @@ force = [-1.0, 0.0, 0.0]
 
 
 def column(masses, stiffness, tip=1.0, axes="world"):
-    """A mechanism file without weight: bars of 1 m by name with a mass at the end, the last one pushed at its tip."""
+    """A mechanism file without gravity: bars of 1 m by name with a mass at the end, the last one loaded at its tip."""
     names = list(masses)
     bars = [
         BAR.format(name=name, parent=parent, foot=float(parent != "world"), mass=masses[name])

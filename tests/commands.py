@@ -1,4 +1,4 @@
-"""Commands without processes of their own, and samples of them that stand beside the tests of their studies."""
+"""Commands run in-process, and sample commands declared by the tests of studies."""
 
 import ast
 import re
@@ -22,7 +22,7 @@ def call(*arguments, cwd="."):
         redirect_stdout(out),
         redirect_stderr(err),
         mock.patch.object(sys, "argv", ["mbdae", *map(str, arguments)]),
-        warnings.catch_warnings(action="default", category=UserWarning),  # main() sets how they are shown
+        warnings.catch_warnings(action="default", category=UserWarning),  # main() sets how warnings are shown
         pytest.raises(SystemExit) as stop,
     ):
         main()
@@ -30,7 +30,7 @@ def call(*arguments, cwd="."):
 
 
 def found():
-    """All ``COMMANDS = (...)`` of the tests of studies: what to run behind `mbdae run MODEL -o run.npz`."""
+    """All ``COMMANDS = (...)`` of the tests of studies: what to run behind `mbdae solve MODEL -o run.npz`."""
     texts = [path.read_text() for path in sorted((Path(__file__).parent / "studies").rglob("test_*.py"))]
     written = [re.search(r"^COMMANDS = (\(.*?\))$", text, re.M | re.S) for text in texts]
     return [command for some in written if some for command in ast.literal_eval(some[1])]

@@ -1,8 +1,10 @@
-"""What all tests share: children that can be stopped and import what is installed, and which back end computes."""
+"""Shared by all tests: child processes that can be stopped and import the installed package, and the back end."""
 
 import os
 import signal
 import warnings
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest's workers share the cores: threads of theirs only wait
 
 import pytest
 
@@ -12,9 +14,9 @@ from mbdae.integrate import binding
 signal.signal(
     signal.SIGINT, signal.default_int_handler
 )  # a shell switches Ctrl-C off in what it runs in the background
-os.environ["PYTHONSAFEPATH"] = "1"  # children import the installed mbdae, not a source tree they are started in
+os.environ["PYTHONSAFEPATH"] = "1"  # children import the installed mbdae, not the source tree of the working directory
 
-if backend.load() is None:  # said in the header, not by a warning that fails the first test to run a simulation
+if backend.load() is None:  # reported in the header, not by a warning that fails the first test to run a simulation
     os.environ["PYTHONWARNINGS"] = f"ignore:{backend.SLOW}"
     with warnings.catch_warnings(action="ignore"):
         backend.choose("auto")
@@ -27,7 +29,7 @@ def pytest_report_header():
 
 @pytest.fixture(params=["native", "python"])
 def back_end(request, monkeypatch):
-    """Run a test on both back ends: runs and, by `Mechanism.system()`, single points and steps."""
+    """Run a test on both back ends: runs and, by `Mechanism.system()`, single evaluations and steps."""
     core, system = backend.choose(request.param) if backend.load() else None, Mechanism.system
 
     def bound(self, *args, **named):
@@ -39,7 +41,7 @@ def back_end(request, monkeypatch):
 
 
 def pytest_collection_modifyitems(items):
-    """What needs the core is skipped where it is missing."""
+    """Tests that need the core are skipped where it is missing."""
 
     def given(item):
         return getattr(getattr(item, "callspec", None), "params", {})

@@ -1,4 +1,4 @@
-"""Machines as Exudyn models: the same numbers, typed again, in its bodies and joints.
+"""Machines as Exudyn models: the same parameters, with Exudyn's bodies and joints.
 
 Its generalised-alpha method on index 2 is of order 2; two step sizes extrapolated leave 1e-8 and less.
 """
@@ -35,7 +35,7 @@ def extrapolated(machine, start, t):
 
 
 def run(mbs, sensors, t, n):
-    """Solve with n steps between times and return what the sensors saw, side by side."""
+    """Solve with n steps between times and return the sensor values, side by side."""
     mbs.Assemble()
     s = exu.SimulationSettings()
     method = s.timeIntegration

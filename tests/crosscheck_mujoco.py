@@ -1,4 +1,4 @@
-"""Machines as MuJoCo models: the same numbers, typed again, in its own language.
+"""Machines as MuJoCo models: the same parameters, in MJCF.
 
 Its equality constraints are soft: made stiff, with small steps of its RK4, they leave 1e-8.
 """
@@ -56,7 +56,7 @@ def slider_crank(start, t):
 
 
 def double_pendulum(start, t, urdf):
-    """The URDF file as MuJoCo reads it, without the damping and the limits that it asks for."""
+    """The URDF file as MuJoCo reads it, without its damping and limits."""
     m = mujoco.MjModel.from_xml_path(str(urdf))
     m.opt.integrator, m.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT

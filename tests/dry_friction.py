@@ -8,7 +8,7 @@ GRAVITY = 9.81
 
 
 def oscillator(m, k, kinetic, static, x):
-    """Times and places of the turning points of a block on a spring that starts at rest at x, until it sticks."""
+    """Times and positions of the turning points of a block on a spring that starts at rest at x, until it sticks."""
     t, out = 0.0, [(0.0, x)]
     while k * abs(x) > static:
         x, t = -x + np.sign(x) * 2 * kinetic / k, t + np.pi * np.sqrt(m / k)
@@ -17,15 +17,16 @@ def oscillator(m, k, kinetic, static, x):
 
 
 class SliderCrank:
-    """Crank 0.1 m, rod 0.35 m, uniform bars of 0.5 and 0.4 kg, slider 0.6 kg, torque 0.7 sin 4t; angle p turned down.
+    """Crank 0.1 m, rod 0.35 m, uniform bars of 0.5 and 0.4 kg, slider 0.6 kg, torque 0.7 sin 4t; p: downward crank
+    angle.
 
-    I(p) p'' + I'(p) p'^2/2 = Q(t, p) - friction, which holds where |Q| <= 0.40 + 2.0 |x'(p)|.
+    I(p) p'' + I'(p) p'^2/2 = Q(t, p) - friction; it sticks while |Q| <= 0.40 + 2.0 |x'(p)|.
     """
 
     kinetic, static, slider = 0.25, 0.40, 2.0
 
     def terms(self, p):
-        """Inertia and its slope, the generalised force of gravity, and x'(p)."""
+        """Inertia and its derivative, the generalised force of gravity, and x'(p)."""
         r, L, (m1, m2, m3) = 0.1, 0.35, (0.5, 0.4, 0.6)
         s, c = np.sin(p), np.cos(p)
         sb = r * s / L
@@ -44,11 +45,11 @@ class SliderCrank:
         return 0.7 * np.sin(4 * t) + self.terms(p)[2]
 
     def excess(self, t, p):
-        """What the load has beyond the friction that holds."""
+        """The load minus the limit of stiction."""
         return abs(self.load(t, p)) - self.static - self.slider * abs(self.terms(p)[3])
 
     def run(self, end, p=0.6):
-        """Return what happens, (word, t, p), and the angle at the end."""
+        """Return the transitions, (word, t, p), and the final angle."""
         t, v, out = 0.0, 0.0, []
         while True:
             times = np.linspace(t, end, 2000)
@@ -68,7 +69,7 @@ class SliderCrank:
                     break
 
     def slide(self, t, p, v, sign, end):
-        """Slip until the crank stops or the slider turns."""
+        """Slip until the crank stops or the slider reverses."""
         turn = np.floor(p / np.pi + 1e-9 * sign)
         way = np.sign(self.terms(p + 1e-6 * sign)[3])
 

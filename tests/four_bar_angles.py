@@ -1,4 +1,4 @@
-"""The four-bar of models/four_bar in closed form, from the crossing of two circles."""
+"""The four-bar of models/four_bar in closed form, from the intersection of two circles."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def normal(angle):
 
 
 def angles(theta):
-    """Absolute angles phi of the coupler and psi of the rocker, the upper crossing."""
+    """Absolute angles phi of the coupler and psi of the rocker, the upper intersection."""
     tip, pivot = CRANK * unit(theta), np.array([GROUND, 0.0])
     span = pivot - tip
     length = np.linalg.norm(span)

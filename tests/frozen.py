@@ -1,4 +1,4 @@
-"""Runs with the steps of another run, and derivatives by differences: what tangents are compared with."""
+"""Runs with the steps of another run, and derivatives by differences, as references for tangents."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ from mbdae.system import State
 
 
 def difference(mech, a, b):
-    """Variation from points a to b in the tangent, (n, ny)."""
+    """Difference of points a to b in the tangent, (n, ny)."""
     turns = [mech.manifold.difference(x[: mech.nq], y[: mech.nq]) for x, y in zip(a, b, strict=True)]
     return np.hstack([np.array(turns), b[:, mech.nq :] - a[:, mech.nq :]])
 
@@ -27,9 +27,10 @@ def quotient(run, value, width, mech=None):
 
 
 def best(found, run, value, widths=(3e-4, 1e-3, 3e-3), mech=None):
-    """The least relative error of what was found against quotients of several widths: the others truncate or round.
+    """The smallest relative error of a derivative against quotients of several widths, limited by truncation or
+    rounding.
 
-    One below 1e-11 ends the search, the widest first: no test asks for less.
+    An error below 1e-11 ends the search, widest first: no test requires less.
     """
     least, run = np.inf, cache(run)
     for width in reversed(widths):
@@ -44,6 +45,7 @@ def runs_of(model, name, T, **options):
     """The template of a model, the value of a parameter, and value -> run."""
     template = Template(model)
 
+    @cache
     def run(value):
         sol = mbdae.solve(template.make({name: value}), (0.0, T), **options)
         assert sol.ended, sol.message
@@ -53,14 +55,14 @@ def runs_of(model, name, T, **options):
 
 
 def free_velocity(mech):
-    """A direction (nv,) in which closures let the start's velocity move; 0 where drivers leave no freedom."""
+    """A direction (nv,) in which closures let the start's velocity vary; 0 if drivers leave no degree of freedom."""
     q, v = mech.start
     free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
     return free / max(np.abs(free).max(), 1e-3)
 
 
 def retraced(trace, mech):
-    """Points of a mechanism with the steps of a traced run, (n, ...)."""
+    """Points of a mechanism recomputed with the steps of a run, (n, ...)."""
     system, tableau, t = mech.system(), trace.tableau, trace.ts
     y = mech.point()
     if trace.project:

@@ -1,4 +1,4 @@
-"""Files from which mutants are made, small ones of every kind that mbdae reads, and how they are damaged."""
+"""Small files of every kind that mbdae reads, from which mutants are made, and mutations."""
 
 import json
 import re
@@ -94,7 +94,7 @@ PARAMETRIC = """def mechanism(floors: int = 2, height: float = 0.5) -> dict:
 
 
 def mangled(text, rng):
-    """A text with one to three numbers, words or pieces replaced, removed or doubled, or cut off."""
+    """A text with one to three numbers, words or parts replaced, removed or doubled, or cut off."""
     for _ in range(rng.randint(1, 3)):
         kind = rng.choice(["number", "number", "number", "word", "tag", "double", "cut", "letter"])
         pattern = {"number": r"-?\d+(\.\d+)?(e-?\d+)?", "word": r"[A-Za-z_]{2,}"}.get(kind, r"<[^>]*>|[^<\n]+")

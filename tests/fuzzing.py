@@ -1,9 +1,9 @@
-"""Files with mistakes: mutants of every kind of file that mbdae reads, tried in processes of their own.
+"""Files with errors: mutants of every kind of file that mbdae reads, tried in separate processes.
 
     python tests/fuzzing.py --count 3000
 
-A mutant may be read or refused in one line of an `mbdae.errors.MbdaeError`; it must not end the process, print a
-traceback, keep silent for longer than ``PATIENCE``, or take more memory than ``MEMORY``.
+A mutant may be read or rejected in one line of an `mbdae.errors.MbdaeError`; it must not end the process, print a
+traceback, give no answer for longer than ``PATIENCE``, or take more memory than ``MEMORY``.
 """
 
 import argparse
@@ -40,11 +40,11 @@ from fuzz_seeds import (
 DATA = Path(__file__).parent / "data"
 PATIENCE = 20.0  # s without an answer
 MEMORY = 1e9  # bytes, the peak of a process
-ADDRESSES = 16 * 2**30  # bytes of addresses, so that a mistake here does not stop the machine
+ADDRESSES = 16 * 2**30  # bytes of address space, so that an error here does not stop the machine
 
 
 def models_of_runs(folder):
-    """Saved runs of mechanisms that stand in files in different ways."""
+    """Saved runs of mechanisms that are stored in files in different ways."""
     sys.path.insert(0, str(Path(__file__).parent))
     from chains import JOINTS, tree
 
@@ -140,14 +140,14 @@ class Mutants:
 
 
 class Enough(Exception):
-    """The work goes on: it tells of its progress."""
+    """The work makes progress: it reports it."""
 
 
 def attempt(kind, path):
-    """Use a file as the commands do; return what came of it in a word."""
+    """Use a file as the commands do; return the outcome as a word."""
     import mbdae
     from mbdae.methods import method
-    from mbdae.studies.card.card import card
+    from mbdae.studies.info.info import info
     from mbdae.studies.inverse.prescribed import read_table
     from mbdae.studies.sweep.sweep import sweep
     from mbdae.studies.sweep.toml_file import read_sweep
@@ -156,7 +156,7 @@ def attempt(kind, path):
         raise Enough
 
     if kind == "sweep":
-        arguments = {"max_steps": 2000, **read_sweep(path)}  # a run of an hour is no mistake, and shows its progress
+        arguments = {"max_steps": 2000, **read_sweep(path)}  # a run of an hour is no error, and shows its progress
         return "read" if sweep(**arguments, progress=tell) else "nothing"
     if kind == "tableau":
         made = method(str(path))
@@ -171,13 +171,13 @@ def attempt(kind, path):
         mech = mbdae.load(path)
         sol = mbdae.solve(mech, (0.0, 1e-4), method="herk2", step=5e-5)
         assert np.isfinite(sol.q).all()
-    str(card(mech))
+    str(info(mech))
     mbdae.animate(sol, Path(path.partition("?")[0]).with_name("page.html"))
     return sol.status
 
 
 def child():
-    """Answer for each kind and path on the standard input with a line: a word, or what went wrong."""
+    """Answer for each kind and path on the standard input with a line: a word, or the failure."""
     from mbdae.errors import MbdaeError
 
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
@@ -204,13 +204,13 @@ def child():
 
 
 class Child:
-    """A process that tries files, started again after it ended."""
+    """A process that tries files, restarted when it ends."""
 
     def __init__(self):
         self.process = None
 
     def ask(self, kind, path):
-        """What came of a file; what is wrong begins with ``!``."""
+        """The outcome of a file; failures begin with ``!``."""
         if self.process is None or self.process.poll() is not None:
             paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
             self.process = subprocess.Popen(
@@ -248,7 +248,7 @@ class Child:
 
 
 def hunt(kinds, count, first=0, keep=None):
-    """Try ``count`` mutants of each kind; return those that went wrong, and how often each answer came."""
+    """Try ``count`` mutants of each kind; return the failures, and the count of each answer."""
     wrong, answers, worker = [], {}, Child()
     with tempfile.TemporaryDirectory() as folder:
         mutants = Mutants(Path(folder))
@@ -269,7 +269,7 @@ def hunt(kinds, count, first=0, keep=None):
 
 
 def main():
-    """Try many mutants, and say which went wrong."""
+    """Try many mutants, and report the failures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=3000, help="of all kinds together")
     parser.add_argument("--kinds", nargs="*", default=Mutants.KINDS)

@@ -1,4 +1,4 @@
-"""Models that the compiled core runs: all but those with what it does not have."""
+"""Models that the compiled core runs: all except those with features that it lacks."""
 
 import mbdae
 from mbdae import backend

@@ -1,6 +1,6 @@
 """The keys of every table of a mechanism file in Markdown, made from the classes that check them.
 
-`models/README.md` holds them between two comments. When a key was changed, write them anew:
+`models/README.md` holds them between two comments. After a change of a key, rewrite them:
 
     python tests/key_tables.py
 """
@@ -25,19 +25,19 @@ SEVERAL = {"number": "numbers", "text": "texts", "2 numbers": "pairs of numbers"
 
 
 def markdown() -> str:
-    """One small table for each class: key, what it takes, what stands for it when left out, what it is."""
+    """One small table for each class: key, values, default, description."""
     found = {MechanismFile: "The file itself"}
     for heading, table in _inside(MechanismFile):
         found.setdefault(table, f"`{heading}`")
     return "\n" + "\n".join(
         f"**{found[table]}**\n\n| key | takes | left out | what it is |\n|---|---|---|---|\n{''.join(rows(table))}"
         for table in sorted(found, key=SIGNALS.__contains__)
-        if not any(f.exclude for f in table.model_fields.values())  # Python functions cannot stand in a file
+        if not any(f.exclude for f in table.model_fields.values())  # Python functions are not possible in a file
     )
 
 
 def rows(table: type[Table]) -> Iterator[str]:
-    """The rows of one class; the ``kind`` that makes a table one of this class stands in its heading."""
+    """The rows of one class; the ``kind`` that selects the class is in its heading."""
     said = {k: v for c in reversed(table.__mro__) for k, v in _attributes(c.__doc__ or "").items()}
     for key, field in table.model_fields.items():
         if get_origin(field.annotation) is not Literal or len(get_args(field.annotation)) > 1:
@@ -45,13 +45,13 @@ def rows(table: type[Table]) -> Iterator[str]:
 
 
 def takes(field: FieldInfo) -> str:
-    """What a key takes, with its limits."""
+    """The values of a key, with its limits."""
     limits = (t.format(getattr(m, k)) for m in field.metadata for k, t in LIMITS.items() if hasattr(m, k))
     return ", ".join([_words(field.annotation), *limits])
 
 
 def left_out(field: FieldInfo) -> str:
-    """What stands for a key that is left out."""
+    """The default of a key."""
     value = field.get_default(call_default_factory=True)
     if field.is_required():
         return "needed"

@@ -8,7 +8,7 @@ from mbdae.mechanism.model_settings import Start
 
 
 def bar(model, parent, at, length, name, mass=1.0):
-    """A uniform bar along x, hinged at a place (x, z) of its parent; its end carries the frame ``<name>_tip``."""
+    """A uniform bar along x, hinged at a point (x, z) of its parent; its end carries the frame ``<name>_tip``."""
     place = pin.SE3(np.eye(3), np.array([at[0], 0.0, at[1]]))
     joint = model.addJoint(parent, pin.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), place, name)
     moments = np.diag([0.01, mass * length**2 / 12, mass * length**2 / 12])

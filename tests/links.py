@@ -20,5 +20,5 @@ def arm(*forces):
 
 
 def hinge(x, tau):
-    """x'' of the link: a positive angle about y turns it from x down, towards -z."""
+    """x'' of the link: a positive angle about y rotates it from x down, towards -z."""
     return (M * 9.81 * C * np.cos(x) + tau) / TOTAL

@@ -1,4 +1,4 @@
-"""Mechanisms and measures that the tests of formulations share."""
+"""Mechanisms and error measures shared by the tests of formulations."""
 
 import numpy as np
 from chains import random_q, tree

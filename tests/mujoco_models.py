@@ -15,7 +15,7 @@ FILES = ("trees", "many_joints", "loops", "actuated", "open_four_bar", "heavy_ro
 
 def load(name, **options):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # what is not carried over has a test of its own
+        warnings.simplefilter("ignore", UserWarning)  # omissions have a separate test
         return mbdae.load(DATA / f"{name}.xml", **options)
 
 
@@ -23,13 +23,13 @@ def compiled(name):
     import mujoco
 
     m = mujoco.MjModel.from_xml_path(str(DATA / f"{name}.xml"))
-    m.opt.density = m.opt.viscosity = 0.0  # not carried over, as the warning says
+    m.opt.density = m.opt.viscosity = 0.0  # not carried over, as in the warning
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return m, mujoco.MjData(m)
 
 
 def at(mech, m, d, q, v):
-    """Put MuJoCo into a state; return T with v = T qvel, and T' qvel."""
+    """Set a state in MuJoCo; return T with v = T qvel, and T' qvel."""
     import mujoco
 
     d.qpos[:], d.qvel[:] = to_mujoco(mech.model, q, v)

@@ -1,7 +1,7 @@
-"""Random mechanisms as plain descriptions of bodies and joints, and their accelerations in maximal coordinates.
+"""Random mechanisms as descriptions of bodies and joints, and their accelerations in maximal coordinates.
 
-The reference knows bodies in the world and joints between them, no trees and no files: Newton's and Euler's equations
-of each body, and for every joint the second derivatives of what it keeps, solved together.
+The reference uses bodies in the world and joints between them, no trees and no files: Newton's and Euler's equations of
+each body, and for every joint the second derivatives of its constraints, solved together.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ WORLD, G = "world", np.array([0.3, -0.2, -9.81])
 
 @dataclass
 class Body:
-    """Where a body and its centre of mass are, and its inertia about that in axes of the body's frame."""
+    """Frames of a body and of its centre of mass, and its inertia about that in axes of the body's frame."""
 
     name: str
     R: np.ndarray
@@ -31,7 +31,7 @@ class Body:
 
 @dataclass
 class Joint:
-    """A joint: its frame in the world, unit axes in the world, and what acts along them."""
+    """A joint: its frame in the world, unit axes in the world, and the efforts along them."""
 
     name: str
     kind: str  # revolute, prismatic, universal, ball, fixed, planar, free
@@ -76,7 +76,7 @@ def across(n):
 
 
 def a_body(name, rng, weightless=0.0):
-    S, d = turn(rng), rng.uniform(0.02, 0.1, 3)  # principal moments d_j + d_k fulfil the triangle inequality
+    S, d = turn(rng), rng.uniform(0.02, 0.1, 3)  # principal moments d_j + d_k satisfy the triangle inequality
     tensor = S @ np.diag(d.sum() - d) @ S.T
     place = turn(rng), rng.uniform(-1, 1, 3)
     return Body(name, *place, rng.uniform(0.5, 3), rng.uniform(-0.3, 0.3, 3), tensor, rng.random() >= weightless)

@@ -1,4 +1,4 @@
-"""The descriptions of `random_bodies` as SDF, URDF and MJCF files, with the liberties that the formats leave."""
+"""The descriptions of `random_bodies` as SDF, URDF and MJCF files, with the variants that the formats allow."""
 
 import xml.etree.ElementTree as ET
 
@@ -37,7 +37,7 @@ def sub(parent, tag, content="", **attributes):
 
 
 def to_sdf(of, rng):
-    """Poses relative to other frames, axes in other frames, joints between frames, as far as the version knows them."""
+    """Poses relative to other frames, axes in other frames, joints between frames, if the version supports them."""
     version = str(rng.choice(["1.4", "1.6", "1.7", "1.9", "1.11"]))
     number, late = tuple(map(int, version.split("."))), version in ("1.7", "1.9", "1.11")
     if any(j.mimic for j in of.joints):
@@ -127,7 +127,7 @@ def to_urdf(of, rng):
     frame = {WORLD: (np.eye(3), np.zeros(3)), **{j.child: (j.R, j.p) for j in of.joints}}
     sub(robot, "link", name="base")
     kinds = {"free": "floating", "revolute": "continuous"}
-    led = {n for j in of.joints if j.mimic for n in (j.name, j.mimic[0])}  # continuous ones have no place to follow
+    led = {n for j in of.joints if j.mimic for n in (j.name, j.mimic[0])}  # continuous ones cannot be followed
 
     def origin(e, R, p):
         if robot.get("version") == "1.1" and rng.random() < 0.5:
@@ -161,7 +161,7 @@ def to_urdf(of, rng):
 
 
 def to_mjcf(of, rng):
-    """Bodies within bodies; loops by connect, weld and coupled joints; numbers by classes of defaults as well."""
+    """Bodies within bodies; loops by connect, weld and coupled joints; values by default classes as well."""
     root = ET.Element("mujoco", model="m")
     sub(root, "compiler", angle="radian", autolimits="true")
     sub(root, "option", gravity=text(G))
@@ -209,7 +209,7 @@ def to_mjcf(of, rng):
 
 
 def planted(content, rng, count=3):
-    """Put elements, attributes and texts at random into a file; return it, and how their paths end."""
+    """Insert elements, attributes and texts at random into a file; return it, and the ends of their paths."""
     root, last = ET.fromstring(content), []
     for i in range(count):
         spots = [e for e in root.iter() if not e.tag.startswith("plant")]

@@ -6,7 +6,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from mbdae.mechanism.scene.scene import Mark, make_scene
+from mbdae.mechanism.scene.make_scene import make_scene
+from mbdae.mechanism.scene.scene import Mark
 
 COLLADA = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -51,7 +52,7 @@ def collada(path):
 
 
 def motion(scene, q, end=2.0, start=0.0, title="a test"):
-    """A solution that was never computed: q is a function of t."""
+    """A synthetic solution: q is a function of t."""
     t = np.linspace(start, end, 9)
     points = np.array([q(x) for x in t])
     mech = SimpleNamespace(scene=scene, title=title, model=scene._model, switches=())
@@ -60,7 +61,7 @@ def motion(scene, q, end=2.0, start=0.0, title="a test"):
 
 
 def fourbar():
-    """A model without visuals, whose loop can be opened by turning the rocker alone."""
+    """A model without visuals, whose loop can be opened by moving the rocker alone."""
     model, identity = pin.Model(), pin.SE3.Identity()
     at = {x: pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])) for x in (1.0, 1.5, 2.0)}
     for parent, place, name in ((0, identity, "crank"), (1, at[1.0], "coupler"), (0, at[2.0], "rocker")):

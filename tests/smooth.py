@@ -1,4 +1,4 @@
-"""Models whose rows are always there: those that every formulation and every derivative takes."""
+"""Models without mode switches, accepted by every formulation and every derivative."""
 
 import mbdae
 

@@ -1,4 +1,4 @@
-"""The scripts of examples/benchmarks run briefly, and what they compare is one problem solved by many programs."""
+"""The scripts of examples/benchmarks run briefly, and all programs solve the same problem."""
 
 import importlib
 from dataclasses import replace
@@ -41,7 +41,7 @@ def test_every_solver_solves_the_same_problem(script, title):
 
 
 @pytest.mark.parametrize("title", PROBLEMS)
-def test_slopes_of_the_equations_written_by_hand(script, title):
+def test_jacobian_of_the_equations_written_by_hand(script, title):
     problem = script("problems").PROBLEMS[title]
     eq = script("planar").Equations(problem, cut=() if problem.pins else ("lower",))
     rng, n, h = np.random.default_rng(1), 2 * eq.n + 4 * eq.nc, 1e-6
@@ -135,7 +135,7 @@ def test_singular(script, capsys):
 
 
 def test_motions_along_closed_branches(script):
-    """They are those of steps where nothing is singular, and keep their energy where something is."""
+    """They equal computed steps where nothing is singular, and conserve energy at singular configurations."""
     runs, branches = script("random_runs"), script("branches")
     for number, kind in enumerate(runs.MECHANISMS[:-1]):
         branch, _ = runs.random_branch(kind, 9.81, np.random.default_rng(number))

@@ -1,4 +1,4 @@
-"""Central differences of order six beside derivatives that are known."""
+"""Central differences of order six compared with known derivatives."""
 
 import numpy as np
 import pytest
@@ -18,10 +18,10 @@ def test_the_error_falls_with_the_sixth_power():
     assert errors[1] == pytest.approx(0.2**6 / 140, rel=0.01)
 
 
-def test_slopes_are_those_of_an_array_by_coordinates():
+def test_derivatives_of_an_array_by_coordinates():
     A = np.arange(12.0).reshape(2, 2, 3)
     assert numerical_jacobian(lambda x: A @ x, 3, 0.25) == pytest.approx(A, abs=1e-13)
 
 
-def test_what_does_not_change_has_no_slope():
+def test_constants_have_zero_derivative():
     assert central_difference(dict.fromkeys(STENCIL, np.array([0.1, 1e9])), 1e-3).tolist() == [0.0, 0.0]

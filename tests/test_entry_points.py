@@ -1,4 +1,4 @@
-"""What other packages add: methods, forces and readers by entry points, and what is wrong with them by name."""
+"""Plug-ins: methods, forces and readers by entry points, and errors in them by name."""
 
 import subprocess
 import sys
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-METHODS = '''\
+METHODS = """\
 from mbdae.methods.tableau import Tableau
 
 ralston = Tableau("ralston3", A="0\\n1/2\\n0 3/4", b="2/9 1/3 4/9")
 taken = Tableau("herk1", A=((),), b=("1",))
-'''
+"""
 FORCES = '''\
 import numpy as np
 from typing import Literal
@@ -41,7 +41,13 @@ class DragElement(ForceElement):
         tau[self.i] = -self.c * abs(v[self.i]) * v[self.i]
         return 0.0, tau
 '''
-READERS = '''\
+READERS = """\
+import numpy as np
+import pinocchio as pin
+from mbdae.mechanism.formats.reader import Reader
+from mbdae.mechanism.imported_model import ImportedModel
+
+
 def pendulums(path):
     n = int(path.read_text())
     return "title = 'read'\\n" + "".join(
@@ -50,7 +56,19 @@ def pendulums(path):
         "inertia = [0.1, 0.1, 0.1, 0, 0, 0]\\n"
         for i in range(n)
     )
-'''
+
+
+def dumbbells(path, places, source):
+    model = pin.Model()
+    for i in range(int(path.read_text())):
+        number = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), f"d{i}")
+        model.appendBodyToJoint(number, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return ImportedModel(model, None, dict, left_out=("paint",))
+
+
+dumb = Reader("dumbbells", (".dumb",), dumbbells)
+taken = Reader("other", (".other", ".sdf"), dumbbells)
+"""
 POINTS = """
 [mbdae.methods]
 ralston3 = house_methods:ralston
@@ -60,6 +78,8 @@ gone = house_methods:gone
 joint_drag = house_forces:JointDrag
 [mbdae.readers]
 chain = house_readers:pendulums
+dumb = house_readers:dumb
+taken = house_readers:taken
 """
 PROGRAM = """
 import warnings
@@ -71,7 +91,15 @@ print(*(str(w.message) for w in said if "entry point" in str(w.message)), sep="\
 mech = mbdae.load("a.chain", forces=[mbdae.JointDrag(joint="b1", drag=2.0)])
 sol = mbdae.solve(mech, (0, 0.1), method="ralston3", step=0.01, backend="python")
 print(mech.nv, sol.status, "power.joint_drag 1" in sol.signals())
-for wrong in (lambda: mbdae.load("b.chain"), lambda: mbdae.solve(mech, (0, 0.1), method="radau5")):
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    print(mbdae.load("c.dumb").nv, said[0].message)
+for wrong in (
+    lambda: mbdae.load("b.chain"),
+    lambda: mbdae.solve(mech, (0, 0.1), method="radau5"),
+    lambda: mbdae.load("c.dumb", free_flyer=True),
+    lambda: mbdae.load("d.other"),
+):
     try:
         wrong()
     except mbdae.MbdaeError as e:
@@ -89,6 +117,8 @@ def house(tmp_path):
     (info / "entry_points.txt").write_text(POINTS)
     (tmp_path / "a.chain").write_text("2")
     (tmp_path / "b.chain").write_text("two")
+    (tmp_path / "c.dumb").write_text("3")
+    (tmp_path / "d.other").write_text("3")
     return tmp_path
 
 
@@ -98,9 +128,14 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=house, timeout=120)
     assert out.returncode == 0, out.stderr
     lines = out.stdout.splitlines()
-    out_of = "of mbdae.methods in house is left out"
-    assert f"entry point 'taken' {out_of}: expected a Tableau of a new name" in lines[0] + lines[1]
-    assert f"entry point 'gone' {out_of}: AttributeError" in lines[0] + lines[1]
-    assert lines[2] == "2 finished True"
-    assert "the reader of .chain files fails on" in lines[3]
-    assert lines[4].startswith("force 'joint_drag 1' has no slopes: implicit methods")
+    left_out = "of mbdae.{} in house is left out: {}"
+    warned = "".join(lines[:3])
+    assert "entry point 'taken' " + left_out.format("methods", "expected a Tableau of a new name") in warned
+    assert "entry point 'gone' " + left_out.format("methods", "AttributeError") in warned
+    assert "entry point 'taken' " + left_out.format("readers", "expected a function of a path, or a Reader") in warned
+    assert lines[3] == "2 finished True"
+    assert lines[4] == "18 c: not carried over: paint"
+    assert "the reader of .chain files fails on" in lines[5]
+    assert lines[6].startswith("force 'joint_drag 1' has no slopes: implicit methods")
+    assert lines[7] == "free_flyer does not belong to c.dumb"
+    assert lines[8].startswith("cannot read d.other: expected a .toml, .py, .dumb, .mjcf, ")

@@ -1,4 +1,4 @@
-"""The examples run, and show what they say."""
+"""The examples run, with the documented results."""
 
 import importlib.util
 from pathlib import Path
@@ -80,7 +80,7 @@ def test_driven_crank(capsys):
 def test_press(tmp_path, capsys):
     result = example("press").main(plot=tmp_path / "press.png")
     assert (result["motor"], result["gear"]) == ("A", 20)
-    # what the press does in its stroke: 800 N over 20 mm, of which the first fifth rises evenly
+    # work of the press in its stroke: 800 N over 20 mm, with a linear rise over the first fifth
     assert abs(result["energy"] - 800 * 0.02 * 0.9) < 0.5
     assert (tmp_path / "press.png").stat().st_size > 10_000
     assert "motor A with a gear of 20" in capsys.readouterr().out

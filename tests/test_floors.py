@@ -1,4 +1,4 @@
-"""The house: who may import whom, where heavy imports live, and how long files are."""
+"""Structure: allowed imports, modules with heavy imports, and file lengths."""
 
 import ast
 import re
@@ -19,7 +19,7 @@ INSIDE = (
     " < mechanism < formats"
 )
 CORE = "math < mechanism < system < steps < run < sensitivity < bindings"  # of native
-SECRETS = {  # heavy or special imports, and the only places that may know them
+SECRETS = {  # heavy or special imports, and the only modules that may use them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
     "mujoco": "mechanism/formats/mjcf/*.py",
@@ -57,7 +57,7 @@ def imported(path):
 
 
 def room(name, folder=PACKAGE):
-    """Room in a folder of a module given by its dotted name: the first file or folder in it, or the folder itself."""
+    """The folder entry of a module given by its dotted name: the first file or folder in it, or the folder itself."""
     depth = len(folder.relative_to(ROOT).parts)
     first = name.split(".")[depth] if name.count(".") >= depth else ""
     exists = (folder / first).is_dir() or (folder / f"{first}.py").is_file()
@@ -65,13 +65,13 @@ def room(name, folder=PACKAGE):
 
 
 def floor(name, order):
-    """Level of a room in an order of them; None for those that it does not name."""
+    """Level of an entry in an order of them; None for those not listed."""
     return next((level for level, names in enumerate(order.split(" < ")) if name in names.split()), None)
 
 
 @cache
 def home(name):
-    """What a module given by its dotted name belongs to: its folder, or itself where folders stand beside it."""
+    """The folder of a module given by its dotted name, or the module itself where folders are next to it."""
     parts = name.split(".")
     while not (file := ROOT.joinpath(*parts).with_suffix(".py")).is_file():
         if (folder := ROOT.joinpath(*parts)).is_dir():
@@ -124,7 +124,7 @@ def test_no_circle_of_folders():
 
 
 def test_the_test_sees_imports():
-    # guards the walk itself: relative, nested and plain imports are found, those for type checkers are not
+    # checks the analysis itself: relative, nested and plain imports are found, those for type checkers are not
     found = set(imported(PACKAGE / "mechanism" / "formulations" / "index2.py"))
     assert {"pinocchio", "numpy", "mbdae.errors.StepError", "mbdae.system.Counts"} <= found
     assert not any("mechanism.mechanism" in name for name in found)
@@ -136,7 +136,7 @@ def test_the_test_sees_imports():
 
 
 @pytest.mark.parametrize("secret", SECRETS)
-def test_heavy_imports_are_secrets_of_one_place(secret):
+def test_heavy_imports_are_confined_to_one_module(secret):
     users = {p for p in FILES if secret in {name.split(".")[0] for name in imported(p)}}
     assert users <= {p for place in SECRETS[secret].split() for p in PACKAGE.glob(place)}
 

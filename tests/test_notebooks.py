@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, their results show themselves, and none is stored with outputs."""
+"""The notebooks run from top to bottom, their results are displayed, and none is stored with outputs."""
 
 import re
 from pathlib import Path
@@ -10,12 +10,12 @@ nbclient = pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 NOTEBOOKS = Path(__file__).parent.parent / "examples" / "notebooks"
-SECONDS = 300  # on a machine that does other things; alone each takes less than 20
+SECONDS = 300  # on a busy machine; alone each takes less than 20
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Run a notebook once in a folder of its own; give what each of its cells of code shows, by type."""
+    """Run a notebook once in a separate folder; return the outputs of each code cell, by type."""
     done = {}
 
     def run(name):
@@ -32,7 +32,7 @@ def ran(tmp_path_factory):
 
 
 def shown(cells, ending):
-    """What the cell with this ending shows: its data by type."""
+    """The output of the cell with this ending: its data by type."""
     (cell,) = [cell for cell in cells if cell.source.endswith(ending)]
     (data,) = [output.data for output in cell.outputs if output.output_type == "execute_result"]
     return data

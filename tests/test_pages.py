@@ -1,9 +1,9 @@
-"""The pages of documentation: their code runs, shows what they say it shows, and their tables agree with the code.
+"""The pages of documentation: their code runs, gives the documented output, and their tables agree with the code.
 
-A page is one session, from top to bottom and in a folder of its own: Python blocks share their names; a block that
-begins with the name of a file in a comment is written there; lines of ``sh`` blocks that call mbdae are run, and end
-with code 0 or with the one of their comment ``# exit N``. A ``text`` block behind one of these is all that it prints,
-"..." standing for anything and 1.23e-14 for any number written so; only there may a block end in an error or warn.
+A page is one session, from top to bottom and in a separate folder: Python blocks share their names; a block that begins
+with the name of a file in a comment is written there; lines of ``sh`` blocks that call mbdae are run, and end with code
+0 or with the one of their comment ``# exit N``. A ``text`` block after one of these is its whole output, with "..." for
+anything and 1.23e-14 for any number in this format; only there may a block end in an error or warn.
 """
 
 import re
@@ -40,7 +40,7 @@ OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks t
 
 
 class Block(NamedTuple):
-    """A block of code, and what stands behind it as its output."""
+    """A block of code, and the output after it."""
 
     language: str
     code: str
@@ -117,7 +117,7 @@ def test_commands_within_sentences_are_complete(page):
 
 
 def anchors(page: Path) -> set[str]:
-    """What GitHub makes of headings: lower case, hyphens for spaces, without punctuation."""
+    """The anchors that GitHub makes of headings: lower case, hyphens for spaces, without punctuation."""
     headings = re.findall(r"^#+ (.*)$", BLOCK.sub("", page.read_text()), re.M)
     return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
 
@@ -185,7 +185,7 @@ def test_closures_table():
 
 def test_files_table():
     read = [suffix.strip(" `") for row in table("models/README.md", "file") for suffix in row.split(",")]
-    assert read == [MECHANISM, PARAMETRIC, *SOURCES]
+    assert sorted(read) == sorted([MECHANISM, PARAMETRIC, *SOURCES])
 
 
 def test_forces_table():
@@ -201,10 +201,10 @@ def test_key_tables():
 # -- what pages tell and no block shows -----------------------------------------------------------------------------
 
 
-def test_the_commands_of_installation_stand_in_the_readme():
+def test_the_commands_of_installation_are_in_the_readme():
     activate = "python3 -m venv .venv && . .venv/bin/activate && pip install "
     install, test = (code for language, code, _ in blocks("README.md")[:2])
-    assert install == f"{activate}. && mbdae run slider_crank -t 5 -o run.npz --html run.html\n"
+    assert install == f"{activate}. && mbdae solve slider_crank -t 5 -o run.npz --html run.html\n"
     assert test == f'{activate}".[test]" && pytest -W error -n 2 --dist worksteal\n'
     assert test.split("&& ")[-1] in (ROOT / ".ci" / "run").read_text()
 

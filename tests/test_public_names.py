@@ -1,4 +1,4 @@
-"""The public names: found when they are used, and all of them known to editors and type checkers."""
+"""The public names: imported on use, and all of them declared for editors and type checkers."""
 
 import ast
 import subprocess
@@ -14,7 +14,7 @@ SOURCE = Path(mbdae.__file__)
 
 
 def typed():
-    """Name and module of each import for type checkers, and of what else is declared for them."""
+    """Name and module of each import for type checkers, and of other declarations for them."""
     block = next(node for node in ast.parse(SOURCE.read_text()).body if isinstance(node, ast.If))
     imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
     return {alias.asname: f"mbdae.{node.module}" for node in imports for alias in node.names}

@@ -1,4 +1,4 @@
-"""Results show themselves: notebooks, files that others read, pandas, xarray and LaTeX."""
+"""Displays and tables of results: notebooks, files for other programs, pandas, xarray and LaTeX."""
 
 import csv
 import json
@@ -30,8 +30,8 @@ def results(mech, sol):
     return {
         "solution": sol,
         "drift": mbdae.drift(sol),
-        "card": mbdae.card(mech),
-        "order": mbdae.check_order(mech, ["herk3"]),
+        "card": mbdae.info(mech),
+        "order": mbdae.order(mech, ["herk3"]),
         "comparison": mbdae.compare(mech, (0, 0.2), methods=["herk3", "pherk5"], rtol=[1e-4, 1e-6], repeats=0),
         "sweep": mbdae.sweep(
             "four_bar", {"solve.rtol": [1e-5, 1e-7]}, 0.1, outputs=["peak v.crank", "q.crank"], times=3,

@@ -1,4 +1,4 @@
-"""The tests' change of units keeps the mechanism: its mass matrix, rows and forces change by their dimensions alone."""
+"""The tests' change of units preserves the mechanism: mass matrix, rows and forces change by their dimensions alone."""
 
 import numpy as np
 import pytest

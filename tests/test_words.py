@@ -1,7 +1,7 @@
-"""The words of the house are the field's: old ones do not come back, and those that are left become fewer.
+"""Terminology: the number of old words in names and prose must not grow.
 
-`.github/GLOSSARY.md` has the words that go and those in their place. Each limit is the number of places that are left
-when it was set; whoever mends some lowers it.
+`.github/GLOSSARY.md` lists old words and the terms that replace them. Each limit is the number of places that were left
+when it was set; lower it after a correction.
 """
 
 import ast
@@ -33,7 +33,7 @@ PROSE = re.compile(
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
     r"|\b(?:shall|likewise|alike|thither|whereto)\b"
 )
-LIMITS = {"names": 244, "members": 120, "prose of Python": 649, "prose of C++": 101, "pages": 113}
+LIMITS = {"names": 244, "members": 120, "prose of Python": 121, "prose of C++": 2, "pages": 25}
 
 
 def words(name):

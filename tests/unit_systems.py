@@ -1,7 +1,7 @@
-"""Mechanisms and their answers in other units: the same mechanism with other numbers in it.
+"""Mechanisms and their results in other units: the same mechanism with converted values.
 
-A number in SI units of dimension L^a M^b T^c is `UnitSystem.of(a, b, c)` times as large in other units. What studies
-say of a mechanism may change by these factors, and by nothing else.
+A quantity in SI units of dimension L^a M^b T^c is `UnitSystem.of(a, b, c)` times as large in other units. Results of
+studies may change only by these factors.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ LENGTHS = ("length", "radius", "tyre", "semi_axes", "centre", "surface_radius", 
 
 
 class UnitSystem(NamedTuple):
-    """How many units of length, mass and time one metre, one kilogram and one second are."""
+    """Number of units of length, mass and time in one metre, one kilogram and one second."""
 
     name: str
     length: float = 1.0
@@ -37,12 +37,12 @@ class UnitSystem(NamedTuple):
     time: float = 1.0
 
     def of(self, length: float = 0, mass: float = 0, time: float = 0) -> float:
-        """The factor on numbers of a dimension, given by its exponents."""
+        """The factor of a dimension, given by its exponents."""
         return self.length**length * self.mass**mass * self.time**time
 
     @property
     def energy(self) -> float:
-        """The factor on numbers in J."""
+        """The factor of energies in J."""
         return self.of(2, 1, -2)
 
     def coordinates(self, mech: Mechanism) -> np.ndarray:
@@ -62,7 +62,7 @@ class UnitSystem(NamedTuple):
         out, slides = np.ones(mech.nq), lengths(mech.model)
         for joint in list(mech.model.joints)[1:]:
             along = slides[joint.idx_v : joint.idx_v + joint.nv]
-            out[joint.idx_q : joint.idx_q + int(along.sum())] = self.length if along.any() else 1.0  # places come first
+            out[joint.idx_q : joint.idx_q + int(along.sum())] = self.length if along.any() else 1.0  # positions first
         return out
 
     def rows(self, mech: Mechanism) -> np.ndarray:
@@ -77,7 +77,7 @@ class UnitSystem(NamedTuple):
         """The mechanism in these units.
 
         Raises:
-            NotImplementedError: for what this module does not know the dimensions of.
+            NotImplementedError: for features of unknown dimensions.
         """
         model = self._model(mech.model)
         table = {
@@ -141,7 +141,7 @@ class UnitSystem(NamedTuple):
         raise NotImplementedError(type(signal).__name__)
 
     def _changed(self, table: Any, factors: dict[str, Any]) -> Any:
-        """A table with numbers, or signals, times factors; a function does what a factor cannot."""
+        """A table with values, or functions of time, times factors; a function replaces a factor if needed."""
         values: dict[str, Any] = {}
         for name in type(table).model_fields:
             value = getattr(table, name)

@@ -1,4 +1,4 @@
-"""Solves that herk5 and pherk5 need on Andrews' mechanism, beside the Fortran codes HEM5 and PHEM56.
+"""Solves that herk5 and pherk5 need on Andrews' mechanism, compared with the Fortran codes HEM5 and PHEM56.
 
 Compared at equal error of q at t = 0.03 s, against the quadruple-precision reference, by logarithmic interpolation in
 the error. The Fortran rows were measured with their authors' codes and full linear algebra.
@@ -44,7 +44,7 @@ def solves_at(points: np.ndarray, error: float) -> float:
 
 
 def main() -> list[tuple[str, float, int, float]]:
-    """Print the table and return method, error, Fortran solves and the ratio of ours to theirs."""
+    """Print the table and return method, error, Fortran solves and the ratio of mbdae's to theirs."""
     out = []
     print(f"{'method':8s} {'error of q':>10s} {'Fortran':>8s} {'mbdae':>7s} {'ratio':>6s}")
     for method, rows in FORTRAN.items():

@@ -1,13 +1,13 @@
-"""Random mechanisms whose assembly modes are counted by other means: does the search from random starts find them all?
+"""Random mechanisms with a known number of assembly modes: does the search from random starts find all of them?
 
-platform: a planar 3-RPR, a body on three legs of given lengths. Two legs say where the body is at an angle theta, the
-third one leaves a trigonometric polynomial of degree 3 in theta: up to six real roots. As one body on a planar joint
-with three lengths, and as a tree of hinges and slides.
+platform: a planar 3-RPR, a body on three legs of given lengths. Two legs determine the position of the body at an angle
+theta, the third one gives a trigonometric polynomial of degree 3 in theta: up to six real roots. As one body on a
+planar joint with three lengths, and as a tree of hinges and slides.
 
-rssr: a crank and a rocker on skew axes, and a rod with balls: A cos psi + B sin psi = C, none or two.
+rssr: a crank and a rocker on skew axes, and a rod with ball joints: A cos psi + B sin psi = C, zero or two.
 
-wrist: six hinges, the last three through one point. The centre of the wrist leaves a quartic in tan(theta_3/2), and
-each of its real roots two ways to turn the wrist.
+wrist: six hinges, the last three through one point. The centre of the wrist gives a quartic in tan(theta_3/2), and
+each of its real roots two orientations of the wrist.
 
 Run it for 200 of each, or with the number of a sample: python assembly_modes.py 10.
 """
@@ -24,11 +24,11 @@ from mbdae import Closure, Driver, Mechanism
 from mbdae.mechanism.model_settings import Start
 
 Array = np.ndarray
-CLOSE = 1e-4  # rad: real roots nearer to each other, and complex ones nearer to the real axis, are no count
+CLOSE = 1e-4  # rad: cases with real roots closer to each other, or complex ones closer to the real axis, do not count
 
 
 class Case(NamedTuple):
-    """A mechanism, its drive, its value, and the number of assembly modes there."""
+    """A mechanism, its input, the value, and the number of assembly modes there."""
 
     mech: Mechanism
     drive: str
@@ -37,7 +37,7 @@ class Case(NamedTuple):
 
 
 def roots_of_turns(value: Callable[[float], Any], degree: int) -> Array | None:
-    """Real roots in (-pi, pi] of a trigonometric polynomial; None where some are too near to be counted."""
+    """Real roots in (-pi, pi] of a trigonometric polynomial; None if some are too close to be counted."""
     n = 2 * degree + 2
     samples = np.array([value(2 * np.pi * k / n) for k in range(n)])
     c = np.fft.fft(samples) / n
@@ -70,9 +70,9 @@ def turn(theta: float) -> Array:
 
 
 def _legs_close(theta: float, ground: Array, corners: Array, legs: Array) -> float:
-    """|D p|^2 - (D L_0)^2 for the place p of the first corner from its ground that the other two legs allow.
+    """|D p|^2 - (D L_0)^2 for the position p of the first corner from its ground that satisfies the other two legs.
 
-    |p + e_i|^2 = L_i^2 with e_i = R (b_i - b_0) - (a_i - a_0): less |p|^2 = L_0^2 they are linear in p, A p = b with
+    |p + e_i|^2 = L_i^2 with e_i = R (b_i - b_0) - (a_i - a_0): minus |p|^2 = L_0^2 they are linear in p, A p = b with
     D = det A.
     """
     e = (corners[1:] - corners[0]) @ turn(theta).T - (ground[1:] - ground[0])
@@ -118,7 +118,7 @@ def _platform_of_legs(ground: Array, corners: Array, legs: Array, at: Array, the
 
 
 def mark(model: pin.Model, joint: int, place: Array, name: str) -> None:
-    """A frame at a place in the plane, or in space, of a joint."""
+    """A frame at a point of a joint, in the plane or in space."""
     at = np.concatenate([place, np.zeros(3 - len(place))])
     model.addFrame(pin.Frame(name, joint, pin.SE3(np.eye(3), at), pin.FrameType.OP_FRAME))
 
@@ -152,7 +152,7 @@ def rssr(seed: int) -> Case:
 
 
 def wrist(seed: int) -> Case | None:
-    """Six hinges on random axes, the last three through one point and at right angles, whose end a seventh one moves.
+    """Six hinges on random axes, the last three concurrent and orthogonal, whose end a seventh one moves.
 
     The centre of the wrist is p_1 + R_1 (p_2 + R_2 w), w = p_3 + R_3 p_4. Its distance from p_1 and its height along
     the first axis do not depend on theta_1 and are linear in R_2 w_n, where w_n is w across the second axis: two
@@ -217,11 +217,11 @@ FAMILIES: dict[str, Callable[[int], Case | None]] = {
 
 
 class Outcome(NamedTuple):
-    """How many cases of a family had how many modes, and which were counted otherwise."""
+    """For each number of modes, the cases of a family, and those with a wrong count."""
 
     cases: int
     counts: dict[int, int]
-    missed: list[tuple[int, int, int]]  # seed, modes found, modes there are
+    missed: list[tuple[int, int, int]]  # seed, modes found, true number
     said: int  # of those, by a line "doubtful"
     surplus: list[tuple[int, int, int]]
 
@@ -237,7 +237,7 @@ def ensemble(family: str, cases: int, first: int = 0) -> Outcome:
     missed, surplus, said, seed = [], [], 0, first
     while sum(counts.values()) < cases:
         case, seed = FAMILIES[family](seed), seed + 1
-        if case is None:  # modes so near to each other that they are not counted
+        if case is None:  # modes too close to each other to be counted
             continue
         found, doubtful = search(case)
         counts[case.count] = counts.get(case.count, 0) + 1
@@ -250,7 +250,7 @@ def ensemble(family: str, cases: int, first: int = 0) -> Outcome:
 
 
 def search(case: Case) -> tuple[int, bool]:
-    """The number of modes that are found, and whether it is said to be doubtful."""
+    """The number of modes found, and whether it is reported as doubtful."""
     try:
         found = mbdae.assembly_modes(case.mech, case.drive, case.at)
     except mbdae.MbdaeError:
@@ -259,7 +259,7 @@ def search(case: Case) -> tuple[int, bool]:
 
 
 def main(cases: int = 200) -> dict[str, Outcome]:
-    """Count the assembly modes of so many random mechanisms of each family."""
+    """Count the assembly modes of this many random mechanisms of each family."""
     out = {}
     for family in FAMILIES:
         out[family] = ensemble(family, cases)

@@ -1,4 +1,4 @@
-"""Mechanisms of one freedom with branches that meet, each branch in closed form, and the motion along it.
+"""Mechanisms of one degree of freedom with intersecting branches, each in closed form, and the motion along a branch.
 
 A branch is q(s) with a parameter s in which it is analytic also where closures lose rank. The motion along it needs no
 closures:
@@ -6,7 +6,7 @@ closures:
     v = T s',   T . (M (T s'' + T' s'^2) + n(q, T s')) = 0,   T = dq/ds,   n: gravity and velocity terms,
 
 one equation that is regular in singular configurations, integrated by DOP853. Multipliers are those of smallest norm
-with G^T lam = M v' + n. Neither steps, nor rows, nor projections of mbdae take part.
+with G^T lam = M v' + n. No steps, rows, or projections of mbdae are used.
 """
 
 from collections.abc import Callable
@@ -33,8 +33,8 @@ class Branch(NamedTuple):
         mech: the mechanism; all its joints have one coordinate.
         start: parameters at the start, (k,).
         jet: parameters (k,) -> q (nq,), T = dq/ds (nq,), T' (nq,).
-        flow: parameters (k,) -> their derivatives to s, (k,).
-        project: q (nq,) -> parameters of a point of the branch that is not far from q, (k,).
+        flow: parameters (k,) -> their derivatives by s, (k,).
+        project: q (nq,) -> parameters of a point of the branch close to q, (k,).
         turns: which coordinates are angles, (nq,).
     """
 
@@ -51,7 +51,7 @@ class Branch(NamedTuple):
         return d - 2 * np.pi * np.round(d / (2 * np.pi)) * self.turns
 
     def off(self, q: Array) -> float:
-        """How far q (nq,) is from the branch in rad or m: the largest component after two steps of Gauss-Newton."""
+        """Distance of q (nq,) from the branch in rad or m: the largest component after two Gauss-Newton steps."""
         p, best = self.project(q), np.inf
         for _ in range(4):
             at, T, _ = self.jet(p)
@@ -70,8 +70,8 @@ def differences(path: Callable[[Array], Array], turns: Array, p: Array) -> tuple
 
 
 def on_path(mech: mbdae.Mechanism, path: Callable[[Array], Array], turns: Array, start: float) -> Branch:
-    """A branch s -> q in closed form with a period of four half turns or less; the nearest s is found on a grid."""
-    grid = np.linspace(0, 4 * np.pi, 1441) + 1e-3  # not where bars lie in a line
+    """A branch s -> q in closed form with a period of at most four half turns; the nearest s is found on a grid."""
+    grid = np.linspace(0, 4 * np.pi, 1441) + 1e-3  # not where bars are in line
     poses = path(grid)
 
     def nearest(q: Array) -> Array:
@@ -109,9 +109,9 @@ def four_bar(bars: Array, gravity: float, title: str) -> mbdae.Mechanism:
 def quadrilateral(bars: Array, sign: float, s: Array) -> Array:
     """Coordinates (m, 3) of a four-bar (ground, crank, coupler, rocker) whose shortest bars turn by s at a corner.
 
-    The corner is at the shortest bar, which turns around where the lengths have s + l <= p + q. Twice the area of the
-    triangle across it is a product of two roots; where one vanishes twice, it is the sine or cosine of s / 2, which
-    changes its sign there: that continues the branch analytically through the change point.
+    The corner is at the shortest bar, which revolves where the lengths have s + l <= p + q. Twice the area of the
+    triangle across it is a product of two roots; at a double zero of a factor, its root is the sine or cosine of s / 2,
+    which changes sign there: that continues the branch analytically through the change point.
     """
     k = min(range(4), key=lambda i: (min(bars[i], bars[(i + 1) % 4]), bars[i] + bars[(i + 1) % 4]))
     x, y, w, z = (bars[(k + i) % 4] for i in range(4))  # from the corner to P, to Q, from Q to R, from R to P
@@ -219,7 +219,7 @@ class Truth:
     def forces(self, t: float) -> tuple[Array, float]:
         """Return lam (ng,), of smallest norm, and the smallest singular value of G M^-1/2 over the largest.
 
-        The rank is nv - 1: there is one freedom.
+        The rank is nv - 1: there is one degree of freedom.
         """
         y = self.path(t)
         q, T, bend = self.branch.jet(y[:-1])

@@ -1,4 +1,4 @@
-"""What the benchmarks share: the machine, medians of runs in turn, tables in Markdown, the back ends that there are."""
+"""Shared by the benchmarks: the machine, medians of interleaved runs, tables in Markdown, available back ends."""
 
 import argparse
 import os
@@ -47,7 +47,7 @@ def machine(*packages: str) -> str:
 def programs(
     ours: Callable[[float], R], tolerances: Sequence[float], steps: Sequence[float], **others: Callable[[float], R]
 ) -> dict[str, Callable[[], R]]:
-    """Runs by name and setting: ours by rtol, and those of other programs that are installed by step in s."""
+    """Runs by name and setting: mbdae's by rtol, and those of other installed programs by step in s."""
     out: dict[str, Callable[[], R]] = {f"mbdae, rtol {rtol:.0e}": partial(ours, rtol) for rtol in tolerances}
     for h in steps:
         out |= {f"{name}, step {h:.0e} s": partial(run, h) for name, run in others.items() if find_spec(name)}
@@ -55,7 +55,7 @@ def programs(
 
 
 def medians(runs: Mapping[K, Callable[[], float]], repeats: int) -> dict[K, float]:
-    """Median of the seconds that each run returns, all of them in turn so that a busy machine slows each alike."""
+    """Median of the seconds that each run returns, interleaved so that a busy machine slows all runs equally."""
     seconds: dict[K, list[float]] = {name: [] for name in runs}
     for _ in range(repeats):
         for name, run in runs.items():

@@ -1,8 +1,8 @@
 """A thousand runs of a slider-crank by mbdae.sweep, over threads and processes.
 
-Each run starts at another speed of the crank and takes 10 s with pherk5 at rtol 1e-8; its final
-position of the slider is kept. Counted is the whole call, with loading, assembly and the table; ratios are those of the
-times of the same executor with one worker, and of all to one thread. The tables must be equal bit for bit.
+Each run starts at another speed of the crank and takes 10 s with pherk5 at rtol 1e-8; its final position of the slider
+is kept. The time is that of the whole call, with loading, assembly and the table; ratios are those of the times of the
+same executor with one worker, and of all to one thread. The tables must be equal bit for bit.
 
 Run: python examples/benchmarks/ensembles.py [--brief]
 """

@@ -22,7 +22,7 @@ def settings(exu: ModuleType, end: float, step: float) -> Any:
 
 
 def plane(exu: ModuleType, problem: Problem) -> tuple[Any, list[Any]]:
-    """Return the assembled system and a sensor for each bar, whose column 3 is the angle that it turned."""
+    """Return the assembled system and a sensor for each bar, whose column 3 is the angle of rotation."""
     mbs = exu.SystemContainer().AddSystem()
     ground, bodies, sensors = mbs.AddObject(item.ObjectGround()), {}, []
     eq, theta = Equations(problem), problem.absolute(problem.start())

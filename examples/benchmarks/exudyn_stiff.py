@@ -26,7 +26,7 @@ def _hold(mbs: Any, node: Any, coordinate: int, **motion: Any) -> Any:
 
 
 def governor(exu: ModuleType, mbs: Any) -> Array:
-    """Build shaft, slider and both rods as a kinematic tree; return which coordinates are seen."""
+    """Build shaft, slider and both rods as a kinematic tree; return the indices of the observed coordinates."""
     inertia = BOX + (BALL * (1 - HEAVY) ** 2 + BAR * (HEAVY - 0.5) ** 2) * np.diag([0.0, 1.0, 1.0])
     turned, none = np.diag([-1.0, -1.0, 1.0]), np.eye(3)
     (_, slider, tilt), (turn, *_) = GOVERNOR.start
@@ -58,7 +58,7 @@ def governor(exu: ModuleType, mbs: Any) -> Array:
 
 
 def spring_crank(exu: ModuleType, mbs: Any) -> Array:
-    """Build crank and slider in the plane, what they cannot do held; return which coordinates are seen."""
+    """Build crank and slider in the plane with constraints; return the indices of the observed coordinates."""
     (angle, x), (turn, speed) = SPRING_CRANK.start
     moves = {"initialCoordinates": [0.0, 0.0, angle], "initialVelocities": [0.0, 0.0, turn]}
     crank = mbs.AddNode(item.NodeRigidBody2D(referenceCoordinates=[0.0, 0.0, 0.0], **moves))
@@ -73,7 +73,7 @@ def spring_crank(exu: ModuleType, mbs: Any) -> Array:
 
 
 def car_axis(exu: ModuleType, mbs: Any) -> Array:
-    """Build an axle that a function of time turns, which Exudyn compiles, and two masses; return what is seen."""
+    """Build an axle rotated by a function of time, which Exudyn compiles, and two masses; return the observed ones."""
     symbolic = exu.symbolic
 
     def angle(mbs: Any, t: Any, item: Any, offset: Any) -> Any:

@@ -1,9 +1,8 @@
-"""A block on a spring with dry friction, beside programs that make friction soft: error of where it stops, and time.
+"""A block on a spring with dry friction, compared with programs that regularise friction: final position, and time.
 
-m x'' + k x = -F sign(x'), m 1 kg, k 40 N/m, F 1.3 N, from x = 0.5 m at rest: ten half swings, each 2 F/k shorter, then
-it sticks at -0.02 m from t = 3.974 s on. Looked at after 14 s; "creep" is what it moves in the last 5 s. MuJoCo's
-friction is a soft constraint, Exudyn's has bristles that stick by a stiffness; both with the settings that did best
-among those in this file.
+m x'' + k x = -F sign(x'), m 1 kg, k 40 N/m, F 1.3 N, from x = 0.5 m at rest: ten half-periods, each 2 F/k shorter, then
+it sticks at -0.02 m from t = 3.974 s on. Observed after 14 s; "creep" is the motion in the last 5 s. MuJoCo's friction
+is a soft constraint, Exudyn's a bristle model with a stiffness; both with the best settings of those in this file.
 
 Run: python examples/benchmarks/friction.py [--brief]
 """
@@ -28,7 +27,7 @@ solimpfriction="0.9999 0.9999 0.001"/><inertial pos="0 0 0" mass="{m}" diaginert
 
 
 class Run(NamedTuple):
-    """Where the block is at 9 and at 14 s, and the seconds that it took."""
+    """The position of the block at 9 and at 14 s, and the computing time in s."""
 
     late: float
     end: float
@@ -49,7 +48,7 @@ def ours(rtol: float) -> Run:
 
 
 def mujoco(h: float) -> Run:
-    """MuJoCo with a step of h seconds, its friction as stiff as that allows."""
+    """MuJoCo with a step of h seconds, its friction as stiff as the step allows."""
     import mujoco as mj
 
     model = mj.MjModel.from_xml_string(MODEL.format(h=h, k=K, f=F, m=M, ref=2 * h))
@@ -64,7 +63,7 @@ def mujoco(h: float) -> Run:
 
 def exudyn(h: float) -> Run:
     """Exudyn with a step of h seconds, bristles of 1e6 N/m."""
-    with warnings.catch_warnings():  # of numpy's conversions inside
+    with warnings.catch_warnings():  # numpy conversions inside the library
         warnings.simplefilter("ignore")
         return _exudyn(h)
 
@@ -103,7 +102,7 @@ def _exudyn(h: float) -> Run:
 
 
 def solvers(short: bool) -> dict[str, Callable[[], Run]]:
-    """What is installed, by name and setting."""
+    """Installed programs, by name and setting."""
     tolerances, steps = ((1e-6,), (1e-2,)) if short else ((1e-4, 1e-6, 1e-8, 1e-10), (1e-2, 1e-3, 1e-4, 1e-5))
     return programs(ours, tolerances, steps, mujoco=mujoco, exudyn=exudyn)
 

@@ -1,8 +1,8 @@
-"""What value and gradient of a cost, and tangents, cost in runs: Andrews' mechanism, 50 of its numbers.
+"""Cost of value and gradient of a cost function, and of tangents, in runs: Andrews' mechanism, 50 of its parameters.
 
-Runs are timed in turn with gradients, and with tangents: each of them is a run and what comes of it; what comes on top
-of the run is told, too. Parameters are bound to a mechanism once, and slopes of a start are found once, in the first
-call, which is timed apart.
+Runs are timed in turn with gradients, and with tangents, each of which includes a run; the cost beyond the run is
+reported, too. Parameters are bound to a mechanism once, and derivatives of a start are computed once, in the first
+call, which is timed separately.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ COUNTS = (1, 2, 5, 10, 20)
 
 
 def parameters(mech: mbdae.Mechanism) -> list[str]:
-    """Fifty numbers of Andrews' mechanism: masses, centres, inertias and places of bodies, points, forces, gravity."""
+    """Fifty parameters of Andrews' mechanism: masses, centres, inertias, placements, points, forces, gravity."""
     keys = ("mass", "com.0", "com.1", "inertia.2", "xyz.0", "xyz.1")
     names = [f"joint.{joint}.{key}" for joint in mech.joint_names for key in keys]
     names += [f"frame.{point}.xyz.0" for point in ("P2", "P3", "P4", "D", "C")]
@@ -26,14 +26,14 @@ def parameters(mech: mbdae.Mechanism) -> list[str]:
 
 
 def timed(work: Callable[[], object]) -> float:
-    """Seconds that something takes."""
+    """Seconds that a call takes."""
     start = perf_counter()
     work()
     return perf_counter() - start
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, float]:
-    """Print the ratios; return the seconds of a run, and of what is compared with it."""
+    """Print the ratios; return the seconds of a run, and of the calls compared with it."""
     few = brief(argv, __doc__)
     mech = mbdae.load("andrews_squeezer")
     names, T = parameters(mech), 0.003 if few else 0.03
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
         {"run": lambda: timed(run), "value and gradient": lambda: timed(lambda: mbdae.gradient(run(), cost, names))},
         repeats,
     )
-    for k in COUNTS:  # by itself: a mechanism is bound to the parameters of the last call
+    for k in COUNTS:  # separately: a mechanism is bound to the parameters of the last call
         mbdae.sensitivity(sol, names[:k])
         work = {"run": lambda: timed(run), "k": lambda k=k: timed(lambda: mbdae.sensitivity(run(), names[:k]))}
         beside = medians(work, repeats)

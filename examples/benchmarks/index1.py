@@ -1,4 +1,4 @@
-"""Planar problems with index 1, in real numbers: for programs that compile or differentiate what they are given.
+"""Planar problems with index 1, in real numbers: for programs that compile or differentiate the equations.
 
     M a = f + G^T lam,   G a = -gamma - 2 alpha G v - alpha^2 g        (Baumgarte 1972)
 
@@ -17,15 +17,15 @@ import numpy as np
 from planar import Equations, Problem
 from runs import SAMPLES, Run, Runner, installed
 
-STEPS = 1_000_000  # no run takes more
+STEPS = 1_000_000  # upper limit of a run
 
 
 def terms(eq: Equations, constant: Callable[[Any], Any], c: Any, s: Any, v: Any, alpha: float) -> tuple[Any, ...]:
-    """Return M (n, n), f (n, 1), the rows of G as real and imaginary parts (nc, n), and what G a is, (nc, 1) each.
+    """Return M (n, n), f (n, 1), the rows of G as real and imaginary parts (nc, n), and G a, (nc, 1) each.
 
     Args:
-        eq: the problem's numbers.
-        constant: turns a numpy array into one of the program.
+        eq: the problem's data.
+        constant: converts a numpy array into one of the program.
         c: cos q, (n, 1).
         s: sin q, (n, 1).
         v: rates, (n, 1).
@@ -84,7 +84,7 @@ def with_casadi(problem: Problem, solver: str, alpha: float, **options: Any) -> 
         fixed |= {"jit_cleanup": False}
 
     def run(rtol: float) -> Run | None:
-        with tempfile.TemporaryDirectory() as folder, chdir(folder):  # where casadi leaves its C
+        with tempfile.TemporaryDirectory() as folder, chdir(folder):  # where casadi writes its C
             F = ca.integrator("F", solver, dae, 0, grid, {"reltol": rtol, "abstol": rtol, **fixed})
             try:
                 started = perf_counter()

@@ -1,7 +1,7 @@
-"""The solvers of work_precision.py: how each is set up, and one run of it. The settings are told in that script.
+"""The solvers of work_precision.py: set-up, and one run of each. The settings are described in that script.
 
-A solver is a function of a problem that returns a function of a tolerance or step size, or None where the program is
-not installed. That function runs once and returns a `Run`; only the solver's own loop is timed.
+A solver is a function of a problem that returns a function of a tolerance or step size, or None if the program is not
+installed. That function runs once and returns a `Run`; only the solver's loop is timed.
 """
 
 from collections.abc import Callable
@@ -22,12 +22,12 @@ import mbdae
 
 
 def order(problem: Problem, mech: mbdae.Mechanism) -> list[int]:
-    """Where the bars' angles stand in q."""
+    """Positions of the bars' angles in q."""
     return [mech.joint_names.index(name) for name in problem.names]
 
 
 def with_mbdae(problem: Problem, method: str, project: bool = False, cut: bool = False, **options: Any) -> Runner:
-    """Methods of mbdae under a tolerance."""
+    """Methods of mbdae with step-size control."""
     mech = pendulum_model(cut=True) if cut else problem.model()
     at = order(problem, mech)
     start = dict(zip(problem.names, problem.start(), strict=True))
@@ -221,7 +221,7 @@ def backend_of(problem: Problem, **settings: Any) -> str:
 
 
 def ours(problem: Problem) -> dict[str, tuple[Maker, bool]]:
-    """Methods of mbdae; those of which the compiled core has no form are named so."""
+    """Methods of mbdae; those not in the compiled core are labelled so."""
     out: dict[str, tuple[Maker, bool]] = {}
     fast = backends()[-1]
     for name, options in METHODS.items():
@@ -241,7 +241,7 @@ def ours(problem: Problem) -> dict[str, tuple[Maker, bool]]:
 
 
 def solvers(problem: Problem) -> dict[str, tuple[Maker, bool]]:
-    """Return by name: what makes the runner, and whether it takes steps instead of tolerances."""
+    """Return by name: the factory of the runner, and whether it takes steps instead of tolerances."""
     out = ours(problem)
     out["DOP853 on Pinocchio"] = partial(with_pinocchio, baumgarte=100.0), False
     if problem.title in TUNED:

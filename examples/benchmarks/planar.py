@@ -1,9 +1,9 @@
-"""Planar mechanisms as plain numbers, and their equations written by hand.
+"""Planar mechanisms as data, and their equations written by hand.
 
 A planar mechanism is a tree of bars on hinges, and pins that close loops. Points are complex numbers: with the absolute
 angle of bar j in q_j, every point is z = z_0 + sum_j a_j e_j(q_j), e_j = exp(i q_j), so that the equations of motion
-are a few products of constant matrices with e, e' and e''. A bar whose hinge is cut brings two more coordinates x and
-y (e_j = q_j, a = 1 and i), and its hinge becomes a constraint. SI units, angles in rad, gravity along -y.
+are a few products of constant matrices with e, e' and e''. A bar whose hinge is cut has two more coordinates x and y
+(e_j = q_j, a = 1 and i), and its hinge becomes a constraint. SI units, angles in rad, gravity along -y.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Bar:
-    """A body on a hinge; points in its own axes, from its hinge on."""
+    """A body on a hinge; points in the body's axes, from its hinge."""
 
     name: str
     parent: str | None
@@ -26,23 +26,23 @@ class Bar:
     com: complex
     mass: float
     inertia: float  # about the centre of mass
-    start: float  # angle against the parent
+    start: float  # angle relative to the parent
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A planar mechanism at rest, what drives it, and what is known of its end.
+    """A planar mechanism at rest, its applied forces, and its reference solution.
 
     Args:
         title: its name.
         end: time in s.
-        model: makes it a mechanism of mbdae whose joints are called like the bars.
+        model: makes a mechanism of mbdae whose joints have the names of the bars.
         bars: parents first.
         pins: loops: bar, point on it, bar, point on it.
         gravity: in m/s^2.
         torque: on the first bar, in N m.
         spring: bar, point on it, point of the ground, stiffness, rest length.
-        reference: returns the angles against the parents at the end, in the order of the bars.
+        reference: returns the angles relative to the parents at the end, in the order of the bars.
     """
 
     title: str
@@ -61,7 +61,7 @@ class Problem:
         return [b.name for b in self.bars]
 
     def absolute(self, q: Array) -> Array:
-        """Absolute angles (..., n) from angles against the parents (..., n)."""
+        """Absolute angles (..., n) from angles relative to the parents (..., n)."""
         out = np.array(q, float)
         for i, b in enumerate(self.bars):
             if b.parent:
@@ -69,7 +69,7 @@ class Problem:
         return out
 
     def relative(self, theta: Array) -> Array:
-        """Angles against the parents from absolute ones."""
+        """Angles relative to the parents from absolute ones."""
         out = np.array(theta, float)
         for i, b in enumerate(self.bars):
             if b.parent:
@@ -77,7 +77,7 @@ class Problem:
         return out
 
     def start(self) -> Array:
-        """Angles against the parents at the start."""
+        """Angles relative to the parents at the start."""
         return np.array([b.start for b in self.bars])
 
     def gap(self, theta: Array) -> float:

@@ -1,4 +1,4 @@
-"""The three problems of work_precision.py, with references that no solver measured there has computed.
+"""The three problems of work_precision.py, with references that none of the solvers measured there computed.
 
 Four-bar: bars of 1, 2 and 1.5 m and 1 kg/m on a ground of 2 m. Double pendulum: bars of 1 and 0.8 m, 1 and 0.8 kg, 0.9
 and 0.4 rad from hanging. Both from rest, for 10 s. Andrews' squeezing mechanism for 0.03 s.
@@ -18,7 +18,7 @@ def rod(name: str, parent: str | None, hinge: complex, length: float, mass: floa
 
 
 def four_bar_end() -> Array:
-    """One coordinate, the crank's angle: the other angles where two circles meet, their rates from G v = 0."""
+    """Integrate in the crank's angle: other angles by the intersection of two circles, rates by G v = 0."""
     eq = Equations(FOUR_BAR)
 
     def pose(crank: float) -> Array:

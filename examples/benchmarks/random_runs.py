@@ -1,4 +1,4 @@
-"""Random runs of mechanisms through and near singular configurations: each is drawn from its number."""
+"""Random runs of mechanisms through and near singular configurations: each is determined by its number."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -29,11 +29,11 @@ MECHANISMS = (
     "bricard",
     "stewart_platform",
 )
-CHANGE = 1e-6  # of the speed at the start, or rad/s where it is slow: to see how changes grow
+CHANGE = 1e-6  # of the speed at the start, or rad/s where it is slow: to measure the growth of perturbations
 
 
 class Case(NamedTuple):
-    """A run to be made."""
+    """A run to be computed."""
 
     number: int
     mechanism: str
@@ -62,7 +62,7 @@ class Reference:
         return self.mech.manifold.difference(b, a)
 
     def off(self, q: Array) -> float:
-        """No branches meet."""
+        """No branches intersect."""
         return 0.0
 
     def at(self, t: float) -> tuple[Array, Array]:
@@ -70,7 +70,7 @@ class Reference:
         return self.solution(t)
 
     def forces(self, t: float) -> tuple[Array, float]:
-        """Return lam (ng,), and that no rank is lost."""
+        """Return lam (ng,), and that there is no rank loss."""
         return self.solution.multipliers(t), 1.0
 
 
@@ -89,8 +89,8 @@ def _bars(kind: str, rng: np.random.Generator) -> Array:
 
 
 def random_branch(kind: str, gravity: float, rng: np.random.Generator) -> tuple[branches.Branch, str]:
-    """Return a random branch of a mechanism with a regular start, and what it is in words."""
-    s = rng.integers(2) * np.pi + rng.uniform(0.3, np.pi - 0.3)  # bars lie in a line at multiples of pi
+    """Return a random branch of a mechanism with a regular start, and its description."""
+    s = rng.integers(2) * np.pi + rng.uniform(0.3, np.pi - 0.3)  # bars are in line at multiples of pi
     if kind == "bricard":
         folded = bool(rng.integers(2))
         r1 = rng.uniform(-0.5, np.pi + 0.5)
@@ -118,7 +118,7 @@ def random_branch(kind: str, gravity: float, rng: np.random.Generator) -> tuple[
 
 
 def _platform(rng: np.random.Generator, end: float) -> tuple[Reference, Reference, str]:
-    """The Stewart platform, turned towards a quarter, where its legs' forces alone would not hold it."""
+    """The Stewart platform, rotated towards a quarter turn, where its legs' forces alone would not support it."""
     mech = mbdae.load("stewart_platform")
     turn, tilt, height = rng.uniform(0.8, 1.65) * rng.choice([-1, 1]), rng.uniform(-0.2, 0.2), rng.uniform(0.55, 0.8)
     pose = [0.0, 0.0, height, tilt / 2, 0.0, np.sin(turn / 2), np.cos(turn / 2)]
@@ -129,7 +129,7 @@ def _platform(rng: np.random.Generator, end: float) -> tuple[Reference, Referenc
 
 
 def options(number: int, seed: int) -> tuple[np.random.Generator, str, str, str, float]:
-    """Draw mechanism, method, mode and rtol of a run; its generator goes on to draw the start."""
+    """Draw mechanism, method, mode and rtol of a run; its generator then draws the start."""
     rng = np.random.default_rng([seed, number])
     method = str(rng.choice(list(METHODS), p=list(METHODS.values())))
     mode = str(rng.choice(list(MODES), p=[share for share, _ in MODES.values()]))

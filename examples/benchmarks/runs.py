@@ -1,4 +1,4 @@
-"""What a run of a solver in work_precision.py returns, and how programs that may be missing are found."""
+"""The result of a solver's run in work_precision.py, and the import of optional programs."""
 
 import importlib
 from collections.abc import Callable
@@ -8,12 +8,12 @@ from types import ModuleType
 import numpy as np
 
 Array = np.ndarray
-SAMPLES = 20  # times at which |g| is looked at where a program shows no more
+SAMPLES = 20  # times at which |g| is measured for programs that provide no more
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run: seconds of the solver, angles against the parents at the end, largest |g| in m on the way."""
+    """A run: seconds of the solver, angles relative to the parents at the end, largest |g| in m during the run."""
 
     seconds: float
     end: Array
@@ -24,7 +24,7 @@ Runner = Callable[[float], Run | None]
 
 
 def installed(name: str) -> ModuleType | None:
-    """Import a program that may be missing."""
+    """Import an optional program."""
     try:
         return importlib.import_module(name)
     except ImportError:

@@ -1,4 +1,4 @@
-"""How the cost of a stage grows with the mechanism: rows of N four-bars with N loops and 2 N + 1 bars.
+"""Growth of the cost of a stage with the mechanism: rows of N four-bars with N loops and 2 N + 1 bars.
 
 Measured are whole runs of pherk5 with fixed steps: their seconds over their linear solves. The exponent is the slope of
 the logarithm of the time over that of N, from N = 10 on.
@@ -15,7 +15,7 @@ from stages import stage
 import mbdae
 
 SIZES = (1, 2, 5, 10, 20, 40, 100)
-STEP = 2e-4  # s: the first singular position, at half a second, is not reached
+STEP = 2e-4  # s: before the first singular configuration, at half a second
 
 
 def exponent(times: dict[int, float]) -> float | None:

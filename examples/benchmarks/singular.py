@@ -1,23 +1,23 @@
-"""An ensemble of random runs through and near singular configurations, each judged by a motion known independently.
+"""An ensemble of random runs through and near singular configurations, each compared with an independent solution.
 
 Each run has a number, from which mechanism, start, method, mode and tolerance are drawn; it is the same in every
-ensemble of that seed. The truth of mechanisms of one freedom is the motion along the closed form of the branch on which
-they start (`branches.Truth`); that of the Stewart platform, whose closures lose no rank, is pherk6 with projection at
-rtol 1e-11. Compared are up to 300 nodes and the last 20: q in rad and m, v over its largest, lam over its own where the
-smallest singular value of G M^-1/2 is above a tenth of its largest.
+ensemble of that seed. The reference of mechanisms of one degree of freedom is the motion along the closed form of the
+branch on which they start (`branches.Truth`); that of the Stewart platform, whose closures lose no rank, is pherk6 with
+projection at rtol 1e-11. Compared are up to 300 nodes and the last 20: q in rad and m, v over its largest, lam over its
+largest where the smallest singular value of G M^-1/2 is above a tenth of its largest.
 
-    right            all within 1e-2
-    loose            on its branch, but farther from the truth: by less than 100 rtol times the growth of a small change
-                     of the starting speed
-    stopped          the run ended with a reason, and all before is right or loose
-    slow             likewise, but by the largest number of steps
-    v there          likewise, but velocities are wrong at nodes in or next to singular configurations, and only these
-    wrong, told      something else is wrong, and a warning or the message says so
-    silently wrong   something is wrong, and nothing says so
-    traceback        an exception
+right            all within 1e-2
+loose            on its branch, but farther from the reference: by less than 100 rtol times the growth of a small change
+                 of the starting speed
+stopped          the run ended with a reason, and all nodes before are right or loose
+slow             the same, but ended by the largest number of steps
+v there          the same, but velocities are wrong at nodes in or next to singular configurations, and only these
+wrong, told      any other error, reported by a warning or the message
+silently wrong   any other error, not reported
+traceback        an exception
 
 Run: python examples/benchmarks/singular.py [--runs N] [--seed N] [--mechanism M] [--method M] [--mode M] [--workers N]
-                                            [--only N] [--brief]
+[--only N] [--brief]
 """
 
 import argparse
@@ -38,15 +38,15 @@ import mbdae
 Array = np.ndarray
 OUTCOMES = ("right", "loose", "stopped", "slow", "v there", "wrong, told", "silently wrong", "traceback")
 NEAR = 1e-2  # rad, m, and relative: right
-LOOSE = 100.0  # times rtol: what steps may add up to as a change of the speed at the start
+LOOSE = 100.0  # times rtol: accumulated errors of steps as a change of the speed at the start
 REGULAR = 0.1  # of the largest ratio of singular values: lam is compared above
 TOLD = "went over to another branch", "rows that depended on others"
-KEPT = 300  # nodes at which a run is judged
+KEPT = 300  # nodes at which a run is compared
 EXPLICIT_STEPS, IMPLICIT_STEPS = 20000, 1500
 
 
 class Result(NamedTuple):
-    """What came of a run."""
+    """The outcome of a run."""
 
     number: int
     mechanism: str
@@ -70,10 +70,10 @@ def _worst(error: Array, growth: Array, rtol: float, scale: Array | float = 1.0)
 
 
 def judge(c: Case, sol: mbdae.Solution) -> tuple[list[str], int, str]:
-    """Compare a run with the truth at its nodes.
+    """Compare a run with the reference at its nodes.
 
     Returns:
-        Which are wrong, or "loose", or nothing; how many singular configurations are passed; the errors in words.
+        Which are wrong, or "loose", or nothing; the number of singular configurations crossed; the errors as text.
     """
     chosen = np.unique(np.linspace(0, len(sol.t) - 1, KEPT).astype(int)) if len(sol.t) > KEPT else np.arange(len(sol.t))
     chosen = np.union1d(chosen, np.arange(max(0, len(sol.t) - 20), len(sol.t)))
@@ -106,7 +106,7 @@ def judge(c: Case, sol: mbdae.Solution) -> tuple[list[str], int, str]:
 
 
 def run(number: int, seed: int = 0) -> Result:
-    """Make a run and judge it."""
+    """Compute a run and compare it with its reference."""
     c = case(number, seed)
     limit = IMPLICIT_STEPS if c.method == "radau5" else EXPLICIT_STEPS
     about = f"{c.mechanism}, {c.method}, {c.mode}, rtol {c.rtol:.1e}, {c.title}"
@@ -120,7 +120,7 @@ def run(number: int, seed: int = 0) -> Result:
             )
             seconds = perf_counter() - started
             wrong, passed, errors = judge(c, sol)
-        except Exception as e:  # whatever it is, it is what the ensemble looks for
+        except Exception as e:  # any exception is an outcome of the ensemble
             text = f"{about}: {type(e).__name__}: {e}"
             return Result(number, c.mechanism, c.method, c.mode, "traceback", 0, 0, 0, 0.0, text)
     if wrong == ["v there"]:

@@ -1,10 +1,10 @@
-"""Microseconds per stage of both back ends, beside the Pinocchio and LAPACK calls that a stage cannot do without.
+"""Microseconds per stage of both back ends, compared with the Pinocchio and LAPACK calls that a stage requires.
 
 A stage solves M v' = f + G^T lam, Ghat v' = rhs. Measured are whole runs of pherk5 with fixed steps: their seconds over
 their linear solves, everything included. The bare calls, timed in the same run at the model's start: crba,
 nonLinearEffects, the Cholesky factorization of M, M^-1 [G^T f], the factorization of G M^-1 G^T and the solution with
-it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core. A set of slopes is all
-first derivatives at a point, which an iteration of Radau IIA, statics and modes need.
+it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core. "slopes" are all first
+partial derivatives at a point, which an iteration of Radau IIA, statics and modes need.
 
 Run: python examples/benchmarks/stages.py [--brief]
 """
@@ -25,7 +25,7 @@ CALLS = 300  # of the bare sequence in one measurement
 
 
 def stage(mech: mbdae.Mechanism, h: float, steps: int, backend: str = "python") -> Callable[[], float]:
-    """Return a run of pherk5 that tells its seconds per linear solve."""
+    """Return a run of pherk5 that returns its seconds per linear solve."""
 
     def run() -> float:
         sol = mbdae.solve(mech, (0, steps * h), method="pherk5", step=h, backend=backend)
@@ -37,7 +37,7 @@ def stage(mech: mbdae.Mechanism, h: float, steps: int, backend: str = "python") 
 
 
 def bare_python(mech: mbdae.Mechanism) -> Callable[[], float]:
-    """Return a run of the bare calls from Python that tells the seconds of one sequence."""
+    """Return a run of the bare calls from Python that returns the seconds of one sequence."""
     system, (q, v), model = mech.system(), mech.start, mech.model
     system.derivative(0.0, mech.point())
     G, data = system.jacobian(q)[system.rows], model.createData()
@@ -58,7 +58,7 @@ def bare_python(mech: mbdae.Mechanism) -> Callable[[], float]:
 
 
 def in_core(mech: mbdae.Mechanism) -> dict[str, Callable[[], float]]:
-    """Return what the compiled core times: the bare calls, and a set of slopes; nothing without it."""
+    """Return the timings of the compiled core: the bare calls, and all partial derivatives; empty without the core."""
     if (native := load()) is None:
         return {}
     system = mech.system(native=native)

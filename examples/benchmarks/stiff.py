@@ -2,9 +2,9 @@
 
     M(q) v' = f(t, q, v) + G(q)^T lam,   G v' = b(t, q, v)
 
-Flyball governor of the IFToMM library, in shaft, slider and one rod's angle, as both rods move alike. A slider-crank
+Flyball governor of the IFToMM library, in shaft, slider and one rod's angle, as both rods move equally. A slider-crank
 whose massless rod is a spring of 1e8 N/m, damped by 1e4 N s/m. The car axis (Mazzia, Magherini, Test set for initial
-value problem solvers, 2008) with eps = 1e-3 in place of 1e-2.
+value problem solvers, 2008) with eps = 1e-3 instead of 1e-2.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class Stiff:
         title: its name.
         end: time in s.
         model: returns the mechanism, and its q and v at the start.
-        joints: which of its joints the seen coordinates are.
+        joints: the joints of the observed coordinates.
         seen: indices of the coordinates in which errors are measured, in m and rad.
         start: q and v of the equations.
         terms: (m, t, q, v) -> M, f, G, b, with m the module that has sin, cos and sqrt.
@@ -52,7 +52,7 @@ class Stiff:
         return x[: len(q)], x[len(q) :]
 
     def reference(self) -> Array:
-        """The seen coordinates at the end, by an explicit method, whose steps stability keeps short."""
+        """The observed coordinates at the end, by an explicit method, whose steps are limited by stability."""
         n, y0 = len(self.start[0]), np.concatenate(self.start)
 
         def rate(t: float, y: Array) -> Array:
@@ -79,7 +79,7 @@ def governor(m: Any, t: Any, q: Any, v: Any) -> Terms:
 
 
 def spring_crank(m: Any, t: Any, q: Any, v: Any) -> Terms:
-    """Coordinates: angle of the crank, place of the slider on the x axis."""
+    """Coordinates: angle of the crank, position of the slider on the x axis."""
     c, w = m.cos(q[0]), m.sin(q[0])
     x, z = q[1] - 0.1 * c, -0.1 * w
     d = m.sqrt(x * x + z * z)
@@ -138,7 +138,7 @@ def spring_crank_model() -> Start:
 
 
 def car_axis_model() -> Start:
-    """The axle turns so that its tip follows the road; the axis is two masses at the distance 1 m."""
+    """The axle turns so that its tip follows the road; the axis is two masses at a distance of 1 m."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -1.0])
     axle = _body(model, 0, _crank_axis(), "axle", 1.0, 1.0)

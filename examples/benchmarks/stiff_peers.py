@@ -1,4 +1,4 @@
-"""The solvers of the stiff problems of work_precision.py. The settings are told in that script."""
+"""The solvers of the stiff problems of work_precision.py. The settings are described in that script."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +13,7 @@ import mbdae
 
 
 def with_mbdae(problem: Stiff, method: str, **options: object) -> Runner:
-    """Methods of mbdae under a tolerance."""
+    """Methods of mbdae with step-size control."""
     mech, start = problem.model()
     at = [mech.model.joints[mech.model.getJointId(name)].idx_q for name in problem.joints]
 
@@ -54,7 +54,7 @@ def with_idas(problem: Stiff) -> Runner | None:
 
 
 def with_solve_dae(problem: Stiff) -> Runner | None:
-    """Radau of solve_dae on the equations with index 1, lam as the rate of an unknown; slopes by differences."""
+    """Radau of solve_dae on the equations with index 1, lam as the rate of an unknown; Jacobian by differences."""
     package = installed("solve_dae.integrate")
     if package is None:
         return None
@@ -100,7 +100,7 @@ def with_exudyn(problem: Stiff) -> Runner | None:
 
 
 def stiff_solvers(problem: Stiff) -> dict[str, tuple[Callable[[Stiff], Runner | None], bool]]:
-    """Return by name: what makes the runner, and whether it takes steps instead of tolerances."""
+    """Return by name: the factory of the runner, and whether it takes steps instead of tolerances."""
     fast = backends()[-1]
     ours = {name: partial(with_mbdae, method=name, backend=fast) for name in ("radau5", "radau9", "pherk5")}
     others = {"casadi IDAS": (with_idas, False), "solve_dae Radau": (with_solve_dae, False)}

@@ -1,9 +1,9 @@
-"""A pendulum on a stop, beside programs that make stops soft: error of its angle, how far it goes beyond, and time.
+"""A pendulum on a stop, compared with programs that make stops soft: error of its angle, penetration, and time.
 
-A point of 1 kg on a light rod of 1 m falls from 1.2 rad on a stop at 0.3 rad that throws it back with 0.7 of its speed.
-Looked at after 2.2 s, behind three impacts; the exact angle comes of elliptic integrals, in 30 digits. MuJoCo's limit
-is a soft constraint, Exudyn's a stiff spring with a damper, both with the damping that gives a restitution of 0.7 in
-one impact of a mass (xi = -log e/sqrt(pi^2 + log^2 e)), and as stiff as the step allows.
+A point of 1 kg on a light rod of 1 m falls from 1.2 rad on a stop at 0.3 rad and rebounds with 0.7 of its speed.
+Observed after 2.2 s and three impacts; the exact angle follows from elliptic integrals, in 30 digits. MuJoCo's limit is
+a soft constraint, Exudyn's a stiff spring with a damper, both with the damping that gives a restitution of 0.7 in one
+impact of a mass (xi = -log e/sqrt(pi^2 + log^2 e)), and as stiff as the step allows.
 
 Run: python examples/benchmarks/stops.py [--brief]
 """
@@ -20,7 +20,7 @@ import mbdae
 
 STOP, TOP, E, END, G = 0.3, 1.2, 0.7, 2.2, 9.81
 XI = float(-np.log(E) / np.hypot(np.pi, np.log(E)))
-PERIODS = 20  # steps in half a swing of the stop's spring
+PERIODS = 20  # steps in a half-period of the stop's spring
 MODEL = """<mujoco><compiler angle="radian"/><option timestep="{h}" gravity="0 0 -9.81" integrator="RK4"/>
 <worldbody><body><joint name="a" type="hinge" axis="0 1 0" limited="true" range="{stop} 3" solreflimit="-{k} -{d}"
 solimplimit="0.9999 0.9999 0.001"/><inertial pos="0 0 -1" mass="1" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>
@@ -28,7 +28,7 @@ solimplimit="0.9999 0.9999 0.001"/><inertial pos="0 0 -1" mass="1" diaginertia="
 
 
 class Run(NamedTuple):
-    """The angle at the end, how far it went beyond the stop, in rad, and the seconds that it took."""
+    """The angle at the end, the penetration of the stop, in rad, and the computing time in s."""
 
     end: float
     beyond: float
@@ -116,7 +116,7 @@ def exudyn(h: float) -> Run:
 
 
 def solvers(short: bool) -> dict[str, Callable[[], Run]]:
-    """What is installed, by name and setting."""
+    """Installed programs, by name and setting."""
     tolerances, steps = ((1e-6,), (1e-3,)) if short else ((1e-4, 1e-6, 1e-8, 1e-10, 1e-12), (1e-3, 1e-4, 1e-5))
     return programs(ours, tolerances, steps, mujoco=mujoco, exudyn=exudyn)
 

@@ -1,25 +1,25 @@
-"""Time to reach an error of the end position: mbdae beside the solvers that users of mechanisms have.
+"""Time to reach an error of the end position: mbdae compared with other solvers for mechanisms.
 
 Three problems (problems.py): four-bar and double pendulum for 10 s, Andrews' squeezing mechanism for 0.03 s. The error
 is the largest of all joint angles at the end, in rad, against references that none of these solvers computed. Each
-solver runs over tolerances in half decades, or steps that are halved; counted is the cheapest run below an error, as
-the median of interleaved repetitions, and only the solver's own loop. "n.r.": not reached within the time allowed. Mind
-that the four-bar nearly rests at 10 s, where errors of the phase count little: that favours all solvers alike.
+solver runs over tolerances in half decades, or steps that are halved; the result is the cheapest run below an error, as
+the median of interleaved repetitions, and only the solver's loop is timed. "n.r.": not reached within the time allowed.
+The four-bar nearly rests at 10 s, where phase errors have little effect: that favours all solvers equally.
 
 The settings. mbdae: atol = rtol; "projected" keeps g = 0 and G v = 0 after each step. scipy: DOP853, atol = rtol, on
 pin.constraintDynamics with Baumgarte's alpha = beta = 100 1/s (Kp = 1e4, Kd = 200; proximal accuracy 1e-12, mu =
-1e-10); the four-bar once more with alpha = 10 1/s, the fastest of several, which on Andrews differ little; Andrews'
-spring by hand in terms of its angle. solve_dae: Radau, atol = rtol, on the GGL form in absolute angles, written by hand
-in a few matrix products, with the exact Jacobian. MuJoCo: RK4, solref = (2 steps, 1), solimp = (0.9999, 0.9999, 0.001),
-tolerance 1e-14; its C loop is entered 20 times only. Exudyn: generalized alpha with spectral radius 1 on index 2,
+1e-10); the four-bar again with alpha = 10 1/s, the fastest of several, which on Andrews differ little; Andrews' spring
+by hand in terms of its angle. solve_dae: Radau, atol = rtol, on the GGL form in absolute angles, written by hand in a
+few matrix products, with the exact Jacobian. MuJoCo: RK4, solref = (2 steps, 1), solimp = (0.9999, 0.9999, 0.001),
+tolerance 1e-14; its C loop is entered only 20 times. Exudyn: generalized alpha with spectral radius 1 on index 2,
 modified Newton to 1e-10, bodies in absolute coordinates. diffrax (Dopri8, compiled by JAX before it is timed) and
 casadi (CVODES with Adams' methods and functional iteration; IDAS with accelerations and lam as algebraic unknowns; both
-compiled to C where there is a compiler) solve equations with index 1 written by hand, with alpha = 10 1/s; 20 points
-are asked for. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo;
-solve_dae keeps the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. The
-stiff problems (stiff.py) go to mbdae, to IDAS as above but not compiled and with a and lam left out of its error test,
-to solve_dae's Radau on equations with index 1, with slopes by differences, and to Exudyn as above, the governor as a
-kinematic tree (exudyn_stiff.py). Largest |g| in m: over
+compiled to C if there is a compiler) solve equations with index 1 written by hand, with alpha = 10 1/s and 20 output
+points. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo; solve_dae keeps the elbow by a constraint, as
+"elbow cut" does in mbdae, and Exudyn all hinges. The stiff problems (stiff.py) are solved by mbdae, by IDAS as above
+but not compiled and with a and lam left out of its error test, by solve_dae's Radau on equations with index 1, with a
+finite-difference Jacobian, and by Exudyn as above, the governor as a kinematic tree (exudyn_stiff.py). Largest |g| in
+m: over all steps; for MuJoCo and Exudyn over 20 times, and there without the hinges.
 all steps; for MuJoCo and Exudyn over 20 times, and there without the hinges.
 
 Run: python examples/benchmarks/work_precision.py [--brief]
@@ -45,7 +45,7 @@ from stiff_peers import stiff_solvers
 TARGETS = (1e-3, 1e-6, 1e-9)  # rad
 STIFF_TARGETS = (1e-4, 1e-6, 1e-8)  # rad and m
 DRIFT = 1e-9  # m
-CAP, LONG, SHORT = 5.0, 1.0, 0.05  # s: no run is longer; longer ones are timed once; shorter ones always repeated
+CAP, LONG, SHORT = 5.0, 1.0, 0.05  # s: upper limit of a run; longer ones are timed once; shorter ones always repeated
 PICTURE = Path(__file__).parent.parent / "pictures" / "work_precision_peers.png"
 TOLERANCES = np.logspace(-2, -13, 23)
 
@@ -66,7 +66,7 @@ def values(problem: Problem | Stiff, stepped: bool) -> Iterable[float]:
 
 
 def curve(runner: Runner, values: Iterable[float], reference: np.ndarray, least: float, cap: float) -> Iterator[Point]:
-    """Run from coarse to fine until least error and drift are passed, or a run would take longer than cap seconds."""
+    """Run from coarse to fine until the least error and drift are reached, or a run would exceed cap seconds."""
     last = 0.0
     for value in values:
         run = runner(value)
@@ -89,7 +89,7 @@ def cheapest(points: Sequence[Point], error: float, g: float = np.inf) -> Point 
 def measure(
     problem: Problem | Stiff, solvers: dict[str, Any], targets: Sequence[float], cap: float, repeats: int
 ) -> dict[str, list[Point]]:
-    """Points of each solver; those that count, and short ones, are timed again, in turn."""
+    """Points of each solver; relevant and short ones are timed again, in turn."""
     reference, runners, points = problem.reference(), {}, {}
     for name, (make, stepped) in solvers.items():
         if (runner := make(problem)) is None:
@@ -143,7 +143,7 @@ def report(problem: Problem, points: dict[str, list[Point]], targets: Sequence[f
 
 
 def report_stiff(problem: Stiff, points: dict[str, list[Point]], targets: Sequence[float]) -> str:
-    """One row for each solver, beside radau5."""
+    """One row for each solver, relative to radau5."""
     base, rows = cells(points["radau5"], targets), []
     for name, found in points.items():
         times = cells(found, targets)

@@ -1,1 +1,1 @@
-"""The command line: options that commands share, what they write, and Ctrl-C."""
+"""Command line: shared options, output, and Ctrl-C."""

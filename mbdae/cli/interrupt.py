@@ -1,8 +1,8 @@
-"""Ctrl-C on the command line: an error that commands catch; in the middle of an import one line, and the end.
+"""Ctrl-C on the command line: an error that commands catch; during an import one line, and exit.
 
-Imported first, and imports go on while commands begin. An exception would come out of the middle of other packages'
-imports, as whatever they make of it. Only what Python imports itself before it comes to mbdae, a tenth of a second with
-`site`, ends in Python's own traceback.
+Imported first, since imports continue while commands start. An exception would surface inside the imports of other
+packages, which may change it. Only during Python's imports before mbdae, a tenth of a second with `site`, Ctrl-C
+causes Python's traceback.
 """
 
 import os
@@ -11,7 +11,7 @@ import sys
 from types import FrameType
 
 CODE = 130  # 128 and the number of SIGINT
-IMPORTS = "<frozen importlib"  # the file of the functions that import, as Python calls it
+IMPORTS = "<frozen importlib"  # file name of the import functions in tracebacks
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
@@ -24,7 +24,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def _command_line() -> bool:
-    """Whether this process is mbdae's own, and not one that uses it, or a worker."""
+    """Return whether this process is mbdae's command line, not a program that uses it, or a worker."""
     script = [os.path.splitext(os.path.basename(word))[0] for word in sys.orig_argv[1:2]]  # pathlib takes 10 ms
     return script == ["mbdae"] or sys.orig_argv[1:3] == ["-m", "mbdae"]
 

@@ -1,4 +1,4 @@
-"""The model that a command works on: its name or file, values of its parameters, and where it starts."""
+"""The model argument of a command: its name or file, values of its parameters, and its start."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ set_option = click.option("--set", "chosen", multiple=True, metavar="NAME=X", he
 
 @dataclass(frozen=True)
 class ChosenModel:
-    """What was said of a model on the command line.
+    """Model arguments of the command line.
 
     Attributes:
-        name: what `mbdae.load` takes, parameters behind the name included.
+        name: argument of `mbdae.load`, including parameters after the name.
         start: start values by name, ``start.q.crank``.
     """
 
@@ -35,10 +35,10 @@ class ChosenModel:
     start: dict[str, Any]
 
     def load(self) -> "Mechanism":
-        """Load it.
+        """Return the mechanism.
 
         Raises:
-            UnknownNameError, InputError: as `mbdae.load`; for a start value of a joint that it has not.
+            UnknownNameError, InputError: as for `mbdae.load`; for a start value of an unknown joint.
         """
         from ..mechanism import load
         from ..mechanism.formats.template import with_start
@@ -46,10 +46,10 @@ class ChosenModel:
         return with_start(load(self.name), self.start)
 
     def problem(self) -> "Problem":
-        """Load it, or make the textbook problem of that name.
+        """Return the mechanism or the textbook problem of that name.
 
         Raises:
-            UnknownNameError, InputError: as `load`; for a start value of a textbook problem.
+            UnknownNameError, InputError: as for `load`; for a start value of a textbook problem.
         """
         from ..mechanism import Mechanism
         from ..mechanism.formats.template import with_start
@@ -64,20 +64,20 @@ class ChosenModel:
 
     @property
     def textbook(self) -> bool:
-        """Whether it is a problem of textbooks."""
+        """Whether it is a textbook problem."""
         return self.name in public("mbdae.textbook.problems")
 
     @property
     def source(self) -> "str | Mechanism":
-        """The name, or the mechanism where it starts elsewhere."""
+        """The name, or the mechanism if it has another start."""
         return self.load() if self.start else self.name
 
 
 def chosen_model(name: str, started: tuple[str, ...], chosen: tuple[str, ...]) -> ChosenModel:
-    """Read what was said of a model.
+    """Parse the model arguments.
 
     Raises:
-        InputError: for what is not written name=value.
+        InputError: for text that is not name=value.
     """
     for text in chosen:
         key, equals, value = text.partition("=")
@@ -91,7 +91,7 @@ def chosen_model(name: str, started: tuple[str, ...], chosen: tuple[str, ...]) -
 
 
 def model_argument(command: Callable[..., Any], names: Callable[[], list[str]] = model_names) -> Callable[..., Any]:
-    """An argument MODEL with ``--start`` and ``--set``, handed on as a `ChosenModel`; completed to one of ``names``."""
+    """Add an argument MODEL with ``--start`` and ``--set``, passed as a `ChosenModel`, with completion of ``names``."""
 
     @click.argument("model", shell_complete=completed(names))
     @start_option

@@ -1,4 +1,4 @@
-"""What the sub-commands share: options, tables, progress, exit codes."""
+"""Shared parts of the sub-commands: options, tables, progress, exit codes."""
 
 import json
 import os
@@ -19,6 +19,23 @@ from .completion import FORMULATIONS, completed, methods
 
 if TYPE_CHECKING:
     from ..solution.solution import Problem, Solution
+
+
+class TimeSpan(click.ParamType):
+    """A number, or two with a comma."""
+
+    name = "end|start,end"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Read them."""
+        try:
+            times = tuple(float(text) for text in value.split(","))
+        except ValueError:
+            times = ()
+        if len(times) not in (1, 2):
+            self.fail(f"expected an end in s, or start,end, got {value!r}", param, ctx)
+        return times
+
 
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -43,9 +60,19 @@ backend_option = click.option(
 )
 SPEEDS = click.FloatRange(min=0, min_open=True)
 speed_option = click.option("--speed", type=SPEEDS, help="Replay at this speed.  [default: 1, slower if short]")
-time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
+t_span_option = click.option(
+    "-t", "--t-span", type=TimeSpan(), help="End time in s, or start,end; from 0 to the model's own when left out."
+)
+t_option = click.option("-t", "t", type=float, default=0.0, show_default=True, help="Time in s, for drivers.")
+q_option = click.option(
+    "--q", "q", multiple=True, help="Search from joint=value, in rad or m; else from the start."
+)
+v_option = click.option("--v", "v", multiple=True, help="A constant speed, joint=value, in rad/s or m/s.")
+hold_option = click.option("--hold", multiple=True, help="A joint to lock where it starts.")
+from_option = click.option("--from", "first", type=float, help="Start of the span, in rad or m; with --to.")
+to_option = click.option("--to", "last", type=float, help="End of the span.")
 methods_option = click.option(
-    "-m", "--method", "names", multiple=True, help="A method; several times for several.",
+    "-m", "--method", "methods", multiple=True, help="A method; several times for several.",
     shell_complete=methods_completed,
 )  # fmt: skip
 plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw a figure as .png, .svg or .pdf.")
@@ -57,19 +84,19 @@ PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), TABLE_SUFFIXES
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of a run that `simulate` takes, but for the method."""
-    for option in (project_option, formulation_option, step_option, atol_option, rtol_option, time_option):
+    for option in (project_option, formulation_option, step_option, atol_option, rtol_option, t_span_option):
         command = option(command)
     return command
 
 
 def replay_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """How a replay shows the motion: traces, arrows, the camera, the speed."""
+    """Add display options of a replay: traces, arrows, the camera, the speed."""
     for option in (
         click.option("--closures", is_flag=True, help="Mark the closures, also those that are closed."),
         click.option("--follow", help="A joint whose body the camera follows."),
         click.option("--camera", help="front, top, side or 3d.  [default: as the motion wants]"),
         click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures."),
-        click.option("--arrow", "arrow", multiple=True, help="A closure or joint whose force is drawn."),
+        click.option("--arrow", "arrows", multiple=True, help="A closure or joint whose force is drawn."),
         click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn."),
         speed_option,
     ):
@@ -78,15 +105,15 @@ def replay_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def panels(plots: tuple[str, ...]) -> list[tuple[str, ...]] | None:
-    """Plots of a replay: signals, those with commas on common axes."""
+    """Return the plots of a replay: signals, those with commas on common axes."""
     return [tuple(entry.split(",")) for entry in plots] or None
 
 
 def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
-    """Check files to be written before anything is computed; return those that are named.
+    """Check files to be written before anything is computed; return those that are given.
 
     Raises:
-        InputError: for a suffix that does not belong, or a folder that does not exist.
+        InputError: for an invalid suffix, or a folder that does not exist.
     """
     named = [(path, suffixes) for path, suffixes in paths if path]
     for path, suffixes in named:
@@ -100,24 +127,42 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     return [path for path, _ in named]
 
 
-def span(mech: "Problem", end: float | None) -> tuple[float, float]:
-    """The time span from 0 to an end, or to the model's own.
+def span(mech: "Problem", t_span: tuple[float, ...] | None) -> tuple[float, float]:
+    """The time span of an option: from 0 to an end or to the model's own, or from a start to an end.
 
     Raises:
-        InputError: for an end that is not positive.
+        InputError: for an end alone that is not positive, or an empty span.
     """
     from ..integrate.span import checked_span
 
-    return checked_span(mech.duration if end is None else end, end=True)
+    start, *ends = t_span or (mech.duration,)
+    return checked_span((start, *ends)) if ends else checked_span(start, end=True)
+
+
+def span_of(first: float | None, last: float | None) -> tuple[float, float] | None:
+    """The span of ``--from`` and ``--to``; None without both.
+
+    Raises:
+        InputError: for one of them without the other.
+    """
+    if (first is None) != (last is None):
+        raise InputError("give both --from and --to, or none")
+    return None if first is None or last is None else (first, last)
 
 
 def simulate(
-    mech: "Problem", *, method: str | None, end: float | None, rtol: float | None, step: float | None, **options: Any
+    mech: "Problem",
+    *,
+    method: str | None,
+    t_span: tuple[float, ...] | None,
+    rtol: float | None,
+    step: float | None,
+    **options: Any,
 ) -> "Solution":
-    """Run a model from its start with a progress bar; settings that are None are those of its file, or the defaults.
+    """Run a model from its start with a progress bar; None settings are those of its file, or the defaults.
 
     Raises:
-        InputError: for tolerances beside a fixed step, and as `mbdae.solve`.
+        InputError: for tolerances together with a fixed step, and as for `mbdae.solve`.
     """
     from ..integrate.settings import completed
     from ..integrate.solve import solve
@@ -126,18 +171,18 @@ def simulate(
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     given = {"method": method, "rtol": rtol, "step": step, **options}
     with bar(str(completed(mech, given)["method"]), 1.0) as tell:
-        return solve(mech, span(mech, end), progress=tell, **given)
+        return solve(mech, span(mech, t_span), progress=tell, **given)
 
 
 def finish(sol: "Solution") -> None:
-    """Exit 1, with the reason on stderr, when a run did not come to its end."""
+    """Exit 1, with the reason on stderr, if a run did not come to its end."""
     if not sol.success:
         click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
         sys.exit(FAILED)
 
 
 def stopped(what: str) -> NoReturn:
-    """Exit 1 where the user stopped a study, with what there is of it, or is not, on stderr."""
+    """Exit 1 after the user stopped a study, reporting on stderr whether partial results exist."""
     click.echo(printable(f"mbdae: stopped by the user {what}"), err=True)
     sys.exit(FAILED)
 
@@ -150,7 +195,7 @@ def emit(data: Any, text: str, as_json: bool) -> None:
 
 
 def show(rows: list[dict[str, Any]], as_json: bool) -> None:
-    """Print rows as a table, or as JSON; where the screen is narrow, words are wrapped, but for the first of a row."""
+    """Print rows as a table, or as JSON; on narrow screens words are wrapped, except in the first column."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -171,12 +216,12 @@ def show(rows: list[dict[str, Any]], as_json: bool) -> None:
 
 
 def listed(values: tuple[str, ...]) -> list[str]:
-    """Names of an option that is given several times, or once with commas; numbers belong to the name before."""
+    """Return names of an option given several times, or once with commas; numbers belong to the name before."""
     return [text for value in values for text in re.split(r",(?=[A-Za-z])", value) if text]
 
 
 def numbers(values: tuple[str, ...], kind: Any, name: str) -> list[Any] | None:
-    """Numbers of an option that is given several times, or once with commas; None when it is left out.
+    """Return numbers of an option given several times, or once with commas; None when left out.
 
     Raises:
         InputError: naming the option.
@@ -188,7 +233,7 @@ def numbers(values: tuple[str, ...], kind: Any, name: str) -> list[Any] | None:
 
 
 def values_by_name(texts: tuple[str, ...], option: str) -> dict[str, Any]:
-    """Numbers of an option ``name=value`` that is given several times; several numbers with commas are a list.
+    """Return numbers of an option ``name=value`` given several times; several numbers with commas are a list.
 
     Raises:
         InputError: naming the option.

@@ -1,1 +1,1 @@
-"""From a start to a solution: the time loop, events, jumps, singular configurations, and what the end is worth."""
+"""Time integration: the time loop, events, jumps, singular configurations, and diagnostics of the result."""

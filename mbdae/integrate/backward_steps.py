@@ -1,4 +1,4 @@
-"""Steps back from a run's last node, to states that a polynomial continues across a singular configuration."""
+"""Backward steps from a run's last node, to states that a polynomial continues across a singular configuration."""
 
 from dataclasses import dataclass
 
@@ -14,19 +14,20 @@ from .run import RunState
 from .steppers.adaptive import Adaptive
 from .steppers.native import NativeStepper
 
-SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the least rtol
-MOST = 100  # steps from one time to the next; twice what ever were needed
+SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the smallest rtol
+MOST = 100  # steps from one time to the next; twice the largest number ever needed
 
 
 @dataclass(frozen=True)
 class BackwardStepper:
-    """Steps back from a run's last node.
+    """Takes backward steps from a run's last node.
 
     Attributes:
         run: the run.
-        rtol: tolerance of these steps, by the default method: sharp ones of a low order would be thousands.
-        anywhere: from any node; else, for an implicit method of stiff motions, from the first one of a leg only, the
-            short way that a leap needs where no step lies behind.
+        rtol: tolerance of these steps, with the default method: a low-order method would need thousands of accurate
+            ones.
+        anywhere: whether it may start at any node; otherwise, for an implicit method of stiff motions, only at the
+            first node of a smooth interval, where no earlier steps exist.
     """
 
     run: RunState
@@ -35,7 +36,7 @@ class BackwardStepper:
 
     @classmethod
     def of(cls, run: RunState, rtol: float) -> "BackwardStepper | None":
-        """Return what steps back from a run's last node; None where forces cannot be followed back in time."""
+        """Return the backward stepper of a run; None if forces cannot be integrated backwards."""
         try:
             run.system.breakpoint(run.t, -run.sign)
         except InputError:  # a sampled controller
@@ -43,10 +44,10 @@ class BackwardStepper:
         return cls(run, max(SHARPER * rtol, SHARPEST), isinstance(run.tableau, Tableau))
 
     def __call__(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, one by one.
+        """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, in turn.
 
         Raises:
-            StepError: where they cannot be reached.
+            StepError: if they cannot be reached.
         """
         run, tableau = self.run, method(DEFAULTS["method"])
         system = run.system.new_workspace()

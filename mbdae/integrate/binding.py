@@ -1,4 +1,4 @@
-"""A problem bound to a workspace: which back end computes is chosen here."""
+"""Binding of a problem to a workspace, and choice of the back end."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,14 +10,14 @@ from ..system import System
 
 
 def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str) -> tuple[System, str]:
-    """Bind a problem to a workspace, of the compiled core where that can be.
+    """Bind a problem to a workspace, of the compiled core where possible.
 
     Returns:
-        The workspace; and, for ``backend="auto"``, what keeps the run from the core, in words, or "".
+        The workspace; and, for ``backend="auto"``, why the run cannot use the core, or "".
 
     Raises:
-        InputError: for ``backend="native"`` where the core is missing or does not have what is asked for.
-        UnknownNameError: for a back end or a formulation that does not exist.
+        InputError: for ``backend="native"`` if the core is missing or does not support the problem.
+        UnknownNameError: for an unknown back end or formulation.
     """
     missing = "" if isinstance(problem, Mechanism) else "textbook problems"
     native = None if missing and backend in ("auto", "native") else choose(backend)
@@ -33,7 +33,7 @@ def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, 
 
 
 def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str) -> tuple[str, str]:
-    """Choose one back end for several runs, so that their times compare.
+    """Choose one back end for several runs, so that their computing times are comparable.
 
     Args:
         problem: a mechanism or a textbook problem.
@@ -41,11 +41,11 @@ def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]],
         backend: as of `mbdae.solve`.
 
     Returns:
-        ``"native"`` or ``"python"``; and what keeps one of the runs from the core, in words, or "".
+        ``"native"`` or ``"python"``; and why one of the runs cannot use the core, or "".
 
     Raises:
-        InputError: for ``backend="native"`` where the core does not have all of them.
-        UnknownNameError: for a back end that does not exist.
+        InputError: for ``backend="native"`` if the core does not support all of them.
+        UnknownNameError: for an unknown back end.
     """
     reasons = {bind(problem, *run, known(backend))[1] for run in runs}
     because = "; ".join(sorted(reasons - {""}))

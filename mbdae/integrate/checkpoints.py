@@ -1,7 +1,7 @@
-"""The states along many steps that can be taken again: every k-th one is kept, those between are found anew.
+"""Checkpointed states of repeatable steps: every k-th one is kept, those between are recomputed.
 
-For n steps and k near the root of n that is 2 k states instead of n, for one repetition of each step (Griewank, Optim.
-Methods Softw. 1 (1992), on one level). A repeated segment has the same bits, as steps are functions of their start.
+For n steps and k near the root of n that is 2 k states instead of n, at the cost of repeating each step once (Griewank,
+Optim. Methods Softw. 1 (1992), one level). A repeated segment is bitwise equal, as steps are functions of their start.
 """
 
 from collections.abc import Callable
@@ -11,18 +11,18 @@ import numpy as np
 
 from ..system import Array, State
 
-SHORT = 1000  # steps of which all states are kept
+SHORT = 1000  # steps up to which all states are kept
 
 Recompute = Callable[[int, int, State], list[State]]
 
 
 class Checkpoints:
-    """The states at n nodes.
+    """States at n nodes.
 
     Args:
         n: number of nodes.
         start: the state at node 0.
-        walk: i, j and the state at node i -> the states at nodes i, ..., j. It goes along all once, later segment by
+        walk: i, j and the state at node i -> the states at nodes i, ..., j. Called for all nodes once, later segment by
             segment.
 
     Attributes:
@@ -37,15 +37,15 @@ class Checkpoints:
         self._found(len(self.kept) - 1)
 
     def __getitem__(self, i: int) -> State:
-        """The state at node i."""
+        """Return the state at node i."""
         return self.segment(i // self.length)[i % self.length]
 
     def carried(self, i: int, j: int) -> Array:
-        """What is carried from nodes i to j - 1, (j - i, nc)."""
+        """Return the carries at nodes i to j - 1, (j - i, nc)."""
         return np.array([self[k].carry for k in range(i, j)])
 
     def segment(self, j: int) -> list[State]:
-        """The states at nodes j k, ..., j k + k - 1, perhaps with one more."""
+        """Return the states at nodes j k, ..., j k + k - 1, possibly with one more."""
         return self._states if j == self._at else self._found(j)
 
     def _found(self, j: int) -> list[State]:

@@ -1,4 +1,4 @@
-"""What a run takes where neither its arguments nor the mechanism's file say otherwise."""
+"""Default settings of a run, for those that neither its arguments nor the mechanism's file specify."""
 
 from math import inf
 from typing import Any
@@ -9,7 +9,7 @@ DEFAULTS: dict[str, Any] = {
     "project": "auto",
     "baumgarte": None,
     "step": None,
-    "rtol": 1e-8,  # of every run, in Python, on the command line and in studies: examples/guide/methods.md says why
+    "rtol": 1e-8,  # of every run, in Python, on the command line and in studies; see examples/guide/methods.md
     "atol": None,
     "first_step": None,
     "max_step": inf,

@@ -1,4 +1,4 @@
-"""Which runs can be gone along again, and differentiated."""
+"""Check whether a run can be recomputed and differentiated."""
 
 from ..errors import InputError
 from ..mechanism import Mechanism
@@ -8,10 +8,10 @@ from ..solution.solution import Solution
 
 
 def require_differentiable(sol: Solution) -> Mechanism:
-    """The mechanism of a run whose steps can be gone along.
+    """Return the mechanism of a run whose steps can be repeated.
 
     Raises:
-        InputError: names what is missing.
+        InputError: names the unsupported feature.
     """
     mech, s = sol.mechanism, sol.settings
     form = s.get("formulation")
@@ -31,7 +31,7 @@ def require_differentiable(sol: Solution) -> Mechanism:
 
 
 def _first_switch(sol: Solution) -> str:
-    """What opens, closes, sticks or slips first."""
+    """Return the first mode change in words."""
     if sol.impacts:
         return sol.impacts[0].where[0]
     changes = zip(sol.mechanism.switches, sol.modes[0][1], sol.modes[1][1], strict=True)

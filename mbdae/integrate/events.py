@@ -1,7 +1,7 @@
-"""Events: where signals pass a level, and where functions of time and state change sign.
+"""Events: level crossings of signals, and sign changes of functions of time and state.
 
 Signals are located on steps of the method (`mbdae.integrate.signal_events`), functions on the dense output; terminal
-ones on a step.
+events on a step.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
     from .step_map import StepMap
 
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
-SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
-BESIDE = 1e-3  # of a step: how far on either side of an event the slope of its function is taken
+SAME = 1e-10  # s, or relative to t: an event this close to the start coincides with it, up to rounding errors
+BESIDE = 1e-3  # of a step: distance on either side of an event for the derivative of its function
 TRIALS = 8  # steps towards a terminal event, of which three or four are needed
 
 
 @dataclass(frozen=True)
 class Event:
-    """A signal that passes a level, or a function whose zeros are looked for.
+    """A level crossing of a signal, or a zero of a function.
 
     A signal is a text: ``"v.crank"`` for its zeros, ``"q.slider = 0.3"``, ``"force.wrist pin > 100"`` where it rises
     above, ``"q.slider < 0.1"`` where it falls below; its names are those of `Solution.signals`, and effort of
-    closures and drivers. A function is looked at at four points of each step.
+    closures and drivers. A function is evaluated at four points of each step.
 
-    Zeros that come and go between two looks are not seen: choose ``max_step`` for what changes fast.
+    Pairs of zeros between two evaluations are missed: choose ``max_step`` for fast changes.
 
     Attributes:
         function: a text, event(t, q, v) -> float for mechanisms, or event(t, y) for textbook problems.
-        terminal: stop there.
+        terminal: stop at the event.
         direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
 
     Raises:
-        InputError: for what is neither text nor function, and for another direction.
+        InputError: unless the event is a text or function and the direction is valid.
     """
 
     function: Callable[..., float] | str
@@ -59,10 +59,10 @@ class Event:
 
 
 def as_events(events: Any) -> tuple[Event, ...]:
-    """Accept one event or several: `Event`, signals, or functions with ``terminal`` and ``direction`` as in scipy.
+    """Return events as a tuple, given one or several: `Event`, signals, or functions with attributes as in scipy.
 
     Raises:
-        InputError: for anything else.
+        InputError: for any other value.
     """
     one = isinstance(events, str) or not isinstance(events, Sequence)
     several = [] if events is None else [events] if one else list(events)
@@ -77,15 +77,15 @@ def as_events(events: Any) -> tuple[Event, ...]:
 
 
 class EventDetector:
-    """Follows events from step to step and keeps what was found.
+    """Detects events from step to step and records them.
 
-    What is zero at the start of the run, to rounding, is an event there, in the direction in which it leaves zero, but
-    does not end the run: a run may start on the surface where another one ended.
+    A zero at the start of the run, to rounding, is an event there, in the direction in which it leaves zero, but does
+    not end the run: a run may start on the surface where another one ended.
 
     Args:
         events: the events.
-        evaluate: of a function, at (t, y).
-        signals: the others, bound to a workspace, by their place.
+        evaluate: evaluates a function at (t, y).
+        signals: the other events, bound to a workspace, by index.
     """
 
     def __init__(
@@ -97,10 +97,10 @@ class EventDetector:
         self.events, self.evaluate, self.signals = events, evaluate, signals or {}
         self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
         self.by_signal = not self.functions and all(s.signal.compiled for s in self.signals.values())  # in the core
-        self.looked = self.stopped = False  # it has, at the last steps; and has found where the run ends
+        self.looked = self.stopped = False  # the last steps were checked; a terminal event was found
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last: dict[int, float] = {}
-        self._seen = np.nan  # time up to which steps were looked at; nan behind an impact
+        self._seen = np.nan  # time up to which steps were checked; nan after an impact
 
     def begin(self, t: float, y: Array) -> None:
         """Evaluate every event at the start."""
@@ -110,23 +110,23 @@ class EventDetector:
             signal.begin(t, y)
 
     def strike(self) -> None:
-        """Begin the next step behind an impact, at the time where the last one ended."""
+        """Begin the next step after an impact, at the time where the last one ended."""
         self._seen = np.nan
 
     @property
     def why_python(self) -> str:
-        """What keeps the core from looking, in words."""
+        """Reason why the core cannot detect events."""
         named = [f"event {function_name(e.function)!r} is a function" for e in self.functions.values()]
         others = [self.events[i].function for i, s in self.signals.items() if not s.signal.compiled]
         modes = [] if named or others or self.by_signal else ["modes switch in Python"]
         return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
 
     def plain(self) -> list[Any]:
-        """Return signals as the core takes them."""
+        """Return core data of the signals."""
         return [(s.signal.plain(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
 
     def adopt_native(self, native: Any) -> None:
-        """Take over what the core has found, and where its events stand."""
+        """Take over events found by the core, and its current values."""
         if not self.events or not self.by_signal:
             return
         self.looked, self.stopped = True, native.stopped
@@ -137,7 +137,7 @@ class EventDetector:
             self._seen = node[0]
 
     def step(self, step: "StepMap") -> tuple[float, Event] | None:
-        """Look at a step; return the first terminal event in it, behind the share of the step there."""
+        """Check a step; return its first terminal event, preceded by the event's position in the step."""
         t, h = step.t, step.h
         touch = None if t == self._seen else TANGENCY_TOLERANCE if np.isnan(self._seen) else 0.0
         self._seen = step.t1
@@ -159,7 +159,7 @@ class EventDetector:
         return stop
 
     def end(self, t: float, y: Array, sign: float) -> None:
-        """Let the run end at (t, y): what was found at that time, or by the dense output beyond it, was found there."""
+        """End the run at (t, y): events found at or, by the dense output, beyond that time are moved to it."""
         limit = sign * t - SAME * max(1.0, abs(t))
         self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
 
@@ -198,18 +198,18 @@ class EventDetector:
         at: Callable[[float], Array],
         take: Callable[[float], "Step"],
     ) -> tuple[float, "Step"]:
-        """Return the share of a step from t to t + h at which the event is on the method's own steps, and that step.
+        """Return the share of a step from t to t + h at which the event is on the method's steps, and that step.
 
-        The dense output, of one order less, gives the start and the slope for secants; where they lead nowhere (an
-        event that jumps) the start stays.
+        The dense output, of one order less, provides the initial estimate and the derivative for secants; where they
+        fail (an event function that jumps) the estimate is kept.
 
         Args:
             event: the event.
-            theta: where it is on the dense output.
+            theta: position of the event on the dense output.
             t: start of the step.
             h: its size.
             at: the dense output.
-            take: takes a share of the step anew.
+            take: repeats a share of the step.
 
         Raises:
             StepError: if a shorter step cannot be taken.

@@ -1,4 +1,4 @@
-"""A table of numbers that grows at the end."""
+"""A table of numbers to which rows are appended."""
 
 from typing import Any
 
@@ -8,9 +8,9 @@ from ..system import Array
 
 
 class GrowingArray:
-    """Rows of equal length, read like a list of them; as an array, `numpy` copies what is there.
+    """Rows of equal length with the interface of a list; as an array, `numpy` copies the current rows.
 
-    A row counts when all of it is written, so that an interrupt in between leaves the table readable.
+    A row counts only when it is completely written, so that an interrupt leaves the table readable.
     """
 
     def __init__(self, first: Array) -> None:
@@ -26,7 +26,7 @@ class GrowingArray:
         self._data[: self._n][i] = row
 
     def __delitem__(self, i: slice) -> None:
-        """Take rows off at the end."""
+        """Remove rows at the end."""
         self._n = i.indices(self._n)[0]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:

@@ -1,8 +1,8 @@
-"""Times at which a problem may jump: steps end there, and the next one starts behind the jump.
+"""Times at which a problem may jump: steps end there, and the next one starts after the jump.
 
-The right-hand side may be evaluated at both ends of a step, and belongs to what comes after a jump at its very time.
-So a step towards a jump ends a few roundings before it, where everything still is as before; the next one starts at
-the jump. A solution has both points.
+The right-hand side may be evaluated at both ends of a step, and takes the value after a jump at exactly its time. So a
+step towards a jump ends a few roundings before it, where all values are those before; the next one starts at the jump.
+A solution has both points.
 """
 
 from bisect import bisect_left, bisect_right
@@ -14,17 +14,17 @@ import numpy as np
 from ..errors import InputError, StepError
 from ..system import System
 
-MAX_CLUSTER = 100  # jumps within roundings of one another that count as one
-MARGIN = 8  # roundings of t by which a step stays before a jump: more than the times of its stages can err
+MAX_CLUSTER = 100  # jumps within rounding of one another that count as one
+MARGIN = 8  # roundings of t by which a step stays before a jump: more than the error of its stage times
 
 
 class SmoothInterval(NamedTuple):
-    """The way to the next jump or the end of the span.
+    """The interval up to the next jump or the end of the span.
 
     Attributes:
-        stop: where the last step ends.
-        end: the time that is recorded for it: the end of the span, if a jump happens to be there.
-        restart: where the next leg starts; None behind the end.
+        stop: end of the last step.
+        end: time that is recorded for it: the end of the span, if it coincides with a jump.
+        restart: start of the next interval; None after the end.
     """
 
     stop: float
@@ -33,11 +33,11 @@ class SmoothInterval(NamedTuple):
 
 
 class Jumps:
-    """What lies ahead of a run: jumps of the system, and times given by the user.
+    """Upcoming jumps of a run: of the system, and times given by the user.
 
     Args:
-        system: asked for its own breakpoints.
-        times: the user's.
+        system: provides its breakpoints.
+        times: given by the user.
         t1: end of the span.
         sign: direction of time.
         knots: further times where steps end.
@@ -52,10 +52,10 @@ class Jumps:
         self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
 
     def leg(self, t: float) -> SmoothInterval:
-        """Return the leg from t on. Jumps that differ by roundings only count as one.
+        """Return the smooth interval from t on. Jumps that differ only by rounding count as one.
 
         Raises:
-            StepError: where jumps follow one another as closely as that without an end.
+            StepError: if an unlimited number of jumps follow one another that closely.
         """
         s, margin = self.sign, MARGIN * float(np.spacing(max(abs(t), abs(self.t1))))
         first = self._next(self._last(t, 4 * margin))
@@ -74,7 +74,7 @@ class Jumps:
         return s * min(s * self.system.breakpoint(t, s), s * own)
 
     def _last(self, t: float, near: float) -> float:
-        """The last jump of those that follow t, and one another, within ``near``; t if none does."""
+        """Return the last of the jumps that follow t, and one another, within ``near``; t if there is none."""
         for _ in range(MAX_CLUSTER):
             later = self._next(t)
             if self.sign * (later - t) > near:

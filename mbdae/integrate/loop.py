@@ -1,15 +1,15 @@
-"""The only time loop, of both back ends: step, accept or reject, record, look for events.
+"""Time loop of both back ends: step, accept or reject, record, detect events.
 
 Until the end of the span:
 
-1. near a singular configuration, leap over it (`mbdae.integrate.singularity_crossing`);
-2. else let the stepper advance: one step in Python, or many in the compiled core, which comes back where something
-   asks for Python: a singular configuration, a function to look at for events, a look at the clock;
-3. look for events on what is new, if the core has not; a terminal one ends the run;
-4. at the end of a leg, begin again behind the jump, if the core has not.
+1. near a singular configuration, cross it (`mbdae.integrate.singularity_crossing`);
+2. otherwise let the stepper advance: one step in Python, or many in the compiled core, which returns when Python is
+needed: a singular configuration, an event function, a progress report;
+3. detect events in the new steps, if the core has not; a terminal one ends the run;
+4. at the end of a smooth interval, restart after the jump, if the core has not.
 
-Each step, on both back ends, is proposed, taken, measured against the tolerance, brought back to the closures where
-the run projects, and judged; then the rows of the next one are chosen (`mbdae.system.System.settle`).
+On both back ends, each step is proposed, taken, compared with the tolerance, projected onto the closures if the run
+projects, and accepted or rejected; then the rows of the next one are chosen (`mbdae.system.System.settle`).
 """
 
 from collections.abc import Callable
@@ -29,14 +29,14 @@ Progress = Callable[[float], None]
 
 
 def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) -> tuple[str, str]:
-    """Run to the end of the span or as far as can be; return status and message.
+    """Run to the end of the span or as far as possible; return status and message.
 
     Raises:
         InputError: for a force that fails at the start.
     """
     t0 = run.t
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # a run that explodes says so by its status
+        with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
             run.begin()
             run.events.begin(t0, run.state.y)
             stopped = time_loop(run, max_steps, progress)
@@ -44,7 +44,7 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     except StepError as e:
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
             raise InputError(str(e)) from e
-        if e.status == "step_size":  # which a driver may be to blame for
+        if e.status == "step_size":  # possibly caused by a driver
             try:
                 _check_drivers(run.problem, t0, run.t1)
             except StepError as wrong:
@@ -60,7 +60,7 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
 
 
 def _failure_message(run: RunState, e: StepError) -> str:
-    """Say why a run stopped; of one that goes through modes also when, and in which of them."""
+    """Return why a run stopped; for a run with modes also when, and in which of them."""
     if not run.modes:
         return str(e)
     last = run.ts[-1], run.ys[-1]
@@ -78,7 +78,7 @@ def _failure_message(run: RunState, e: StepError) -> str:
 
 
 def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
-    """Step to the end of the span; True when a terminal event stopped the run before."""
+    """Step to the end of the span; True if a terminal event stopped the run before."""
     total, events = run.time_left(), run.events
     while run.time_left() > 0:
         left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
@@ -117,6 +117,6 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
 
 
 def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
-    """See that the derivatives of drivers are those of their functions."""
+    """Check the derivatives of drivers against their functions."""
     for driver in problem.drivers:
         driver.check_run(t0, t1)

@@ -1,4 +1,4 @@
-"""Many steps of a trace at once, in the compiled core: what is carried along them, their tangents and adjoints."""
+"""Many steps of a trajectory at once, in the compiled core: carries, tangents and adjoints."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,11 +15,11 @@ from .steppers.fixed import TOLERATED
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
-MANY = 1000  # steps of a call, between looks at Ctrl-C
+MANY = 1000  # steps per call, between checks for Ctrl-C
 
 
 class NodeRange(NamedTuple):
-    """Some nodes of a trace: the steps that they are of, times (m + 1,), points, and what is carried there."""
+    """Consecutive nodes of a trajectory: the steps from them, times (m + 1,), points, and carries."""
 
     steps: range
     ts: Array
@@ -28,7 +28,7 @@ class NodeRange(NamedTuple):
 
 
 class RecomputedStates(NamedTuple):
-    """States behind some steps, whether what is carried was found anew there, and whether all could be repeated."""
+    """States after some steps, where the carry was restarted, and whether all could be repeated."""
 
     states: list[State]
     renewed: list[int]
@@ -36,13 +36,13 @@ class RecomputedStates(NamedTuple):
 
 
 class NativeTrajectory:
-    """The steps of a trace as the compiled core goes along them, from node i to node j > i with nothing between.
+    """Steps of a trajectory in the compiled core, from node i to node j > i without other maps between.
 
     Args:
-        trace: a run, in a workspace of the core.
+        trace: trajectory of a run in a workspace of the core.
 
     Raises:
-        NotCompiled: for what the core does not have.
+        NotCompiled: for features that the core does not support.
     """
 
     def __init__(self, trace: "Trajectory", system: CompiledSystem) -> None:
@@ -51,18 +51,19 @@ class NativeTrajectory:
         self.method = system.method(trace.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED
+        self.run.nothing = SMALLEST_SCALE
         if trace.controlled:
             control = self.run.control
             control.rtol, control.atol = trace.stepper.rtol, np.atleast_1d(trace.stepper.atol).tolist()
             control.nothing = SMALLEST_SCALE
-        self.blocked: set[int] = set()  # steps that the core could not go along
+        self.blocked: set[int] = set()  # steps that the core could not repeat
 
     def after(self, i: int, ends: bool = False) -> int:
-        """The last node to which nothing but steps leads from node i; i itself where the core does not go on.
+        """Return the last node reached from node i by steps only; i itself where the core cannot continue.
 
         Args:
             i: a node.
-            ends: leave the last step of the run out, whose size moves.
+            ends: exclude the last step of the run, whose size varies.
         """
         kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
         last, j = min(len(self.trace.ts) - 1 - ends, (i // kept + 1) * kept), i
@@ -71,7 +72,7 @@ class NativeTrajectory:
         return j
 
     def before(self, i: int) -> int:
-        """The first node from which nothing but steps leads to node i; i itself where there is none."""
+        """Return the first node from which only steps lead to node i; i itself if there is none."""
         kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
         first, j = (i - 1) // kept * kept, i
         while j > max(0, first) and self.plain(j - 1) and not (j < i and self.trace.renewed[j]):
@@ -79,11 +80,11 @@ class NativeTrajectory:
         return j
 
     def plain(self, i: int) -> bool:
-        """Say whether node i leads to the next by a step that the core takes, but for what is carried on from there."""
+        """Return whether node i leads to the next by a step of the core, apart from a restarted carry."""
         return not (self.trace.jumped[i] or i + 1 in self.trace.changes or i in self.blocked)
 
     def nodes(self, i: int, j: int) -> NodeRange:
-        """Nodes i .. j, the rows of whose steps are in use then."""
+        """Return nodes i .. j, and use the rows of their steps."""
         trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
         if trace.checkpoints:
             carries[:-1] = trace.checkpoints.carried(i, j)
@@ -91,15 +92,15 @@ class NativeTrajectory:
         return NodeRange(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
 
     def short(self, i: int, t: float) -> NodeRange:
-        """Node i and the end of a shorter step from there."""
+        """Return node i and the end of a shorter step from there."""
         trace = self.trace
         _, ts, ys, carries = self.nodes(i, i + 1 if i + 1 < len(trace.ts) else i)
         return NodeRange(range(i, i + 1), np.array([ts[0], t]), np.array([ys[0], ys[0]]), np.array([carries[0]] * 2))
 
     def walk(self, i: int, j: int, state: State, near: tuple[float, float]) -> RecomputedStates | None:
-        """Go on from node i to j, or as far as nothing but steps leads there.
+        """Recompute states from node i to j, or as far as only steps lead there.
 
-        Only the last point is that where they end; before it those of the run stand for them.
+        Only the last point is the recomputed one; before it those of the run are used.
         """
         j = min(j, self.after(i))
         if j == i:
@@ -121,8 +122,8 @@ class NativeTrajectory:
         """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
 
         Args:
-            nodes: with nothing but steps between.
-            extra: what comes in at each of them, (m + 1, ny + nc); at the first and the last it does not count.
+            nodes: connected by steps only.
+            extra: cotangents added at each of them, (m + 1, ny + nc); ignored at the first and the last.
             bar: the cotangents at the last.
         """
         given = self.parameters, self.method, self.trace.halved, self.trace.project
@@ -133,7 +134,7 @@ class NativeTrajectory:
         """Return the variations of y and carry at the nodes, (m + 1, d, ny + nc).
 
         Args:
-            nodes: with nothing but steps between.
+            nodes: connected by steps only.
             first: variations at the first of them, (d, ny + nc).
             dp: of the parameters, (d, k).
         """
@@ -142,16 +143,16 @@ class NativeTrajectory:
         return self._tried(nodes.steps, found)
 
     def _tried(self, steps: range, found: Any) -> Any:
-        if found is None:  # Python finds the words for it, or a way
+        if found is None:  # Python takes over, or reports the error
             self.blocked |= set(steps)
         return found
 
 
 def native_trajectory(trace: "Trajectory") -> NativeTrajectory | None:
-    """The steps of a trace in the core; None where Python goes along them."""
+    """Return the steps of a trajectory in the core; None where Python computes them."""
     if not isinstance(trace.system, CompiledSystem) or not isinstance(trace.tableau, Tableau):
         return None
-    if trace.system.mechanism.switches or trace.system.sliding:  # the core has parameters in one mode, without friction
+    if trace.system.mechanism.switches or trace.system.sliding:  # not supported by the core with parameters
         return None
     try:
         return NativeTrajectory(trace, trace.system)

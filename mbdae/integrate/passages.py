@@ -1,4 +1,4 @@
-"""Singular configurations that a run passes: located between its nodes, and whether it keeps to its branch."""
+"""Singular configurations on a run: located between its nodes, with a check of the branch afterwards."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,14 +15,14 @@ from ..system import Array
 if TYPE_CHECKING:
     from .run import RunState
 
-MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed and steps look ahead where it falls
-BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before: what tangent spaces may differ by
-EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singular configuration to a node: where the zone may end
-CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
+MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and steps look ahead if it falls
+BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
+EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singularity to a node: candidate ends of the zone
+CLOSED = 1e-12  # m or rad: smaller violations, and branches separated by the root of it, count as closed
 SAMPLES = 5  # of each step
-LEVEL = 0.999  # of the largest sample: a ratio that falls by less stays as it is
-SHARP = 1e-10  # of a step: how sharply a minimum is found
-SAME = 1e-6  # s: minima this near to each other are one
+LEVEL = 0.999  # of the largest sample: ratios that fall by less are constant
+SHARP = 1e-10  # of a step: tolerance of a minimum
+SAME = 1e-6  # s: minima closer than this are one
 
 
 class Passages:
@@ -30,12 +30,12 @@ class Passages:
 
     Args:
         system: the run's workspace.
-        kept: the method keeps positions of closures, by projection or a multiplier.
-        controlled: its steps are.
+        kept: whether the method enforces positions of closures, by projection or a multiplier.
+        controlled: whether its steps are controlled.
 
     Attributes:
-        found: those that were passed.
-        largest: ratio of pivots so far.
+        found: singular configurations passed.
+        largest: largest pivot ratio so far.
     """
 
     def __init__(self, system: Index2System, kept: bool, controlled: bool) -> None:
@@ -46,7 +46,7 @@ class Passages:
 
     @property
     def workspace(self) -> Index2System:
-        """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
+        """Separate workspace of the monitor, created on demand: its work is not counted."""
         if self._workspace is None:
             self._workspace = self.system.new_workspace()
         self._workspace.enter(self.system.mode)
@@ -55,11 +55,11 @@ class Passages:
         return self._workspace
 
     def _ratio(self, t: float, y: Array) -> float:
-        """See `Index2System.pivot_ratio`; 1 where no row is in use."""
+        """See `Index2System.pivot_ratio`; 1 if no row is in use."""
         return self.workspace.pivot_ratio(t, y) if self.workspace.in_use else 1.0
 
     def compare(self, run: "RunState", a: int, b: int) -> None:
-        """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""
+        """Compare tangent spaces at nodes a and b, before and after a singular configuration."""
         way = run.ts[b] - run.ts[a]
         passed = next((x for x in self.found if (x.t - run.ts[a]) * way > 0 and (run.ts[b] - x.t) * way > 0), None)
         if not passed:
@@ -75,9 +75,9 @@ class Passages:
             self.end(run, a, f"{text}; take a smaller rtol, or project=True")
 
     def _edge(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
-        """Return about where the way from a singular configuration to a node leaves the zone; the node if it does not.
+        """Return where the motion from a singular configuration to a node leaves the zone; the node if it does not.
 
-        A long step leads far beyond, where tangent spaces have turned by more than they were turning before.
+        A long step ends far beyond, where tangent spaces have rotated by more than their previous rate explains.
         """
         to = run.ts[node] - t
         for share in EDGES:
@@ -97,8 +97,8 @@ class Passages:
         raise StepError("rank", message)
 
     def search(self, run: "RunState", nodes: list[int]) -> None:
-        """Minimise over u, node i and the share of the step behind it that has passed."""
-        if len(nodes) < 2:  # a leg that has just begun
+        """Minimise over u, node i plus a share of the step after it."""
+        if len(nodes) < 2:  # an interval that has just begun
             return
         paths = {i: self._path(run, i) for i in nodes[:-1]}
 
@@ -119,7 +119,7 @@ class Passages:
             self._judge(run, nodes, int(best.x), *at(float(best.x)))
 
     def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
-        """Keep what was found on step i, and end the run there if it cannot pass or took another branch."""
+        """Record the singularity found on step i; end the run there if it cannot pass or changed the branch."""
         gap = max(np.abs(self.workspace.residual(run.ts[n], *self.workspace.split(run.ys[n]))[0]).max() for n in nodes)
         limit = open_limit(self.workspace, t, y, self.largest, gap)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
@@ -132,7 +132,7 @@ class Passages:
         self.compare(run, nodes[0], nodes[-1])
 
     def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
-        """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""
+        """Return theta -> time and point on step i; linear if an end is too singular for dense output."""
         t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
         move = self.workspace.difference(y, run.ys[i + 1])
         try:

@@ -40,21 +40,22 @@ class RunState:
         self.system, self.stepper, self.project = system, stepper, project
         self.state = State(start)
         self.rejected: int | None = 0
+        self.taken_back: Array | None = None  # steps since one was, and what projections undid, see `projected_step`
         self.anew = False  # what the method carries was found anew when the last step was brought back
         self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
-        self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
+        self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carried = CarryRecord()
         self.events = EventDetector((), lambda *_: 0.0)
         self.back: BackwardStepper | None = None
         self.singular: SingularityMonitor | None = None
         self.stiffness: StiffnessDetector | None = None
         self.modes: ModeMonitor | None = None
-        self.settings: dict[str, Any] = {}  # what is recorded with the solution
-        self.fallback = ""  # what keeps the run from the compiled core, in words
+        self.settings: dict[str, Any] = {}  # recorded with the solution
+        self.fallback = ""  # why the run cannot use the compiled core
         self._record: Solution | None = None
 
     def begin(self) -> None:
-        """Find the derivative at the start; a method with an explicit first stage carries it."""
+        """Compute the derivative at the start; a method with an explicit first stage carries it."""
         y = self.system.jump(self.t, self.ys[-1].copy())
         if not self.in_use:
             if self.modes:
@@ -66,11 +67,11 @@ class RunState:
             self.modes.begin(self.t, self.ys[-1])
 
     def _closed(self, y: Array) -> Array:
-        """Find rank and rows where loops are closed; the start itself is closed if the run keeps them so."""
+        """Determine rank and rows with closed loops; the start itself is projected if the run projects."""
         with suppress(StepError):
             closed = self.system.restore(self.t, y)
             self.system.settle(self.t, State(closed))
-            self.system.counts.state_projections = 0  # those of steps are counted
+            self.system.counts.state_projections = 0  # only those of steps are counted
             return closed if self.project else y
         return y
 
@@ -87,7 +88,7 @@ class RunState:
             self.in_use.append((len(self.ts) - 1, rows))
 
     def cross(self, t: float) -> None:
-        """Begin again behind a jump, at time t: a second point of the solution, right after the one before."""
+        """Restart after a jump, at time t: a second point of the solution, right after the one before."""
         if self.singular:
             self.singular.end_leg(self)
         self.zs.append(self.zs[-1])
@@ -101,7 +102,7 @@ class RunState:
         self.behind_jump()
 
     def turn(self, y: Array) -> None:
-        """Begin again in another mode: a second point of the solution at the same time."""
+        """Restart in another mode: a second point of the solution at the same time."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
         self.ts.append(self.t)
@@ -113,7 +114,7 @@ class RunState:
             self.singular.refuse_beginning(self.t, self.ys[-1])
 
     def behind_jump(self) -> None:
-        """The last node lies behind a jump: watches begin anew there."""
+        """Restart the monitors after a jump before the last node."""
         self.crossed += 1
         for watch in (self.singular, self.stiffness):
             if watch:
@@ -130,7 +131,7 @@ class RunState:
         return len(self.ts) - 1 - self.crossed
 
     def left(self) -> float:
-        """Time left to the end of the leg, positive."""
+        """Time left to the end of the smooth interval, positive."""
         return abs(self.leg.stop - self.t)
 
     def time_left(self) -> float:
@@ -138,7 +139,7 @@ class RunState:
         return abs(self.t1 - self.t)
 
     def accept(self, t: float, step: Step) -> None:
-        """Record a step; the time comes last, so that an interrupt in between leaves the record readable."""
+        """Record a step; the time comes last, so that an interrupt leaves the record readable."""
         self.zs.append(step.z)
         self.ys.append(step.state.y)
         self.ts.append(t)
@@ -152,7 +153,7 @@ class RunState:
         self._note()
 
     def land(self, t: float, y: Array, last: bool) -> None:
-        """Add a node that no step of the method led to; the last one may be singular, and no step begins there."""
+        """Append a node that is not the end of a step; the last one may be singular, since no step begins there."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
         self.ts.append(t)
@@ -163,7 +164,7 @@ class RunState:
             self._begin_at(y)
 
     def restored(self, t: float, state: State, tight: bool = False) -> State:
-        """The state on the closures; what a method carries is found anew where that moved the state much."""
+        """Return the state projected onto the closures; restarts the carry if that moved the state much."""
         y = self.system.restore(t, state.y, tight)
         move = self.system.difference(state.y, y)
         self.anew = not (state.carry is None or self.stepper.tolerates(self, y, move))
@@ -172,14 +173,14 @@ class RunState:
         return State(y, self.system.carry(*self.system.derivative(t, y)))
 
     def close(self) -> None:
-        """Bring the last node onto the closures, until |g| falls no more."""
+        """Project the last node onto the closures, until |g| stops falling."""
         with suppress(StepError):
             self.state = self.restored(self.t, self.state, tight=True)
             self.ys[-1] = self.state.y
             self.record().rates.pop(len(self.ts) - 1, None)
 
     def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
-        """Record several steps, after the last of which the state is known."""
+        """Record several steps and the state after the last of them."""
         if ts:
             self.zs.extend(zs)
             self.ys.extend(ys)
@@ -187,18 +188,18 @@ class RunState:
             self.t, self.state = ts[-1], state
 
     def rows_at(self, i: int) -> tuple[int, ...]:
-        """The rows that were solved for at node i."""
+        """Return the rows in use at node i."""
         return next((rows for first, rows in reversed(self.in_use) if first <= i), ())
 
     def take_back(self, state: State) -> None:
-        """Forget the last step, which started from a state."""
+        """Undo the last step, which started from a state."""
         del self.ts[-1:], self.ys[-1:], self.zs[-1:]
         self.t, self.state = self.ts[-1], state
         self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
         self.system.hold(self.in_use[-1][1])
 
     def record(self) -> Solution:
-        """The run so far as a solution that shares the lists: its dense output serves the events."""
+        """Return the run so far as a solution that shares the lists: its dense output serves event detection."""
         if self._record is None:
             settings = {"dense_order": self.dense_order}
             stats = {"backend": self.stepper.backend}

@@ -1,4 +1,4 @@
-"""Reasons not to trust a run that came to its end: loops far open, rows that are not kept, energy that is lost."""
+"""Post-run accuracy checks: constraint violation, drift of redundant rows, energy balance, contact separation."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.closures.preconditions import lost_precondition
 from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
+from ..mechanism.formulations.projection import VELOCITY_TOLERANCE
 from ..mechanism.reactions import scaled
 from ..solution.columns import balance
 from ..solution.solution import Solution
 
 POSITION_TOLERANCE = 0.01  # rad, or of a length: what would have to move by as much to close the loops
-VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of 1 + |v|
 ENERGY_TOLERANCE = 0.1  # of the energy that moves
 LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: what is negative by less counts as 0
 DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: rows that are projected depend on each other but for less
@@ -20,11 +20,11 @@ WATCHED = 400  # nodes at which preconditions of closures are checked
 
 
 def accuracy_warnings(sol: Solution, system: Index2System) -> str:
-    """Say in words what speaks against a run, and what to do; empty for nothing.
+    """Return accuracy warnings of a run, with remedies; empty if there are none.
 
     Args:
         sol: a run of a mechanism to its end.
-        system: its workspace, which has seen all rows at the ends of all steps.
+        system: its workspace, with records of all rows at the ends of all steps.
     """
     formulation, mech = sol.settings["formulation"], sol.mechanism
     ts, ys, _ = sol.nodes
@@ -55,9 +55,9 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
 
 
 def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
-    """Say which closure was kept by others at the start and is not at the end of a projected run; empty for none.
+    """Return which closure was redundant at the start, but not at the end of a projected run; empty if none.
 
-    Wheels that steer in parallel, say: projection goes on to close all rows, and brakes what the mechanism cannot do.
+    An example is wheels that steer in parallel: projection then closes all rows, which blocks a motion.
     """
     used = list(sol.in_use[-1][1]) if sol.in_use else []
     if not sol.settings["project"] or not 0 < len(used) < system.ng:
@@ -73,9 +73,9 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
 
 
 def lift_off(sol: Solution) -> str:
-    """Say which rolling bodies the surface would have to pull at, from when on; empty for none.
+    """Return which rolling bodies separate from their surface, and when; empty if none.
 
-    The method's own multipliers tell where to look, those of the hidden constraint whether it is so.
+    The method's multipliers select candidates, those of the hidden constraint decide.
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
     found = []
@@ -98,7 +98,7 @@ def lift_off(sol: Solution) -> str:
 
 
 def relative_energy_error(sol: Solution, system: Index2System) -> float:
-    """Largest |E - E_0 - W| at some steps over the largest of |W|, kinetic energy and the range of potential energy."""
+    """Return the largest |E - E_0 - W| at some steps, relative to |W|, kinetic energy and potential energy range."""
     ys = sol.nodes[1]
     some = ys[np.unique(np.linspace(0, len(ys) - 1, SAMPLES + 1).astype(int))]
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""What is asked of a run, checked and bound: problem, method, stepper, and who watches."""
+"""Validation and binding of the arguments of a run: problem, method, stepper, and monitors."""
 
 from collections.abc import Sequence
 from numbers import Real
@@ -30,7 +30,7 @@ from .steppers.stepper import PythonStepper, Stepper
 from .stiffness_detection import StiffnessDetector
 from .termination import event_value
 
-DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
+DRIFTED = 100.0  # times rtol: largest violation of loops at the start, as after a run with drift
 
 Start = tuple[Array | None, Array | None, Array | None]
 Control = tuple[float, float | Array | None, float | None, float]
@@ -54,7 +54,7 @@ def prepare(
 
     Raises:
         InputError: for wrong arguments, or an inconsistent start.
-        UnknownNameError: for a method that does not exist.
+        UnknownNameError: for an unknown method.
     """
     tableau = find(formulation, method)
     project = projected(problem, project, formulation, tableau, step)
@@ -75,7 +75,7 @@ def prepare(
         "baumgarte": baumgarte,
         "t_span": [t0, t1],
     }
-    if isinstance(problem, Mechanism):  # before controllers, modes and projections move the start
+    if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
         run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
     if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
@@ -90,10 +90,10 @@ def prepare(
 
 
 def _reached(problem: Problem, t0: float, t1: float) -> float:
-    """Return how far a run can go: to t1, or to the end of a driver's table that does not say what is beyond.
+    """Return the end of a run: t1, or the end of a driver's table without ``beyond``.
 
     Raises:
-        InputError: where the run begins outside of it, or where it ends.
+        InputError: if the run begins outside of it, or at its end.
     """
     reached = t1
     for d in problem.drivers if isinstance(problem, Mechanism) else ():
@@ -106,7 +106,7 @@ def _reached(problem: Problem, t0: float, t1: float) -> float:
 
 
 def _knots(problem: Problem, system: System, t0: float, t1: float) -> Sequence[float]:
-    """Return the times where pieces of loads and motions meet, if modes follow them: between two a load may turn."""
+    """Return the knots of loads and motions if the run has modes: loads may have extrema between two of them."""
     if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
@@ -133,10 +133,10 @@ def _stepper(
 
 
 def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dict[int, SignalEvent]:
-    """Bind the events that a text names, by their place, to one workspace for all of them.
+    """Bind all textual events, by index, to one workspace.
 
     Raises:
-        InputError: for a text with a textbook problem, or one that names no event.
+        InputError: for a text with a textbook problem, or an invalid event.
     """
     texts = {i: (e.function, e.direction) for i, e in enumerate(events) if isinstance(e.function, str)}
     if not texts:
@@ -150,7 +150,7 @@ def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dic
 
 
 def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> None:
-    """Let a mechanism's run look out for stiffness and singular configurations."""
+    """Enable detection of stiffness and singular configurations in a mechanism's run."""
     if not isinstance(run.system, Index2System):
         return
     control = stepper if isinstance(stepper, Adaptive) and formulation != "index1" else None
@@ -164,7 +164,7 @@ def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> Non
 
 
 def positive(**values: Any) -> None:
-    """Refuse what is no positive number; None says that something is left out.
+    """Reject values that are not positive numbers; None means not given.
 
     Raises:
         InputError: naming the argument.
@@ -177,14 +177,14 @@ def positive(**values: Any) -> None:
 
 
 def _start(problem: Problem, start: Start, t: float, rtol: Any) -> Array:
-    """The start; under step-size control loops may stand open as after a run that let them drift."""
+    """Return the start; with step-size control, loops may be violated as after a run with drift."""
     q, v, s = start
     drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
     return problem.point(q, v, t, s, max(START, drifted))
 
 
 def projected(problem: Problem, project: bool | str, formulation: str, tableau: Any, step: float | None) -> bool:
-    """Say whether positions are restored after each step."""
+    """Return whether positions are projected after each step."""
     if project not in (True, False, "auto"):
         raise InputError(f"project is True, False or 'auto', got {project!r}")
     if project == "auto":
@@ -198,10 +198,10 @@ def projected(problem: Problem, project: bool | str, formulation: str, tableau: 
 
 
 def within(t_eval: Array, t0: float, t1: float) -> Array:
-    """Return times to report as an array, those of a span from t0 to t1, in its order.
+    """Return times to report as an array, within the span from t0 to t1, in its order.
 
     Raises:
-        InputError: for other times.
+        InputError: for any other times.
     """
     try:
         times = np.asarray(t_eval, float)

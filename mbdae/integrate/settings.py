@@ -13,10 +13,10 @@ OF_METHOD, OF_CONTROL = ("formulation", "project", "baumgarte"), ("rtol", "atol"
 
 
 def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a run, of which those that are None are not given.
+    """Return the settings of a run, where None means not given.
 
     Raises:
-        UnknownNameError, InputError: for a method of the mechanism's file that there is not.
+        UnknownNameError, InputError: for an invalid method in the mechanism's file.
     """
     said = {name: x for name, x in given.items() if x is not None}
     own = _own(problem)
@@ -33,5 +33,5 @@ def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _own(problem: Problem) -> dict[str, Any]:
-    """Settings that a mechanism's file says."""
+    """Return the settings from a mechanism's file."""
     return problem.settings.given if isinstance(problem, Mechanism) else {}

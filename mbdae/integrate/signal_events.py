@@ -1,7 +1,7 @@
-"""Events named by a signal: seen at the ends of steps, located on the steps of the method themselves.
+"""Events of signals: detected at the ends of steps, located on steps of the method.
 
-A step of size theta h from where the step began ends in a point of the method's own order; so has the time at which a
-signal passes a level there. The polynomial between steps, of one order less, is not asked.
+A step of size theta h from the same start ends in a point of the method's full order, and so has the event time. The
+dense output, of one order less, is not used.
 """
 
 import re
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
-SHARP = 2  # roundings of t: how sharply the time of an event is found
-SHARE = 4 * float(np.finfo(float).eps)  # the same as a share of the step, relative
+SHARP = 2  # roundings of t: tolerance of the time of an event
+SHARE = 4 * float(np.finfo(float).eps)  # the same relative to the step
 TANGENCY_TOLERANCE = (
-    1e-12  # of 1 + |level|: as near before and behind an impact the signal is at its level, and turns round there
+    1e-12  # of 1 + |level|: a signal this close to its level before and after an impact has a tangency
 )
-ITERATIONS = 100  # of Brent's method, which halves at the worst
+ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 
 
 class LevelCrossing(NamedTuple):
-    """What a text asks for: a signal, the level that it passes, and the direction: 1 rising, -1 falling, 0 both."""
+    """A level crossing given by a text: signal, level, and direction: 1 rising, -1 falling, 0 both."""
 
     signal: str
     level: float
@@ -41,10 +41,10 @@ class LevelCrossing(NamedTuple):
 
 
 def parse(text: str) -> LevelCrossing:
-    """Read ``"signal"``, whose zeros are meant, ``"signal = level"``, ``"signal > level"`` or ``"signal < level"``.
+    """Read ``"signal"``, for its zeros, ``"signal = level"``, ``"signal > level"`` or ``"signal < level"``.
 
     Raises:
-        InputError: for another text.
+        InputError: for any other text.
     """
     found = TEXT.fullmatch(text.strip())
     if not found:
@@ -59,13 +59,13 @@ def parse(text: str) -> LevelCrossing:
 
 
 def crossing_at_jump(before: float, behind: float, direction: int, touch: float) -> tuple[bool, float]:
-    """Say whether a value passes zero, or turns round there, in a jump; return the value from which it goes on.
+    """Return whether a value crosses zero, or has a tangency, in a jump; and the value from which it continues.
 
     Args:
         before: the value before the jump.
-        behind: the value behind it.
-        direction: 1 for passages where it rises, -1 where it falls, 0 for both.
-        touch: what is as near to zero on both sides turns round there.
+        behind: the value after it.
+        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
+        touch: values this close to zero on both sides are a tangency.
     """
     if max(abs(before), abs(behind)) <= touch:
         return before != 0 and not direction, 0.0
@@ -73,13 +73,13 @@ def crossing_at_jump(before: float, behind: float, direction: int, touch: float)
 
 
 class SignalEvent:
-    """A signal less its level, followed from step to step.
+    """A signal minus its level, tracked from step to step.
 
     Args:
-        system: a workspace of its own.
+        system: a separate workspace.
         signal: the signal.
-        level: the level that it passes.
-        direction: 1 for passages where it rises, -1 where it falls, 0 for both.
+        level: the level.
+        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
     """
 
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
@@ -91,8 +91,8 @@ class SignalEvent:
         """Bind a text to a mechanism.
 
         Raises:
-            InputError: for another text, or a direction that it contradicts.
-            UnknownNameError: for a signal that does not exist, with the valid ones.
+            InputError: for an invalid text, or a contradictory direction.
+            UnknownNameError: for an unknown signal, with the valid ones.
         """
         wanted = parse(text)
         if direction * wanted.direction < 0:
@@ -101,19 +101,19 @@ class SignalEvent:
         return cls(system, signal, wanted.level, direction or wanted.direction)
 
     def begin(self, t: float, y: Array) -> None:
-        """Start at a point; an angle counts from its value between -pi and pi."""
+        """Start at a point; an angle starts between -pi and pi."""
         f = value(self.system, self.signal, t, y) - self.level
         self.node = (t, f, self._speed(y))
 
     def move(self, t: float, y: Array, f: float) -> None:
-        """Go on from a point with a value."""
+        """Continue from a point with a value."""
         self.node = (t, f, self._speed(y))
 
     def _speed(self, y: Array) -> float:
         return float(y[self.system.nq + self.signal.rate]) if self.signal.kind == "angle" else 0.0
 
     def value(self, t: float, y: Array) -> float:
-        """Return the signal less its level; an angle on the branch that the velocities lead to."""
+        """Return the signal minus its level; an angle is unwrapped by the velocities."""
         f = value(self.system, self.signal, t, y) - self.level
         if self.signal.kind != "angle":
             return f
@@ -121,11 +121,11 @@ class SignalEvent:
         return f + TURN * float(np.round((f0 + (t - t0) * (w0 + self._speed(y)) / 2 - f) / TURN))
 
     def zeros(self, step: "StepMap", touch: float | None) -> list[EventRoot]:
-        """Return the shares of a step at which the signal passes its level, and the points there; go on behind it.
+        """Return the shares of a step at which the signal crosses its level, and the points there; advance to its end.
 
         Args:
             step: the step.
-            touch: of `crossing_at_jump` and a level of zero, where a jump lies between the last step and this one.
+            touch: see `crossing_at_jump`, for a jump between the last step and this one.
         """
         hits: list[EventRoot] = []
         if touch is not None:
@@ -147,7 +147,7 @@ class SignalEvent:
     def _passage(
         self, hits: list[EventRoot], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"
     ) -> None:
-        """Add the passage between two points of a step, with the values there, if there is one."""
+        """Append the crossing between two points of a step, given their values, if there is one."""
         (theta0, y0, f0), (theta1, y1, f1) = a, b
         if self.direction * np.sign(f1 if f0 == 0 else f1 - f0) < 0:
             return
@@ -159,7 +159,7 @@ class SignalEvent:
             hits.append((theta1, y1))
 
     def _locate(self, a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap") -> EventRoot:
-        """Find a zero between two shares of a step by Brent's method; each value is one step of the method."""
+        """Locate a zero between two shares of a step by Brent's method; each value is one step of the method."""
         known = {a[0]: (a[2], a[1]), b[0]: (b[2], b[1])}
 
         def at(theta: float) -> tuple[float, Array]:
@@ -173,10 +173,10 @@ class SignalEvent:
         return theta, at(theta)[1]
 
     def _turns(self, step: "StepMap", f0: float, f1: float) -> list[float]:
-        """Shares of the step at which the signal may have passed its level and turned back.
+        """Return shares of the step between which the signal may cross its level twice.
 
-        They are the extrema of the cubic through values and rates at both ends, where it has another sign than both.
-        Of signals whose rates are not known (multipliers, reactions, energies) only the ends of steps are looked at.
+        They are the extrema of the cubic through values and rates at both ends, where its sign differs from that at
+        both ends. Signals without known rates (multipliers, reactions, energies) are only checked at the ends of steps.
         """
         if self.signal.kind not in ("y", "angle") or self.signal.rate < 0 or f0 * f1 <= 0:
             return []
@@ -184,9 +184,9 @@ class SignalEvent:
             m0, m1 = (step.h * rate[self.signal.rate] for rate in self._rates(step))
         except StepError:
             return []
-        if m0 * f0 >= 0 or m1 * f1 <= 0:  # it does not come nearer and go away again
+        if m0 * f0 >= 0 or m1 * f1 <= 0:  # it does not approach the level and leave it again
             return []
-        # p(x) = f0 + m0 x + a x^2 + b x^3, p'(x) = m0 + 2 a x + 3 b x^2, of which m0 and m1 have opposite signs
+        # p(x) = f0 + m0 x + a x^2 + b x^3, p'(x) = m0 + 2 a x + 3 b x^2, where m0 and m1 have opposite signs
         a, b = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1
         root = np.sqrt(a * a - 3 * b * m0)
         x = float(-m0 / (a + np.copysign(root, -m0)))

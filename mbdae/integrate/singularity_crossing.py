@@ -1,8 +1,8 @@
-"""A step over a singular configuration, along polynomials through the states before it.
+"""Step across a singular configuration by polynomial extrapolation of previous states.
 
-Where closures lose rank a solve divides by a pivot that vanishes: steps would creep towards it, and rounding would say
-where they lead. But the motion on its own branch is smooth there. So the polynomial of (v, s, w) through four states
-and their rates leads across, q by its integral, and the point behind is brought onto the closures.
+Where closures lose rank, a solve divides by a vanishing pivot: steps would become tiny, and rounding would decide the
+result. The motion on its branch is smooth there. So the polynomial of (v, s, w) through four states and their rates
+continues across, q follows by integration, and the point after it is projected onto the closures.
 """
 
 from contextlib import suppress
@@ -17,26 +17,26 @@ from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.singularity import Singular, singular, singular_crossing
 from ..system import Array
 
-OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: where further states are taken from
-SEARCH_RANGE = 4.0  # times the way: how far ahead a singular configuration is looked for
-SAMPLES = 24  # points of the way
-DEPTH = 0.05  # of the ratio of pivots here: what it must fall below to be a singular configuration
-OVERSHOOT = 1.3  # times the way, at least: how far the end of a leap lies
-AHEAD = 0.7  # times the way: where the end of a run is as near that a leap leads to it
-KNOWN = 1e-5  # rad or m: how well the place of a singular configuration must be known
+OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: distances of the earlier states
+SEARCH_RANGE = 4.0  # times the way: search range for a singular configuration
+SAMPLES = 24  # points of the search
+DEPTH = 0.05  # of the current pivot ratio: a singular configuration is below
+OVERSHOOT = 1.3  # times the way, at least: end of the crossing
+AHEAD = 0.7  # times the way: if the end of a run is closer, the crossing leads to it
+KNOWN = 1e-5  # rad or m: required accuracy of the position of a singular configuration
 CLOSE = 1e-9  # of the size of G: residual of closures in a singular configuration; bars with a gap keep a larger one
-ROOT_TOLERANCE = 1e-10  # of the way: how sharply the smallest ratio is located
+ROOT_TOLERANCE = 1e-10  # of the way: tolerance of the smallest ratio
 
 
 class SingularityCrossing(NamedTuple):
-    """A way over a singular configuration.
+    """Crossing of a singular configuration.
 
     Attributes:
-        t: time behind it, or the end of the run in front of it or next to it.
-        y: point there; behind it on the closures.
-        path: y after a time from where the leap begins, (dt) -> (n,).
+        t: time after it, or the end of the run if that comes first or is adjacent.
+        y: point there; after the singularity, on the closures.
+        path: y as a function of the time since the crossing began, (dt) -> (n,).
         error: difference of the polynomials of degree 2 k - 1 and 2 k - 3 through k states, in the tangent.
-        move: what bringing the point onto the closures moved.
+        move: displacement by the projection of the point.
         passed: the singular configuration.
     """
 
@@ -49,15 +49,15 @@ class SingularityCrossing(NamedTuple):
 
 
 class ContinuationPolynomial:
-    """The motion continued from a state by the polynomial of u = (v, s, w) through it and earlier ones.
+    """Continuation of the motion by the polynomial of u = (v, s, w) through the last state and earlier ones.
 
     Args:
         system: a workspace.
         ts: times of the states, the last one first, (k,).
         y: the last state.
-        us: the tails (v, s, w) of all of them, (k, m).
-        rates: and their rates, (k, m).
-        reach: the longest way, signed.
+        us: (v, s, w) of all of them, (k, m).
+        rates: their rates, (k, m).
+        reach: the largest time step, signed.
     """
 
     def __init__(self, system: Index2System, ts: Array, y: Array, us: Array, rates: Array, reach: float) -> None:
@@ -92,16 +92,16 @@ class ContinuationPolynomial:
 
 
 def cross_singularity(system: Index2System, run: Any, way: float, first: int) -> SingularityCrossing | None:
-    """Find the way over a singular configuration that lies about ``way`` seconds ahead; None where there is none.
+    """Return the crossing of a singular configuration about ``way`` seconds ahead; None if there is none.
 
     Args:
         system: a workspace with the run's rank and rows.
-        run: its nodes and their rates, the end of its leg, and the way back from its last node.
-        way: seconds until the ratio of pivots vanishes, positive.
-        first: node behind the last jump or leap.
+        run: its nodes and their rates, the end of its smooth interval, and its backward stepper.
+        way: seconds until the pivot ratio vanishes, positive.
+        first: node after the last jump or crossing.
 
     Raises:
-        StepError: if states before cannot be found, or the point behind not be brought onto the closures.
+        StepError: if earlier states cannot be computed, or the point after it cannot be projected.
     """
     ts, ys, rates = _earlier_states(run, way, first)
     if len(ts) < 2:
@@ -128,7 +128,7 @@ def cross_singularity(system: Index2System, run: Any, way: float, first: int) ->
         return None
     t = run.leg.end if end == run.left() else run.t + run.sign * end
     there = path(run.sign * end)
-    closed = there if beside else system.restore(t, there, True)  # next to it rounding would turn v
+    closed = there if beside else system.restore(t, there, True)  # next to it rounding would rotate v
     error = system.difference(lower(run.sign * end), there)
     passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
     if passed is None:
@@ -137,16 +137,16 @@ def cross_singularity(system: Index2System, run: Any, way: float, first: int) ->
 
 
 def _earlier_states(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
-    """Times, points and rates of the last node and of states about `OFFSETS` times the way before it.
+    """Return times, points and rates of the last node and of states about `OFFSETS` times the way before it.
 
-    Where the run can step back they are found anew from the last node: those on the way to it have errors of the steps
-    between, which a polynomial magnifies a hundredfold. Where a leg begins they are states that it would come from: its
-    forces continue across the impact or the jump before.
+    If the run can step back, they are recomputed from the last node: the nodes before it contain the errors of the
+    steps, which a polynomial magnifies a hundredfold. At the start of a smooth interval they are virtual states: its
+    forces are continued backwards across the impact or jump.
     """
     back = np.abs(np.array(run.ts[first:]) - run.t)
     if run.back and (run.back.anywhere or back[0] < OFFSETS[-1] * way):
         offsets = np.array(OFFSETS) * (min(1.0, back[0] / (OFFSETS[-1] * way)) or 1.0)
-        with suppress(StepError):  # near singular configurations rounding may forbid sharp steps
+        with suppress(StepError):  # near singular configurations rounding may prevent accurate steps
             return run.back(run.t - run.sign * way * offsets)
     chosen = [len(back) - 1]
     for offset in OFFSETS:
@@ -160,7 +160,7 @@ def _earlier_states(run: Any, way: float, first: int) -> tuple[Array, Array, Arr
 
 
 def _lowest(value: Any, dts: Array) -> tuple[float, float] | None:
-    """The first local minimum of a function along its samples, sharpened; None where it only falls or rises."""
+    """Return the first local minimum of a function along its samples, refined; None if it is monotonic."""
     values = [value(dt) for dt in dts]
     for k in range(1, len(dts) - 1):
         if values[k] <= values[k - 1] and values[k] <= values[k + 1]:

@@ -1,4 +1,4 @@
-"""A run's watch for singular configurations: seen between its steps, leapt over, never left on another branch."""
+"""Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
 
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -16,49 +16,49 @@ if TYPE_CHECKING:
     from .steppers.adaptive import Adaptive
 
 SUSPICIOUS_RATIO = (
-    0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
+    0.6  # of the largest ratio so far: minima above are regular, since stages come close enough
 )
-SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
-AHEAD = 20.0  # steps: a ratio that would take longer to fall to zero is small for other reasons
-CROSSING_RATIO = 0.1  # of the largest ratio: below, a leap is tried
-NEXT = 0.5 * KNOWN  # likewise, in rad or m about: below, the place of a singular configuration is not known better
+SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: the fall to zero takes one or two steps
+AHEAD = 20.0  # steps: a ratio that would take longer to vanish is small for other reasons
+CROSSING_RATIO = 0.1  # of the largest ratio: below, a crossing is tried
+NEXT = 0.5 * KNOWN  # rad or m, approximately: below, the position of a singular configuration is uncertain
 APPROACH = 0.5  # of the way to the singular configuration: the longest step
-NEARER = 0.75  # of the way of the leap tried before: how much nearer the next one begins
-MET, PATIENCE = 0.5, 2  # of the last one's error: who does not fall to it so often has met the errors of the steps
-TRUSTED = 1e3  # times the tolerance: up to where such an error may stand for theirs
-MOVED = 100.0  # times the tolerance: how far a leap may end beside the closures
-ENDED = 1e-6  # of the largest ratio: velocities at an end as near as that have lost six digits
-SINGULAR_RATIO = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
-BACK = 0.02  # of the ratio where a leg begins: what it may change by on a way back along which it is a line
+NEARER = 0.75  # of the way of the previous attempt: start of the next one
+MET, PATIENCE = 0.5, 2  # of the last error: attempts without this reduction are limited by step errors
+TRUSTED = 1e3  # times the tolerance: largest error that may be attributed to the steps
+MOVED = 100.0  # times the tolerance: largest distance of the end of a crossing from the closures
+ENDED = 1e-6  # of the largest ratio: closer to a singularity, end velocities have lost six digits
+SINGULAR_RATIO = 1e-3  # of the ratio one step before: below, the configuration is singular
+BACK = 0.02  # of the ratio at the start of an interval: largest change over a linear backward step
 
 
 def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
-    """Say whether the ratio may vanish around a step: where it is smallest, and small or at the bottom of a notch."""
+    """Return whether the ratio may vanish around a step: a minimum that is small or a notch."""
     lowest = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
     return lowest & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
 
 
 def _falls(before: Any, here: Any) -> Any:
-    """Say whether the ratio, going on as over the last step, vanishes within `AHEAD` steps."""
+    """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps."""
     return AHEAD * (before - here) > here
 
 
 class SingularityMonitor(Passages):
-    """Follows how far the rows of the closures are from depending on each other, step by step.
+    """Monitors, step by step, how close the rows of the closures are to dependence.
 
-    The solves of the stages tell: the ratio of their pivots, for nothing. Where it becomes small, a run under control
-    of its steps closes its loops, comes nearer in steps that halve the way, and leaps:
-    `mbdae.integrate.singularity_crossing`. Where it was smallest between other steps, the smallest pivot is minimised
-    on the dense output; what is found is listed.
+    The indicator is the pivot ratio of the stage solves, at no cost. Where it becomes small, a run with step-size
+    control closes its loops, approaches in steps that halve the distance, and crosses by
+    `mbdae.integrate.singularity_crossing`. Where it has a minimum between other steps, the smallest pivot is minimised
+    on the dense output, and any singularity found is recorded.
 
-    Branches that meet in a singular configuration have tangent spaces of their own: behind it the run must move in the
-    one it came in, as far as that was turning before.
+    Branches that intersect in a singular configuration have different tangent spaces: afterwards the run must move in
+    the previous one, up to its previous rate of rotation.
 
     Args:
         system: the run's workspace.
-        kept: the method keeps positions of closures, by projection or a multiplier.
-        control: of the steps of a run that leaps; None for others.
-        closing: loops are to be closed where the ratio is small; a multiplier does so by itself.
+        kept: whether the method enforces positions of closures, by projection or a multiplier.
+        control: step-size control of a run that may cross; None for others.
+        closing: whether loops must be closed where the ratio is small; a multiplier does so by itself.
     """
 
     def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", closing: bool) -> None:
@@ -67,30 +67,30 @@ class SingularityMonitor(Passages):
         self.restart(0)
 
     def restart(self, first: int) -> None:
-        """Forces jump at node ``first``: what was before does not continue."""
-        self.entered: int | None = None  # the node from which steps came near a singular configuration
-        self.tried, self.stalled = (np.inf, np.inf), 0  # way and error of the last leap that was not taken
+        """Discard the history at node ``first``, where forces jump."""
+        self.entered: int | None = None  # the node at which steps came near a singular configuration
+        self.tried, self.stalled = (np.inf, np.inf), 0  # way and error of the last rejected crossing
         self._begin(first)
 
     def _begin(self, first: int) -> None:
-        """Ratios of steps are counted anew from node ``first``."""
+        """Restart the ratios of steps from node ``first``."""
         self.first, self.ratios = first, [np.inf]
 
     def cut(self, run: "RunState") -> None:
-        """The run was cut back to its last node: what was found behind it was not passed."""
+        """The run was truncated to its last node: discard singularities found after it."""
         self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
 
     def begin_step(self) -> None:
-        """Forget what solves outside of the next step tell."""
+        """Discard pivot ratios of solves outside the next step."""
         self.system.least_pivot_ratio = 1.0
 
     def reject_singular_step(self, t: float, y: Array) -> None:
-        """Refuse a fixed step that has a stage in a singular configuration, or ends there at (t, y).
+        """Reject a fixed step that has a stage in a singular configuration, or ends there at (t, y).
 
-        Rounding says where such a stage leads, and no step can begin there.
+        The result of such a stage is rounding, and no step can begin there.
 
         Raises:
-            StepError: with the time where the step ends.
+            StepError: with the end time of the step.
         """
         nearest = min(float(np.sqrt(self.system.least_pivot_ratio)), self.ratios[-1])
         limit = SINGULAR_RATIO * min(self.largest, self.ratios[-1])
@@ -98,7 +98,7 @@ class SingularityMonitor(Passages):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
 
     def refuse_beginning(self, t: float, y: Array) -> None:
-        """Refuse fixed steps from a node (t, y) behind an impact next to a singular configuration: they do not leap.
+        """Reject fixed steps from a node (t, y) after an impact next to a singular configuration.
 
         Raises:
             StepError: with the time.
@@ -107,7 +107,7 @@ class SingularityMonitor(Passages):
             raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
 
     def next_to(self, t: float, y: Array) -> bool:
-        """Say whether a point lies so near to a singular configuration that its place is not known better."""
+        """Return whether a point is closer to a singular configuration than its position is known."""
         return self._ratio(t, y) < NEXT * self.largest
 
     def limits(self) -> tuple[float, float, float, float, float, float]:
@@ -115,12 +115,12 @@ class SingularityMonitor(Passages):
         return self.largest, self.ratios[-1], SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO, AHEAD
 
     def quiet(self, least_pivot_ratio: Array) -> int:
-        """Pass over steps with nothing to look at, given their smallest ratios of pivots; return how many."""
+        """Skip regular steps, given their smallest pivot ratios; return how many."""
         new = np.sqrt(least_pivot_ratio)
         if self.entered is not None or not len(new):
             return 0
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
-        every = np.concatenate([[0.0], self.ratios[-2:], new])  # before the first step there is none to look at
+        every = np.concatenate([[0.0], self.ratios[-2:], new])  # before the first step there is none to inspect
         earlier, before = every[-len(new) - 2 : -2], every[-len(new) - 1 : -1]
         loud = _suspicious(earlier, before, new, largest) | ((new < MONITORED_RATIO * largest) & _falls(before, new))
         n = int(loud.argmax()) if loud.any() else len(new)
@@ -129,20 +129,20 @@ class SingularityMonitor(Passages):
         return n
 
     def note(self) -> None:
-        """Keep what the solves of the step just taken tell: others may follow before it is looked at."""
+        """Record the pivot ratio of the step just taken: other solves may follow before it is inspected."""
         self.newest = float(np.sqrt(self.system.least_pivot_ratio))
 
     def step(self, run: "RunState", last: bool, ends: bool = False) -> None:
-        """Look back at the step before the one just taken, and at this one if it is the last.
+        """Inspect the step before the one just taken, and this one if it is the last.
 
         Args:
             run: the run.
-            last: its span ends here.
-            ends: its mode does.
+            last: whether the span ends here.
+            ends: whether its mode ends here.
 
         Raises:
-            StepError: for a singular configuration that the run cannot pass, or passed onto another branch; nodes
-                behind it are taken off.
+            StepError: for a singular configuration that the run cannot cross, or crossed onto another branch; later
+                nodes are removed.
         """
         self.ratios.append(self.newest)
         self.largest = max(self.largest, self.ratios[-1])
@@ -168,7 +168,7 @@ class SingularityMonitor(Passages):
             self._leave(run)
 
     def end_leg(self, run: "RunState") -> None:
-        """Look at the last step before an impact or a jump.
+        """Inspect the last step before an impact or a jump.
 
         Raises:
             StepError: as in `step`.
@@ -179,14 +179,14 @@ class SingularityMonitor(Passages):
             self._leave(run)
 
     def _leave(self, run: "RunState") -> None:
-        """Go on regularly, on the branch of the node from which steps came near a singular configuration."""
+        """Continue regularly, on the branch of the node at which steps came near a singular configuration."""
         self.compare(run, self.entered or 0, len(run.ts) - 1)
         self.entered, self.tried, self.stalled = None, (np.inf, np.inf), 0
         if self.control:
             self.control.cap = np.inf
 
     def cross_if_near(self, run: "RunState") -> bool:
-        """Where a singular configuration is near, shorten the next step, or take the leap over it: then say True."""
+        """If a singular configuration is near, shorten the next step, or cross it, and then return True."""
         begins = len(run.ts) - 1 == self.first
         if self.control is None or (self.entered is None and not begins):
             return False
@@ -222,9 +222,10 @@ class SingularityMonitor(Passages):
         return True
 
     def _ahead(self, run: "RunState", begins: bool) -> tuple[float, float]:
-        """Return the ratio at the last node, and the time until it vanishes as it falls; inf where it does not.
+        """Return the ratio at the last node, and its extrapolated time to zero; inf if it does not fall.
 
-        Where a leg begins there is no step before it: the ratio a short way back, at the speed there, serves as well.
+        At the start of a smooth interval, the ratio slightly before, by its initial velocity, replaces the previous
+        step.
         """
         here = self._ratio(run.t, run.ys[-1])
         if not begins:
@@ -239,15 +240,15 @@ class SingularityMonitor(Passages):
         return here, here * dt / (before - here) if here < before else np.inf
 
     def beside(self, t: float, y: Array) -> bool:
-        """Say whether a point lies next to a singular configuration, where a step's end is not to be trusted."""
+        """Return whether a point is next to a singular configuration, where the end of a step is unreliable."""
         return self._ratio(t, y) < CROSSING_RATIO * self.largest
 
     def along(self, h: float, theta: float) -> Array:
-        """Return the point after a share of the leap of size h that was taken last."""
+        """Return the point after a share of the last crossing of size h."""
         return self.path(theta * h)
 
     def _inspect_step(self, run: "RunState", k: int) -> None:
-        """Look around step k, counted from 1, whose ratio is in place k."""
+        """Inspect step k, counted from 1, whose ratio has index k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
         if not _suspicious(before, here, after, self.largest):
             return

@@ -41,52 +41,52 @@ def solve(
 
         q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t, q);      y' = f(t, y, z),   0 = g(t, y)
 
-    Half-explicit methods meet the constraint at every stage (Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993); Murua,
+    Half-explicit methods satisfy the constraint at every stage (Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993); Murua,
     Appl. Numer. Math. 24 (1997); Arnold, BIT 38 (1998)), Radau IIA methods by collocation (Hairer, Wanner II, VII.4).
 
-    What is left out, a mechanism file's ``[solve]`` table says (`mbdae.mechanism.model_settings.SolveSettings`).
+    Defaults come from the ``[solve]`` table of a mechanism file (`mbdae.mechanism.model_settings.SolveSettings`).
 
     Args:
-        problem: a mechanism, a `mbdae.Hessenberg` problem (which brings its own start), or the name or path of one, see
+        problem: a mechanism, a `mbdae.Hessenberg` problem (which has a start), or the name or path of one, see
             `mbdae.load`.
         t_span: start and end in s; the end may lie before the start.
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
-        s: start values (ns,) of the states of actuators and controllers; their own when left out.
+        s: start values (ns,) of the states of actuators and controllers; their defaults when left out.
         method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; pherk6 when left out;
             for ``"index1"`` dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
-        formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level
-            too, by a second multiplier; ``"index1"``: neither, accelerations are stepped as a baseline.
+        formulation: ``"index2"``: closures enforced at velocity level, and see ``project``; ``"ggl"``: also at position
+            level, by a second multiplier; ``"index1"``: neither, accelerations are integrated as a baseline.
             Mechanisms only.
-        project: bring the state back to g = 0 and G v = 0 after each step, over all rows and in the mass metric; for
-            ``"index2"``, and dop853. ``"auto"`` does so for ``"index2"`` where steps are controlled, and not with fixed
-            ones, where methods are studied. Without, g and rows that depend on others drift with the errors of the
+        project: project the state onto g = 0 and G v = 0 after each step, over all rows and in the mass metric; for
+            ``"index2"``, and dop853. ``"auto"`` does so for ``"index2"`` with step-size control, and not with fixed
+            steps, which serve to study methods. Without projection, g and redundant rows drift with the errors of the
             method.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
-        step: fixed step in s; the step size is controlled when left out, and singular configurations are then leapt
-            over. Where a fixed one would end in one, three shorter steps take the place of two.
+        step: fixed step in s; the step size is controlled when left out, and singular configurations are then crossed.
+            If a fixed step would end in one, three shorter steps replace two.
         rtol: relative tolerance per step of q and v; 1e-8 when left out.
         atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
         first_step: first step in s; guessed when left out.
         max_step: largest step in s.
         max_steps: largest number of steps taken or rejected; unlimited when left out.
         jumps: times at which forces (of t) jump: steps end there. Controllers and functions of time in mechanism files
-            tell their own.
+            provide their times.
         t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps when left out.
         events: signals and levels, ``"q.slider = 0.3"``, functions event(t, q, v) -> float (textbook problems:
             event(t, y)), or `mbdae.Event` of either; zeros are reported, and a terminal one ends the run.
         progress: called with the fraction done, after each step or several times a second.
-        backend: ``"native"``: the compiled core, for mechanisms; ``"python"``;
-            or ``"auto"``: the core where it is there and has what is asked for. ``stats["backend"]`` says which.
+        backend: ``"native"``: the compiled core, for mechanisms; ``"python"``; or ``"auto"``: the core if it is
+            available and supports the problem. ``stats["backend"]`` reports which.
 
     Returns:
         The solution, with everything up to the point of failure if there was one: see `status` and `message`. Runs with
-        status ``"finished"`` or ``"event"`` are successes; a ``"doubtful"`` one came to its end, but loops, velocities
-        or energy say that it cannot be trusted; those with another of `mbdae.errors.STATUS` stopped before.
+        status ``"finished"`` or ``"event"`` are successes; a ``"doubtful"`` one came to its end, but checks of loops,
+        velocities or energy failed; those with another of `mbdae.errors.STATUS` stopped before.
 
     Raises:
         InputError: for wrong arguments, or an inconsistent start.
-        UnknownNameError: for a method that does not exist.
+        UnknownNameError: for an unknown method.
     """
     problem = problem_of(problem, "solve")
     positive(step=step, first_step=first_step, max_step=max_step, max_steps=max_steps)

@@ -12,11 +12,11 @@ def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple
 
     Args:
         t_span: start and end, or an end alone for a span from 0.
-        pair: an end alone is refused; start and end may coincide.
-        end: it must be an end alone, and positive.
+        pair: reject an end alone; start and end may coincide.
+        end: require an end alone, which is positive.
 
     Raises:
-        InputError: for what is no time span.
+        InputError: for an invalid time span.
     """
     try:
         alone = end or (np.ndim(t_span) == 0 and not pair)

@@ -1,4 +1,4 @@
-"""The last step of a run as a map from shares of it to points: by shorter steps of the method, and by dense output."""
+"""The last step of a run as a function of the share of it: by shorter steps of the method, and by dense output."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,14 +16,14 @@ class StepMap:
     """The last step of a run.
 
     Args:
-        run: the run, which stands at the end of the step.
-        start: the state where it began; None on a leap over a singular configuration, where no step can be taken.
+        run: the run, at the end of the step.
+        start: the state at its start; None for a singularity crossing, which cannot be repeated as a step.
 
     Attributes:
-        t, h: where the step began, and its size, signed.
-        t1: where it ended.
+        t, h: start and size of the step, signed.
+        t1: end of the step.
         y, y1: the points there, (n,).
-        first: it is the first step of the run.
+        first: whether it is the first step of the run.
     """
 
     def __init__(self, run: "RunState", start: State | None) -> None:
@@ -50,17 +50,17 @@ class StepMap:
         return self.run.record().rate(self.node), self.run.record().rate(self.node + 1)
 
     def point(self, theta: float) -> Array:
-        """Return y (n,) at the end of a step of size theta h; on the dense output where no such step can be taken."""
+        """Return y (n,) at the end of a step of size theta h; on the dense output if that step fails."""
         if self.start is not None and self.run.stepper.any_size:
             with suppress(StepError):
                 return self.take(theta).state.y
         return self.dense(theta)
 
     def take(self, theta: float) -> Step:
-        """Take a step of size theta h from where this one began, as the run takes them; the run stays where it is.
+        """Take a step of size theta h from the same start, in the way of the run, which is left unchanged.
 
         Raises:
-            StepError: where it cannot be taken.
+            StepError: if it fails.
         """
         run, system = self.run, self.run.system
         now, rows, before = (run.t, run.state), system.in_use, run.rows_at(self.node)

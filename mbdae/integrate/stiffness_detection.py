@@ -1,4 +1,4 @@
-"""A run's watch for stiffness: steps that stability keeps short, where the motion would allow long ones."""
+"""Stiffness detection: steps limited by stability, where accuracy would allow longer ones."""
 
 import warnings
 from contextlib import suppress
@@ -17,23 +17,23 @@ from .steppers.adaptive import SMALLEST_SCALE, Adaptive
 if TYPE_CHECKING:
     from .run import RunState
 
-FIRST, MOST = 2000, 16000  # steps before the first look (shorter runs are soon over), and between later ones
-WINDOW = 50  # steps in which one polynomial follows the velocities
-NODES, BETWEEN = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # of the window: where it interpolates, and is compared
-ROUGH = 3.0  # times the tolerance: fast parts that steps at the limit of stability leave alive
-LONGER = 2.0  # times as long: steps that would be unstable
+FIRST, MOST = 2000, 16000  # steps before the first check (shorter runs end soon), and between later ones
+WINDOW = 50  # steps over which one polynomial approximates the velocities
+NODES, BETWEEN = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # of the window: interpolation and comparison points
+ROUGH = 3.0  # times the tolerance: fast modes that remain excited at the stability limit
+LONGER = 2.0  # step ratio that would be unstable
 ITERATIONS = 12  # of the power method
-SMALL = 1e-7  # of 1 + |y|: the difference it takes
-FREE = 0.9  # of max_step: longer steps are kept short by that
+SMALL = 1e-7  # of 1 + |y|: size of the difference
+FREE = 0.9  # of max_step: longer steps are limited by it
 
 
 @dataclass
 class Stiff:
-    """Where a run was found stiff.
+    """Record of detected stiffness.
 
     Attributes:
         t: time in s.
-        h: mean size of the steps before in s.
+        h: mean size of the previous steps in s.
         h_rho: h times the spectral radius of the mechanism's equations, solved for accelerations.
     """
 
@@ -47,31 +47,31 @@ class Stiff:
 
 
 class StiffnessDetector:
-    """Looks now and then whether stability limits the steps of a half-explicit method under step-size control.
+    """Checks at intervals whether stability limits the controlled steps of a half-explicit method.
 
-    It does where two things come together. One polynomial of degree 4 follows the velocities of the last fifty steps
-    to three times the tolerance, so accuracy does not ask for them; vibrations that the motion has do. And steps twice
-    as long would be unstable: |R(2 h lam)| > 1 with the method's stability function R and the largest eigenvalue
-    lam of y' = f(t, y, z(t, y)), where z meets the hidden constraint. The power method finds lam, only where the motion
+    Two conditions must hold. One polynomial of degree 4 approximates the velocities of the last fifty steps to three
+    times the tolerance, so accuracy does not require them, as it would for vibrations of the motion. And steps twice as
+    long would be unstable: |R(2 h lam)| > 1 with the method's stability function R and the largest eigenvalue lam of
+    y' = f(t, y, z(t, y)), where z satisfies the hidden constraint. The power method computes lam, only where the motion
     is smooth. (Hairer, Wanner II, IV.2, compare two stages at one time, which few half-explicit methods have.)
 
     Args:
         system: the run's workspace.
         tableau: a half-explicit method.
-        control: of the steps.
+        control: step-size control.
     """
 
     def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
-        self.next = self.pause = FIRST  # the node to look at, and the steps to the one after
+        self.next = self.pause = FIRST  # the next node to check, and the interval to the one after
         self.found: Stiff | None = None
 
     def restart(self, first: int) -> None:
-        """Steps begin anew at node ``first``, behind a jump: no window reaches across."""
+        """Restart the window at node ``first``, after a jump."""
         self.next = max(self.next, first + WINDOW)
 
     def look(self, run: "RunState") -> None:
-        """Look at the steps since the last look; the first one that is found stiff is a warning."""
+        """Check the steps since the last check; the first stiff one causes a warning."""
         while not self.found and self.next < len(run.ts):
             n = self.next
             self.next, self.pause = n + self.pause, min(2 * self.pause, MOST)
@@ -81,18 +81,18 @@ class StiffnessDetector:
                 warnings.warn(str(self.found), stacklevel=5)
 
     def _judge(self, run: "RunState", n: int) -> Stiff | None:
-        """Return what is stiff about the steps before node n."""
+        """Return the stiffness of the steps before node n, if any."""
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
         if abs(h) > FREE * self.control.largest or not self._smooth(run, n):
             return None
         lam = _largest_eigenvalue(run.record().system, run.ts[n], run.ys[n])
-        z = abs(h) * complex(-abs(lam.real), lam.imag)  # a motion that is smooth decays, whatever rounding says
+        z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays, whatever the rounding
         if not _growth(self.tableau, LONGER * z) > 1:
             return None
         return Stiff(float(run.ts[n]), float(abs(h)), float(abs(z)))
 
     def _smooth(self, run: "RunState", n: int) -> bool:
-        """Say whether one polynomial of degree 4 follows velocities and states before node n closely."""
+        """Return whether one polynomial of degree 4 approximates velocities and states before node n closely."""
         t, nq, nv, ns = run.ts[n - WINDOW : n + 1], self.system.nq, self.system.nv, self.system.ns
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
         weights = _lagrange([t[i] for i in NODES], [t[i] for i in BETWEEN])
@@ -104,7 +104,7 @@ class StiffnessDetector:
 
 
 def _lagrange(nodes: list[float], times: list[float]) -> Array:
-    """Return the weights (times, nodes) of values at the nodes in the interpolation polynomial at other times."""
+    """Return the weights (times, nodes) of Lagrange interpolation from nodes to other times."""
     return np.array([[prod((t - a) / (b - a) for a in nodes if a != b) for b in nodes] for t in times])
 
 
@@ -121,14 +121,14 @@ def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
     Of three iterates x_2 = a x_1 + b x_0 is fitted, and lam^2 = a lam + b.
 
     Raises:
-        StepError: for a point where y' cannot be found.
+        StepError: if y' cannot be computed.
     """
     F = system.derivative(t, y)[0]
     size = SMALL * (1 + float(np.linalg.norm(y[:-1])))
     x = np.random.default_rng(0).normal(size=system.ny)
     iterates: list[tuple[Array, Array]] = []
     for _ in range(ITERATIONS):
-        x[-1] = 0.0  # the work changes nothing
+        x[-1] = 0.0  # the work has no effect
         x *= size / np.linalg.norm(x)
         slope = system.derivative(t, system.add(y, x))[0] - F
         slope[-1] = 0.0

@@ -1,4 +1,4 @@
-"""How a run ends: at a terminal event, and as a solution."""
+"""End of a run: termination at an event, and the resulting solution."""
 
 from contextlib import suppress
 from dataclasses import asdict
@@ -18,15 +18,15 @@ from .step_map import StepMap
 
 
 def terminate_at_event(at: StepMap, theta: float, event: Event) -> None:
-    """End in a terminal event with a step of the method: closures hold there as at any other node.
+    """Terminate at an event with a step of the method, so that closures are satisfied as at any other node.
 
-    Where no shorter step can be taken it is the point of the dense output, projected on the closures. It is that point
-    as it is with scipy's solvers, whose nodes do not meet the closures either, and on a leap or else next to a singular
-    configuration, where a step or a projection would turn velocities.
+    If no shorter step succeeds, the end is the point of the dense output, projected onto the closures. It is not
+    projected with scipy's solvers, whose nodes do not satisfy the closures either, in a singularity crossing, or next
+    to a singular configuration, where a step or a projection would rotate velocities.
 
     Args:
-        at: the step in which it is.
-        theta: the share of it where it is.
+        at: the step that contains the event.
+        theta: position of the event in the step.
         event: the event.
     """
     run, t, h, start, step = at.run, at.t, at.h, at.start, None
@@ -53,14 +53,14 @@ def terminate_at_event(at: StepMap, theta: float, event: Event) -> None:
 
 
 def drop_later_events(run: RunState) -> None:
-    """Let nothing stand behind the end of a run."""
+    """Drop events after the end of a run."""
     if run.singular:
         run.singular.cut(run)
     run.events.end(run.t, run.ys[-1], run.sign)
 
 
 def make_solution(run: RunState, status: str, message: str, seconds: float, times: Array | None) -> Solution:
-    """Make the solution of a run, at the times asked for; one that came to its end is looked at with doubt."""
+    """Make the solution of a run, at the requested times; accuracy checks are applied to a finished run."""
     stats: dict[str, Any] = {"steps": run.steps, "rejected": run.rejected, **run.system.counts.to_dict()}
     stats |= {"seconds": seconds, "backend": run.stepper.backend}
     if run.fallback:
@@ -93,7 +93,7 @@ def make_solution(run: RunState, status: str, message: str, seconds: float, time
     try:
         for point in full.points(reached):
             read.append(point)
-    except StepError as e:  # a method without a stage there may end a step where the forces fail
+    except StepError as e:  # the end of a step without a stage there may lie where forces fail
         if full.success:
             status, message = e.status, f"t_eval cannot be read: {e}"
     reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])

@@ -1,9 +1,8 @@
-"""The steps of a run once more, and how they move: what tangents and adjoints of runs go along.
+"""Recompute the steps of a run for its discrete tangent and adjoint.
 
-A run's nodes tell its steps: each leads from one node to the next with the size that was accepted. Where two nodes
-stand at one time but for roundings there was a jump. Beside the nodes a trace keeps what the method carried at
-some of them (`mbdae.integrate.checkpoints`), and where it was found anew; stages are computed again when they are asked
-for.
+The nodes of a run define its steps: each leads from one node to the next with the accepted size. Two nodes at one time,
+up to rounding, are a jump. Besides the nodes, a trajectory keeps the carries of the method at some of them
+(`mbdae.integrate.checkpoints`), and where they were restarted; stages are recomputed on demand.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,20 +28,20 @@ from .native_trajectory import native_trajectory
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 
-JUMP = 6 * MARGIN  # roundings of t: nodes nearer than that stand before and after a jump
-REPEATED = 1e-7  # of 1 + |y|: what a step that is repeated may differ from the one that was taken
-SYNCHRONOUS = 1e-10  # of 1 + |y|: more than that, roundings have grown so far that the run's own point counts
+JUMP = 6 * MARGIN  # roundings of t: closer nodes are the two sides of a jump
+REPEATED = 1e-7  # of 1 + |y|: largest difference of a repeated step from the original
+SYNCHRONOUS = 1e-10  # of 1 + |y|: at larger differences, by amplified rounding, the run's point is used
 
 
 class _RunView(NamedTuple):
-    """What a stepper asks of a run to judge a projection."""
+    """View of a run with the data that a stepper needs to assess a projection."""
 
     system: System
     state: State
 
 
 class LinearMap(NamedTuple):
-    """A part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
+    """Part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
 
     matrix: Array
     maps_carry: bool
@@ -64,23 +63,23 @@ TrajectoryPart = StepSensitivityPart | LinearMap
 
 
 class Trajectory:
-    """A run of a half-explicit or a collocation method, to be gone along again.
+    """A run of a half-explicit or a collocation method, recomputed on demand.
 
     Args:
         sol: the run.
-        parameters: numbers of its mechanism that vary.
+        parameters: the varied parameters of its mechanism.
 
     Attributes:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
-        given: the first point before controllers looked at it, and modes and projections moved it.
-        system: a workspace, which runs with the same parameters share: each `hold` makes it this run's.
-        slopes: what moves.
-        n_carry: length of what the method carries.
-        core: many steps at once in the compiled core, where it has them.
+        given: the first point before controllers, modes and projections changed it.
+        system: a workspace, shared by runs with the same parameters: each `hold` prepares it for this run.
+        slopes: discrete sensitivity of the maps.
+        n_carry: length of the carry.
+        core: many steps at once in the compiled core, if supported.
 
     Raises:
-        InputError: for a run of another kind, or one whose steps cannot be repeated.
+        InputError: for an unsupported run, or one whose steps cannot be repeated.
     """
 
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
@@ -89,7 +88,7 @@ class Trajectory:
         self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
-        own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not say
+        own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not specify them
         self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
         formulation = settings["formulation"]
         stabilised = formulation == "ggl" and isinstance(self.tableau, Tableau)
@@ -124,24 +123,24 @@ class Trajectory:
             )
 
     def hold(self, i: int) -> None:
-        """Let the workspace solve for the rows that were in use at node i."""
+        """Use the rows that were in use at node i."""
         self._enter(self.slopes.parameters)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.hold(rows)
 
     def _enter(self, parameters: Parameters) -> None:
-        """Let the workspaces be in the mode of the run."""
+        """Enter the mode of the run in the workspaces."""
         if self.system.mode != self.mode:
             self.system.enter(self.mode)
         parameters.enter(self.mode)
 
     def state(self, i: int) -> State:
-        """Where the step from node i starts."""
+        """Return the state at which the step from node i starts."""
         return State(self.ys[i], self.checkpoints[i].carry if self.checkpoints else None)
 
     def start(self) -> Iterator[TrajectoryPart]:
-        """What leads from a given start to the first node."""
+        """Yield the maps from a given start to the first node."""
         self.hold(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
@@ -152,19 +151,19 @@ class Trajectory:
             yield LinearMap(struck, False)
         if self.project:
             yield LinearMap(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
-        if self.project and (y != self.ys[0]).any():  # runs beside it may take one Gauss-Newton step more
+        if self.project and (y != self.ys[0]).any():  # runs from a perturbed start may take another Gauss-Newton step
             yield LinearMap(self.at_start("closed", lambda: self.slopes.restored(t, self.ys[0])), False)
         if self.n_carry:
             yield LinearMap(self.at_start("renewal", lambda: self.slopes.renewed(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
-        """Slopes at the first node, found once for runs from one start with the same parameters."""
+        """Return partials at the first node, computed once for runs from one start with the same parameters."""
         s = self.system
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
         return self.slopes.parameters.once(name, key, find)
 
     def parts(self, i: int) -> Iterator[TrajectoryPart]:
-        """What leads from node i to the next one, each part with the slopes where it was."""
+        """Yield the maps from node i to the next one, each with its partial derivatives."""
         self.hold(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
         if self.jumped[i]:
@@ -186,16 +185,16 @@ class Trajectory:
             yield from self._renewal(t1, y1)
 
     def carry_restart_parts(self, i: int) -> Iterator[TrajectoryPart]:
-        """What follows behind a step to node i and its projection, where nothing else leads there."""
+        """Yield the maps after a step to node i and its projection, which restart the carry."""
         if self.renewed[i]:
             self.hold(i)
             yield from self._renewal(float(self.ts[i]), self.ys[i])
 
     def steps(self, i: int, h: float) -> list[StepSensitivityPart]:
-        """The step of size h from node i; two half ones where the method has no error estimate of its own."""
+        """Return the step of size h from node i; two half steps if the method has no error estimate."""
         t, state = float(self.ts[i]), self.state(i)
         at = self.system, self.slopes
-        self.hold(i)  # which a segment that was walked again may have changed
+        self.hold(i)  # recomputing a segment may have changed them
         try:
             if not self.halved:
                 return [self.tableau.slopes(*at, t, h, state)]
@@ -205,7 +204,7 @@ class Trajectory:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
     def short(self, i: int, h: float) -> tuple[Array, list[TrajectoryPart]]:
-        """The point (n,) where a step of size h from node i ends, brought back where the run is, and its parts."""
+        """Return the point (n,) after a step of size h from node i, projected if the run projects, and its parts."""
         steps = self.steps(i, h)
         y, t = steps[-1].state.y, float(self.ts[i]) + h
         if not self.project:
@@ -213,7 +212,7 @@ class Trajectory:
         return self.system.restore(t, y), [*steps, LinearMap(self.slopes.restored(t, y), False)]
 
     def between(self, i: int, t: float) -> Array:
-        """The point (n,) where a shorter step from node i ends."""
+        """Return the point (n,) after a shorter step from node i."""
         start = self.state(i)
         self.hold(i)
         y = self._taken(float(self.ts[i]), t - float(self.ts[i]), start).y
@@ -221,7 +220,7 @@ class Trajectory:
 
     @property
     def halved(self) -> bool:
-        """Whether a step is two of half the size."""
+        """Whether a step consists of two half steps."""
         return self.controlled and not self.tableau.b_embedded
 
     def _renewal(self, t: float, y: Array) -> Iterator[TrajectoryPart]:
@@ -229,7 +228,7 @@ class Trajectory:
             yield LinearMap(self.slopes.renewed(t, y), True)
 
     def _walk(self, i: int, j: int, state: State) -> list[State]:
-        """The states at nodes i, ..., j."""
+        """Return the states at nodes i, ..., j."""
         states = [state]
         while i < j:
             if self.core and (found := self.core.walk(i, j, states[-1], (REPEATED, SYNCHRONOUS))):
@@ -244,10 +243,10 @@ class Trajectory:
         return states
 
     def _advance(self, i: int, state: State) -> State:
-        """Find what the method carried at node i + 1, and see that the step is that of the run.
+        """Return the state at node i + 1 with its carry, and check that the step reproduces that of the run.
 
-        Points and what is carried go on together, as in the run: where it is stiff, roundings in one that the other
-        does not share grow from step to step.
+        Points and carries are recomputed together, as in the run: in stiff runs, rounding errors that only one of them
+        contains would grow from step to step.
         """
         self.hold(i)
         y1 = self.ys[i + 1]
@@ -267,7 +266,7 @@ class Trajectory:
         return self.system.carry(*self.system.derivative(float(self.ts[i]), y))
 
     def _repeat(self, i: int, start: State) -> tuple[State, bool]:
-        """Take the step from node i once more; return where it ends, and whether what is carried is new."""
+        """Repeat the step from node i; return its end, and whether the carry was restarted."""
         t, h = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i])
         try:
             state = self._taken(t, h, start)
@@ -281,7 +280,7 @@ class Trajectory:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
     def _taken(self, t: float, h: float, start: State) -> State:
-        """Where a step ends."""
+        """Return the end of a step."""
         if not self.halved:
             return self.tableau.step(self.system, t, h, start).state
         half = self.tableau.step(self.system, t, h / 2, start)

@@ -1,4 +1,4 @@
-"""What moves: mechanisms over Pinocchio models. The only place that imports pinocchio."""
+"""Mechanisms over Pinocchio models. Only this package imports pinocchio."""
 
 from ..discovery import model_names
 from ..errors import NotCompiled
@@ -19,7 +19,7 @@ from .reactions import Effort, Reaction, effort, reaction, redundant
 from .singularity import Singular
 from .time_functions import Function
 
-globals().update(NAMES)  # every force is public, found and not listed
+globals().update(NAMES)  # every force is public, by discovery
 
 __all__ = [
     "Clutch",

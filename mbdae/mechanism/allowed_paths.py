@@ -1,17 +1,21 @@
-"""Where files may look: what a model file names is read from its own package and from folders that the user names.
+"""Allowed paths: a model file may name files of its package and of folders given by the user.
 
-A model may come from a stranger. The meshes, pictures and further files that it names are therefore read from its
-package only: the nearest folder above with a ``package.xml``, or else its own folder, or the one above folders called
-as in `LAYOUT`. Links are followed before this is asked. ``packages`` of a mechanism file adds folders.
+A model may come from an untrusted source. The meshes, pictures and further files that it names are therefore read from
+its package only: the nearest folder above with a ``package.xml``, or otherwise its own folder, or the one above folders
+named as in `LAYOUT`. Links are resolved before this check. ``packages`` of a mechanism file adds folders.
 
-A saved run names its folders itself, so that they say nothing of what may be read: its meshes come from below its own
-folder, from installed packages, and from folders that the user names.
+The folders named in a saved run are not trusted: its meshes are read from below its own folder, from installed
+packages, and from folders given by the user.
 """
 
+import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import NamedTuple
 
+from ..discovery import models_directory
 from ..errors import InputError
 
 MANIFEST = "package.xml"
@@ -19,13 +23,13 @@ LAYOUT = ("urdf", "mjcf", "xml", "meshes", "mesh", "visual", "visuals", "collisi
 
 
 class AllowedPaths(NamedTuple):
-    """Folders in which a model's further files are looked up.
+    """Folders from which the files that a model names may be read.
 
     Attributes:
-        folder: of the model file.
-        packages: folders that the user names.
-        root: the package that the file belongs to.
-        trusted: of a saved run, folders that files must be in besides; None for what the user names itself.
+        folder: folder of the model file.
+        packages: folders given by the user.
+        root: package of the file.
+        trusted: for a saved run, folders that must contain the files as well; None for folders given by the user.
     """
 
     folder: Path
@@ -34,19 +38,19 @@ class AllowedPaths(NamedTuple):
 
     @classmethod
     def of(cls, path: Path, packages: Sequence[Path | str] = ()) -> "AllowedPaths":
-        """The places of a model file."""
+        """Return the allowed paths of a model file."""
         return cls(path.resolve().parent, tuple(Path(p).resolve() for p in packages))
 
     @property
     def root(self) -> Path:
-        """The package that the file belongs to."""
+        """Package of the file."""
         return package_of(self.folder)
 
     def find(self, name: str) -> Path:
-        """The file that a name in the model stands for: a path, or ``package://`` and ``file://`` before one.
+        """Return the file that a name in the model refers to: a path, possibly with ``package://`` or ``file://``.
 
         Raises:
-            InputError: where there is none, or where it stands outside.
+            InputError: if it does not exist, or is not allowed.
         """
         outside = None
         try:
@@ -56,7 +60,7 @@ class AllowedPaths(NamedTuple):
                     if self.holds(found):
                         return found
                     outside = outside or found
-        except (OSError, ValueError, RuntimeError) as e:  # RuntimeError: links that lead to each other
+        except (OSError, ValueError, RuntimeError) as e:  # RuntimeError: circular links
             raise InputError(f"{name[:80]!r} is not a path: {e}") from None
         if outside is not None and not self._trusts(outside):
             known = "meshes of a saved run are read from below its folder and from installed packages"
@@ -66,7 +70,7 @@ class AllowedPaths(NamedTuple):
         raise InputError(f"{name!r} is not found in {', '.join(map(str, (self.root, *self.packages)))}")
 
     def holds(self, path: Path) -> bool:
-        """Whether a file may be read: links are followed."""
+        """Whether a file may be read; links are resolved."""
         found = path.resolve()
         places = (self.root, *self.packages, *self._others(found))
         return self._trusts(found) and any(found.is_relative_to(place) for place in places)
@@ -75,7 +79,7 @@ class AllowedPaths(NamedTuple):
         return self.trusted is None or any(path.is_relative_to(place) for place in self.trusted)
 
     def _others(self, path: Path) -> Iterator[Path]:
-        """The package of a file beside the model's own, where both say by their manifests that they are packages."""
+        """Package of a file next to the model's own, if both have manifests."""
         package = package_of(path.parent)
         if (self.root / MANIFEST).is_file() and (package / MANIFEST).is_file() and package.parent in self.root.parents:
             yield package
@@ -94,7 +98,7 @@ class AllowedPaths(NamedTuple):
 
 
 def package_of(folder: Path) -> Path:
-    """The package that a folder belongs to."""
+    """Return the package of a folder."""
     for above in (folder, *folder.parents):
         if (above / MANIFEST).is_file():
             return above
@@ -104,5 +108,26 @@ def package_of(folder: Path) -> Path:
 
 
 def access_error(name: str, found: Path, root: Path) -> InputError:
-    """What is said of a file outside."""
+    """Return the error for a file that is not allowed."""
     return InputError(f"{name!r} is {found}, outside of {root}: `packages` of a mechanism file adds folders")
+
+
+def installed() -> list[Path]:
+    """The folders of installed packages, of mbdae's models and of example-robot-data."""
+    packages = [Path(p).resolve() for p in sys.path if Path(p).name in ("site-packages", "dist-packages")]
+    with suppress(InputError):
+        packages.append(robots_directory().resolve())
+    return [*packages, models_directory().resolve()]
+
+
+def robots_directory() -> Path:
+    """The folder of robot descriptions that example-robot-data installs."""
+    try:
+        files = distribution("example-robot-data").files or []
+    except PackageNotFoundError:
+        raise InputError("example-robot-data is not installed") from None
+    found = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
+    if found is None:
+        raise InputError("example-robot-data is installed without robots")
+    up = len(found.parts) - found.parts.index("robots") - 1
+    return Path(str(found.locate())).parents[up - 1]

@@ -1,4 +1,4 @@
-"""What a mechanism looks like: its visuals, and what its closures and springs say of the rest."""
+"""Appearance of a mechanism: its visuals, and shapes derived from closures and springs."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -9,20 +9,21 @@ import pinocchio as pin
 from .closures.closure import Closure
 from .forces.spring_damper import SpringDamper
 from .frames import Anchor, anchor
+from .scene.make_scene import make_scene
 from .scene.outlines import Outline
 from .scene.rolling_bodies import RollingBody
-from .scene.scene import Mark, Scene, Strut, make_scene
+from .scene.scene import Mark, Scene, Strut
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
-MEETING = ("point", "revolute", "frame", "universal")  # closures that bring their frames together
+MEETING = ("point", "revolute", "frame", "universal")  # closures whose frames coincide
 HINGES = ("revolute", "cylindrical")
-APART = ("rolling", "knife_edge", "gear", "screw", "cam", "slot")  # closures whose frames do not meet: no gap is seen
+APART = ("rolling", "knife_edge", "gear", "screw", "cam", "slot")  # closures with distinct frames: no gap is drawn
 
 
 def appearance(mech: "Mechanism") -> Scene:
-    """The shapes of a mechanism, and where they are."""
+    """Return the shapes of a mechanism, and their placements."""
     found = mech.closure_anchors
     return make_scene(mech.model, mech.visuals, _marks(found), _springs(mech), _rolling(found), _outlines(found))
 

@@ -1,4 +1,4 @@
-"""Python functions of the user: called with states they cannot change, and their values checked, by name."""
+"""Calls of Python functions of the user, with read-only states and checked return values."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -13,14 +13,14 @@ FORCE = partial(StepError, "force")
 
 
 def function_name(function: Any) -> str:
-    """The name under which a Python function is reported."""
+    """Return the name of a Python function for messages."""
     return getattr(function, "__name__", type(function).__name__)
 
 
 def attempted(
     what: str, work: Callable[[], Any], where: Callable[[], str] = str, error: Callable[[str], MbdaeError] = InputError
 ) -> Any:
-    """Do what a user's function does, and say where it fails: ``what``, and at which time or values if any.
+    """Call a user function, and report where it fails: ``what``, and the time or values if any.
 
     Raises:
         MbdaeError: ``error``, with the user's exception as its cause.
@@ -35,15 +35,15 @@ def attempted(
 
 
 def numbers(values: Mapping[str, float]) -> str:
-    """Numbers by name, in words."""
+    """Return named numbers as text."""
     return ", ".join(f"{name} = {x:.9g}" for name, x in values.items())
 
 
 def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Array) -> Any:
-    """Call a user's function of (t, arrays ...), or of arrays alone, which it may read but not change.
+    """Call a user function of (t, arrays ...), or of arrays alone, which are read-only.
 
     Raises:
-        StepError: when the function raises an error.
+        StepError: if the function raises an error.
     """
     views = [x.view() for x in arrays]
     for x in views:
@@ -52,7 +52,7 @@ def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Ar
 
 
 def checked(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:
-    """Return what a user's function gave as an array.
+    """Return the value of a user function as an array.
 
     Raises:
         StepError: for another shape, or values that are not finite.

@@ -1,8 +1,8 @@
-"""The characteristic length of a mechanism, by which lengths and angles are compared with each other.
+"""Characteristic length of a mechanism, which makes lengths and angles comparable.
 
-Thresholds and steps of the searches are numbers of rad. What is a length is divided by l first: the coordinates of
-joints that slide, and the rows of closures whose g is in m. So a mechanism in millimetres or kilometres is searched
-alike.
+Thresholds and steps of searches are in rad. Lengths are divided by l first: the coordinates of sliding joints, and the
+rows of closures whose g is in m. The search is therefore independent of the size of a mechanism, from millimetres to
+kilometres.
 """
 
 from collections.abc import Iterator
@@ -18,33 +18,32 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 LENGTHS = ("length", "radius", "tyre", "radii", "semi_axes", "centre", "surface_radius", "lead")  # of closures, in m
-ROUNDING = 1e-9  # of the size of the bodies: joints placed nearer to each other coincide
+ROUNDING = 1e-9  # of the size of the bodies: joints closer than this coincide
 
 
 def characteristic_length(mech: "Mechanism") -> float:
     """Return l > 0 in m, see `Mechanism.characteristic_length`.
 
-    It is the longest of: distances of joints, and of the frames of closures and drivers, from the joint that carries
-    them (on the ground, from its first joint); lengths, radii and profiles of closures. Where there are none, the
-    largest distance of a frame, of an end of a force, or of a centre of mass from its joint, or radius of gyration; 1
-    where there is none either.
+    It is the longest of: distances of joints, and of the frames of closures and drivers, from their parent joint (on
+    the ground, from its first joint); lengths, radii and profiles of closures. If there are none, the largest distance
+    of a frame, of an end of a force, or of a centre of mass from its joint, or radius of gyration; otherwise 1.
     """
     longest, bodies = max(linkage_lengths(mech), default=0.0), max(_bodies(mech), default=0.0)
     return (longest if longest > ROUNDING * bodies else bodies) or 1.0
 
 
 def row_scales(mech: "Mechanism") -> Array:
-    """What 1 of each row's g is in its unit, (ng,): l for lengths, 1 for angles and cosines."""
+    """Return the unit scale of each row's g, (ng,): l for lengths, 1 for angles and cosines."""
     return np.where(mech.row_units == "m", mech.characteristic_length, 1.0)
 
 
 def coordinate_scales(mech: "Mechanism") -> Array:
-    """What 1 of each tangent component is in its unit, (nv,): l for slides, 1 for angles."""
+    """Return the unit scale of each tangent component, (nv,): l for translations, 1 for angles."""
     return np.where(lengths(mech.model), mech.characteristic_length, 1.0)
 
 
 def q_scales(mech: "Mechanism") -> Array:
-    """What 1 of each component of q is in its unit, (nq,): l for places, 1 for angles and parts of quaternions."""
+    """Return the unit scale of each component of q, (nq,): l for positions, 1 for angles and quaternions."""
     out, slides = np.ones(mech.nq), lengths(mech.model)
     for joint in list(mech.model.joints)[1:]:
         places = int(slides[joint.idx_v : joint.idx_v + joint.nv].sum())  # which come first in q
@@ -53,7 +52,7 @@ def q_scales(mech: "Mechanism") -> Array:
 
 
 def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
-    """Lengths in m between joints and the places where closures act, and of closures."""
+    """Lengths in m between joints and the points where closures act, and lengths of closures."""
     model = mech.model
     ground = model.jointPlacements[min(1, model.njoints - 1)].translation
 
@@ -86,7 +85,7 @@ def _bodies(mech: "Mechanism") -> Iterator[float]:
 
 
 def _numbers(value: Any) -> Iterator[float]:
-    """All numbers in a value of a table."""
+    """Yield all numbers in a value of a table."""
     if isinstance(value, dict):
         value = tuple(value.values())
     if isinstance(value, tuple | list):

@@ -1,4 +1,4 @@
-"""Checked tables: what may stand in a mechanism file, or be written in Python, with errors of one line."""
+"""Validated tables of a mechanism file, or written in Python, with error messages of one line."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ..errors import InputError
 
-HUGE = 1e50  # numbers of SI units beyond this are mistakes, and their products overflow
+HUGE = 1e50  # larger numbers in SI units are mistakes, and their products overflow
 KnownKeys = Callable[[Sequence[Any]], list[str]]
 
 
@@ -18,7 +18,7 @@ else:
 
 
 class _OneLine(ModelMetaclass):
-    """Turns pydantic's report about a table written in Python into one line."""
+    """Reduces pydantic's report about a table written in Python to one line."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         known = sorted(getattr(cls, "model_fields", ()))
@@ -35,19 +35,19 @@ class Table(BaseModel, metaclass=_OneLine):
     """A table whose unknown keys are errors and whose numbers are finite.
 
     Raises:
-        InputError: for values that do not fit.
+        InputError: for invalid values.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> str:
-    """Say all faults of a table in one line; an unknown key is answered with the known ones at its place.
+    """Return all errors of a table in one line; for an unknown key with the valid ones.
 
     Args:
-        error: what was found.
-        known: the keys at a place.
-        content: the table, by which entries of lists are called by their names, and each fault is said once where a
+        error: the validation error.
+        known: valid keys of a table.
+        content: the table, whose list entries are identified by their names; each error is reported once even if a
             value was tried as several kinds.
     """
     said: dict[str, str] = {}
@@ -60,7 +60,7 @@ def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> s
 
 
 def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
-    """Keys and names on the way to a fault, without the kinds that were tried."""
+    """Return keys and names that lead to an error, without the kinds that were tried."""
     if content is None:
         return [str(p) for p in loc]
     out: list[str] = []
@@ -77,7 +77,7 @@ def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
 
 
 def _named(entry: Any) -> str:
-    """What an entry of a list is called: by its name, or else the joints that it is for."""
+    """Return the name of a list entry, or else its joints."""
     if not isinstance(entry, dict):
         return ""
     joints = "" if "kind" in entry else entry.get("joint") or entry.get("joints") or ""
@@ -87,7 +87,7 @@ def _named(entry: Any) -> str:
 
 
 def _short(e: Any) -> bool:
-    """Whether a list has too few entries."""
+    """Return whether a list has too few entries."""
     return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 
@@ -101,5 +101,5 @@ def _fault(e: Any, where: str, known: KnownKeys) -> str:
     message = e["msg"].removeprefix("Value error, ")
     if not where:
         return message
-    whole = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message says what does not fit
+    whole = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message names the inconsistency
     return f"{where}: {message}" if whole else f"{where}: {message}, got {str(e['input'])[:80]!r}"

@@ -1,4 +1,4 @@
-"""What rolls: where it touches, how it is pressed, and how much friction that takes."""
+"""Rolling contacts: contact point, contact force and required friction."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,15 +21,15 @@ FORCES = ("normal", "longitudinal", "lateral")
 
 @dataclass(frozen=True)
 class Contact:
-    """Force on a rolling body at the point where it touches, in the surface's normal, ahead and to the left.
+    """Contact force on a rolling body: normal, forwards and to the left.
 
     Attributes:
-        name: of the closure.
+        name: name of the closure.
         t: times in s, (n,).
-        normal: N in N, positive where the body is pressed on the surface, (n,); nan where joints keep the height.
-        longitudinal: ahead along the heading, in N, (n,).
+        normal: N in N, positive in compression, (n,); nan where joints maintain the height.
+        longitudinal: forwards along the heading, in N, (n,).
         lateral: to the left, in N, (n,).
-        point: the point in the world in m, (n, 3).
+        point: contact point in the world in m, (n, 3).
         unique: which of the three forces the motion determines.
     """
 
@@ -43,13 +43,13 @@ class Contact:
 
     @property
     def friction(self) -> Array:
-        """The coefficient of friction that it takes not to slip, |F_t|/N, (n,); nan where N is not positive."""
+        """Friction coefficient required not to slip, |F_t|/N, (n,); nan where N is not positive."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(self.normal > 0, np.hypot(self.longitudinal, self.lateral) / self.normal, np.nan)
 
     @property
     def lifts_off(self) -> float | None:
-        """The first time in s at which N is negative: the surface would have to pull; None where it never is."""
+        """The first time in s at which N is negative: the contact would separate; None if it never is."""
         return first_negative(self.t, self.normal)
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ class Contact:
 
 
 def first_negative(t: Array, x: Array) -> float | None:
-    """The first time at which a sampled function (n,) is negative, from the line through its samples."""
+    """Return the first time at which a sampled function (n,) is negative, by linear interpolation."""
     below = np.flatnonzero(x < 0)
     if not len(below):
         return None
@@ -81,12 +81,12 @@ def first_negative(t: Array, x: Array) -> float | None:
 
 
 def rolling(mech: "Mechanism") -> list[Closure]:
-    """The closures by which bodies roll."""
+    """Return the rolling closures."""
     return [c for c in mech.closures if c.kind == "rolling"]
 
 
 def shape(mech: "Mechanism", name: str) -> ConvexBody:
-    """What rolls on what.
+    """Return body and surface of a rolling closure.
 
     Raises:
         UnknownNameError: lists the names of rolling closures.
@@ -98,17 +98,17 @@ def shape(mech: "Mechanism", name: str) -> ConvexBody:
 
 
 def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Contact:
-    """Return the contact force of a rolling closure, and where it acts.
+    """Return the contact force of a rolling closure, and the contact point.
 
     Args:
         mech: the mechanism.
-        name: of the closure.
+        name: name of the closure.
         t: times, (n,).
         q: configurations, (n, nq).
         lam: multipliers, (n, ng).
 
     Raises:
-        UnknownNameError: for a name that is not that of a rolling closure.
+        UnknownNameError: if the name is not that of a rolling closure.
         StepError: where the body lies flat.
     """
     points = path(mech, name, q)
@@ -126,7 +126,7 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
 
 
 def force_ratios(system: "Index2System", name: str) -> Array:
-    """What the multipliers of a rolling closure are of its normal, longitudinal and lateral force, (3, m)."""
+    """Return the map from multipliers of a rolling closure to normal, longitudinal and lateral force, (3, m)."""
     owned = system.constraints.spans[name]
     out = np.zeros((3, owned.stop - owned.start))
     for rows, kind, _ in system.constraints.frame_parts[name].rows:
@@ -139,10 +139,10 @@ def force_ratios(system: "Index2System", name: str) -> Array:
 
 
 def path(mech: "Mechanism", name: str, q: Array) -> Array:
-    """Where a body that rolls touches at configurations q (n, nq), in the world in m, (n, 3).
+    """Return the contact points of a rolling body at configurations q (n, nq), in the world in m, (n, 3).
 
     Raises:
-        UnknownNameError: for a name that is not that of a rolling closure.
+        UnknownNameError: if the name is not that of a rolling closure.
         StepError: where the body lies flat.
     """
     body, system = shape(mech, name), mech.system()

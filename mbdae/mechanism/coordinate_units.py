@@ -19,12 +19,12 @@ PURE = ("qx", "qy", "qz", "qw", "cos", "sin")
 
 
 def effort_unit(units: Mapping[str, str], joint: str) -> str:
-    """The unit of what acts on a joint of one coordinate, by the units of coordinates."""
+    """Return the unit of the effort on a joint of one coordinate, from the units of coordinates."""
     return "N" if units.get(f"v.{joint}") == "m/s" else "N m"
 
 
 def parts(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What stands behind the name of a joint for each of its coordinates in q and in v; "" where there is one."""
+    """Return the suffixes of a joint's name for its coordinates in q and in v; "" for a single coordinate."""
     joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
     if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
         return ("",), ("",)

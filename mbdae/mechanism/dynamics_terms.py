@@ -1,4 +1,4 @@
-"""What a mechanism is at a point: M, G, frames, forces of inertia and weight, energies."""
+"""Dynamics terms of a mechanism at a point: M, G, frames, forces of inertia and weight, energies."""
 
 from functools import cached_property
 from typing import Any
@@ -9,6 +9,7 @@ import pinocchio as pin
 from ..errors import InputError
 from ..system import Array
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
+from .forces import is_custom
 from .frames import place
 from .pinocchio_data import make_data
 
@@ -18,23 +19,27 @@ class DynamicsTerms:
 
     @cached_property
     def characteristic_length(self: Any) -> float:
-        """The longest distance in m, l > 0, between joints and places where closures act; lengths compare with it."""
+        """Longest distance in m, l > 0, between joints and points where closures act: the unit of lengths."""
         return characteristic_length(self)
 
     @cached_property
     def row_scales(self: Any) -> Array:
-        """What 1 of each row's g is in its unit, (ng,): the characteristic length, or 1 rad."""
+        """Unit scale of each row's g, (ng,): the characteristic length, or 1 rad."""
         return row_scales(self)
 
     @cached_property
     def q_scales(self: Any) -> Array:
-        """What 1 of each component of q is in its unit, (nq,): the characteristic length, or 1."""
+        """Unit scale of each component of q, (nq,): the characteristic length, or 1."""
         return q_scales(self)
 
     @cached_property
     def coordinate_scales(self: Any) -> Array:
-        """What 1 of each velocity component's coordinate is in its unit, (nv,): the characteristic length, or 1 rad."""
+        """Unit scale of each velocity component's coordinate, (nv,): the characteristic length, or 1 rad."""
         return coordinate_scales(self)
+
+    def make_workspace(self: Any) -> pin.Data:
+        """Make a workspace for closures and forces; complete where forces of other packages are bound to it."""
+        return make_data(self.model, complete=any(is_custom(f) for f in self.forces))
 
     @property
     def gravity(self: Any) -> Array:
@@ -52,9 +57,9 @@ class DynamicsTerms:
         return np.triu(data.M) + np.triu(data.M, 1).T
 
     def bias(self: Any, q: Array, v: Array) -> Array:
-        """Return nle(q, v), what Coriolis and centrifugal forces and weight ask of the joints, (nv,), in N m and N.
+        """Return nle(q, v), Coriolis, centrifugal and gravity terms, (nv,), in N m and N.
 
-        Springs, dampers and other forces are not among them.
+        Springs, dampers and other forces are not included.
 
         Raises:
             InputError: for arrays of another length.
@@ -74,7 +79,7 @@ class DynamicsTerms:
         """Return position (3,) in m and rotation matrix (3, 3) of a frame in the world.
 
         Raises:
-            UnknownNameError: for a frame that does not exist.
+            UnknownNameError: for an unknown frame.
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)

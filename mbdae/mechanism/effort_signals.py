@@ -1,13 +1,13 @@
-"""What each force gives: torque or force, power, and how far it is deflected, by its name.
+"""Outputs of force elements by name: generalised force, power, deflection.
 
-A force that acts along one coordinate has ``torque.<name>`` in N m where that turns and ``force.<name>`` in N where it
-slides, along several ``torque.<name>.<joint>`` and so on; its sign is that of the coordinate. A spring, damper or
-thrust between two points has its tension ``force.<name>``, positive where it pulls them together; a bushing or a wrench
-has force and torque on its second frame, at its origin, the magnitude and ``.x .y .z`` along the world's axes.
-``power.<name>`` in W is what the force does on the mechanism. ``deflection.<name>`` is that of a spring from its rest
-length or angle, and ``deflection.<name>.x`` to ``.rz`` of a bushing in axes of the first frame. Where a joint, closure
-or driver has the same name, "(force)" stands behind that of the force. Dry friction that sticks, and friction by what a
-closure carries, do not follow from the state: their torques are those of rows, ``effort.<name>``.
+A force along one coordinate has ``torque.<name>`` in N m for rotations and ``force.<name>`` in N for translations;
+along several coordinates, ``torque.<name>.<joint>`` and so on; its sign is that of the coordinate. A spring, damper or
+force actuator between two points has its tension ``force.<name>``, positive when it pulls them together; a bushing or a
+wrench has force and torque on its second frame, at its origin: the magnitude, and ``.x .y .z`` along the world's axes.
+``power.<name>`` in W is the power of the force on the mechanism. ``deflection.<name>`` is that of a spring from its
+rest length or angle, and ``deflection.<name>.x`` to ``.rz`` of a bushing in axes of the first frame. If a joint,
+closure or driver has the same name, "(force)" is appended to that of the force. Dry friction of sticking joints, and
+friction proportional to closure forces, do not follow from the state: they are outputs of rows, ``effort.<name>``.
 """
 
 from typing import TYPE_CHECKING
@@ -28,7 +28,7 @@ WORDS = {"N": "force", "N m": "torque"}
 
 
 def effort_units(mech: "Mechanism") -> dict[str, str]:
-    """Names and units of the columns of `efforts`."""
+    """Return names and units of the columns of `efforts`."""
     out: dict[str, str] = {}
     along = _coordinates(mech)
     for name, law in named_laws(mech, mech.system().laws).items():
@@ -50,7 +50,7 @@ def effort_units(mech: "Mechanism") -> dict[str, str]:
 
 
 def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[str, Array]:
-    """Return what each force gives at the times of a motion, (n,) each, see above.
+    """Return the outputs of each force at the times of a motion, (n,) each, see the module.
 
     Args:
         mech: the mechanism.
@@ -66,7 +66,7 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
     at = dict((id(law), where) for law, where in system.laws.bound)
     out = np.empty((len(t), len(names)))
     for row, time, configuration, velocity, state in zip(out, t, q, v, s, strict=True):
-        pin.computeJointJacobians(mech.model, system.data, configuration)
+        pin.computeJointJacobians(mech.model, system.workspace, configuration)
         values: list[float] = []
         for law, law_alone in zip(laws, alone, strict=True):
             tau, _ = law_alone.torque(time, configuration, velocity, state[at[id(law)]])
@@ -86,7 +86,7 @@ def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
 
 
 def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:
-    """The forces and torques of a law, as they are named."""
+    """Return the forces and torques of a law, in the order of their names."""
     if not isinstance(law, PairElement):
         return [float(tau[i]) for i in law.acts(len(tau))]
     law.pair.locate()
@@ -99,7 +99,7 @@ def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[fl
 
 
 def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
-    """The forces by names of their own."""
+    """Return the forces by unique names."""
     taken = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
     out: dict[str, ForceElement] = {}
     for law in (law for law, _ in laws.bound if law.by_state):
@@ -110,6 +110,6 @@ def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement
 
 
 def _coordinates(mech: "Mechanism") -> list[tuple[str, str]]:
-    """Name and unit of effort of each velocity component, (nv,)."""
+    """Return name and effort unit of each velocity component, (nv,)."""
     speeds = [(name[2:], unit) for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
     return [(name, "N" if unit == "m/s" else "N m") for name, unit in speeds]

@@ -1,9 +1,9 @@
-"""The expanded tree: joints whose axes move within the joint become chains of parts whose axes stand still.
+"""Expanded tree: joints with configuration-dependent axes become chains of joints with fixed axes.
 
-Pinocchio's derivatives, and dJ_k/dq_m = J_m x J_k, hold where the axes of a joint stand still in the joint's frame.
-They do not for universal, Euler-angle (ZYX) and composite joints. In the expanded tree such a joint is a chain of its
-parts with massless links between: q, v, M, the poses of bodies and the columns of J are the same numbers in the same
-order, only the joints have other numbers.
+Pinocchio's derivatives, and dJ_k/dq_m = J_m x J_k, hold where the axes of a joint are fixed in the joint's frame. They
+do not for universal, Euler-angle (ZYX) and composite joints. In the expanded tree such a joint is a chain of elementary
+joints with massless links: q, v, M, the poses of bodies and the columns of J have the same values in the same order;
+only the joint indices differ.
 """
 
 from typing import NamedTuple
@@ -18,10 +18,10 @@ FactorJoint = tuple[pin.JointModel, pin.SE3]
 
 
 def factor_joints(joint: pin.JointModel) -> list[FactorJoint]:
-    """The joints with steady axes that a joint is a chain of, each with its placement behind the one before.
+    """Return the fixed-axis joints whose chain equals a joint, each with its placement on the previous one.
 
     Raises:
-        InputError: for a joint that is no such chain (ellipsoid).
+        InputError: for a joint that is not such a chain (ellipsoid).
     """
     kind, here = joint.shortname(), pin.SE3.Identity()
     if kind == "JointModelEllipsoid":
@@ -42,7 +42,7 @@ def factor_joints(joint: pin.JointModel) -> list[FactorJoint]:
 
 
 def expand(model: pin.Model) -> pin.Model:
-    """The expanded tree of a model; the model itself where there is nothing to expand."""
+    """Return the expanded tree of a model; the model itself if there is nothing to expand."""
     joints = list(model.joints)[1:]
     chains = [factor_joints(joint) for joint in joints]
     if all(chain[0][0] is joint for chain, joint in zip(chains, joints, strict=True)):
@@ -60,11 +60,11 @@ def expand(model: pin.Model) -> pin.Model:
 
 
 class Branches(NamedTuple):
-    """The columns of J that move one of two frames alone.
+    """Columns of J that move only one of two frames.
 
     Attributes:
-        at: their numbers, (c,).
-        sign: +1 where they move b, -1 where they move a, (c,).
+        at: their indices, (c,).
+        sign: +1 for columns that move b, -1 for a, (c,).
         before: 1 where m <= k, else 0, (c, c) with rows m.
     """
 
@@ -74,7 +74,7 @@ class Branches(NamedTuple):
 
 
 def branches(model: pin.Model, a: int, b: int) -> Branches:
-    """The columns that move one of two joints' bodies alone."""
+    """Return the columns that move only one of two joints' bodies."""
     found: list[tuple[int, float, int]] = []
     above_a, above_b = (set(model.supports[j]) for j in (a, b))
     number = 0

@@ -1,4 +1,4 @@
-"""Closures whose rows vanish although a frame is turned over: how to see it, and rows that turn it back."""
+"""Flipped frames: detection of wrong assembly branches with vanishing rows, and rows that flip frames back."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -15,16 +15,16 @@ Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
 
 
 def closures(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
-    """Return g and G of the rows that have a g; lengths, of rows and coordinates, are in characteristic lengths."""
+    """Return g and G of the position rows; lengths of rows and coordinates are in characteristic lengths."""
     g, G = system.closures(q, t)
     kept, rows, columns = system.constraints.positional, system.mechanism.row_scales, system.mechanism.coordinate_scales
     return (g / rows)[kept], (G * columns / rows[:, None])[kept]
 
 
 def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
-    """Return g and G with further rows cos - 1 for axes that shall point the same way.
+    """Return g and G with additional rows cos - 1 for axes that should coincide.
 
-    Where all is closed they vanish with their gradient. Where a frame is turned over they do not, and the sum of
+    Where all loops are closed, they vanish with their gradient. Where a frame is flipped they do not, and the sum of
     squares has no minimum there.
     """
     g, G = closures(system, q, t)
@@ -41,11 +41,11 @@ def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, 
 
 
 def flipped_closures(system: "Index2System") -> str:
-    """Name of a closure whose products of axes vanish because a frame is turned over; empty for none.
+    """Return the name of a closure whose rows vanish although a frame is flipped; empty if none.
 
-    The kinematics of the workspace stand.
+    Kinematics must be current.
     """
-    data = system.data
+    data = system.workspace
     for closure, (a, b) in system.mechanism.closure_anchors:
         relative = (data.oMi[a.joint].rotation @ a.R).T @ (data.oMi[b.joint].rotation @ b.R)
         if closure.flipped(relative):

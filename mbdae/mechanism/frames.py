@@ -1,4 +1,4 @@
-"""Points and axes fixed to the links of a Pinocchio model, by name or by number."""
+"""Points and axes fixed to the links of a Pinocchio model, by name or by index."""
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
@@ -17,7 +17,7 @@ _NEXT, _LAST = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])  # a_2
 
 
 class Anchor(NamedTuple):
-    """A frame fixed to a joint's body: rotation R (3, 3) and position p (3,) in m, in the joint's own frame."""
+    """A frame fixed to a joint's body: rotation R (3, 3) and position p (3,) in m, in the joint frame."""
 
     name: str
     joint: int
@@ -26,10 +26,10 @@ class Anchor(NamedTuple):
 
 
 def find_frame(model: pin.Model, name: str) -> pin.Frame:
-    """Return the frame called ``name``: a link or an extra frame before a joint of the same name.
+    """Return the frame called ``name``; a link or an extra frame has precedence over a joint of the same name.
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     if name == WORLD:
         return model.frames[0]
@@ -41,23 +41,23 @@ def find_frame(model: pin.Model, name: str) -> pin.Frame:
 
 
 def fixed_links(model: pin.Model) -> list[str]:
-    """Names of the links that no joint carries: they are fixed to the world."""
+    """Return names of the links without a moving joint: they are fixed to the world."""
     kind = pin.FrameType.BODY
     return [f.name for f in model.frames if not f.parentJoint and f.type == kind and f.name not in ("universe", WORLD)]
 
 
 def place(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
-    """Return where a frame stands in the world; the kinematics of the workspace stand.
+    """Return the placement of a frame in the world; kinematics must be current.
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     frame = find_frame(model, name)
     return data.oMi[frame.parentJoint] * frame.placement
 
 
 def frame_names(model: pin.Model) -> list[str]:
-    """Names that `find_frame` knows, ``"world"`` first."""
+    """Return the names of all frames, ``"world"`` first."""
     return list(dict.fromkeys([WORLD, *(f.name for f in model.frames if f.name != "universe")]))
 
 
@@ -68,19 +68,19 @@ def anchor(model: pin.Model, name: str) -> Anchor:
 
 
 def paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
-    """Where the origins of frames are in the world in m, (n, m, 3), at configurations q (m, nq).
+    """Return the origins of frames in the world in m, (n, m, 3), at configurations q (m, nq).
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     return _followed(model, [anchor(model, name) for name in names], q)
 
 
 def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
-    """Where the origins of joints are in the world in m, (n, m, 3), at configurations q (m, nq).
+    """Return the origins of joints in the world in m, (n, m, 3), at configurations q (m, nq).
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     return _followed(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
 
@@ -97,7 +97,7 @@ def _followed(model: pin.Model, found: Sequence[Anchor], q: np.ndarray) -> np.nd
 def motions(
     model: pin.Model, names: Sequence[str], q: np.ndarray, v: np.ndarray, vdot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities and accelerations of the origins of frames in the world, (n, m, 3) each.
+    """Return positions, velocities and accelerations of the origins of frames in the world, (n, m, 3) each.
 
     Args:
         model: a model.
@@ -107,7 +107,7 @@ def motions(
         vdot: accelerations, (m, nv).
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     found = [anchor(model, name) for name in names]
     data, p, twists = make_data(model), np.empty((len(found), len(q), 3)), np.empty((2, len(found), len(q), 6))
@@ -123,7 +123,7 @@ def motions(
 
 
 def joint_names(model: pin.Model) -> list[str]:
-    """Names of the moving joints, in the order of q."""
+    """Return the names of the moving joints, in the order of q."""
     return [n for n in model.names if n != "universe"]
 
 
@@ -131,7 +131,7 @@ def find_joint(model: pin.Model, name: str) -> pin.JointModel:
     """Return the joint called ``name``.
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     if not isinstance(name, str) or name == "universe" or not model.existJointName(name):
         raise UnknownNameError("joint", name, joint_names(model))
@@ -139,34 +139,34 @@ def find_joint(model: pin.Model, name: str) -> pin.JointModel:
 
 
 def find_joints(model: pin.Model, names: str | Iterable[str]) -> list[pin.JointModel]:
-    """Return the joints of one name or of several."""
+    """Return the joints of one or several names."""
     return [find_joint(model, n) for n in ([names] if isinstance(names, str) else names)]
 
 
 class Pair:
     """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
 
-    ``sign`` (nv,) is +1 where a joint moves b alone, -1 where it moves a alone and 0 elsewhere: a wrench w (6,) on b
-    and -w on a, both taken at the world's origin, is the generalised force sign * (J^T w).
-    ``columns`` (nv,) says where a joint moves a or b or both.
+    ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
+    -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` (nv,) is true where a
+    joint moves a or b or both.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
         self.model, self.a, self.b = model, a, b
         self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
         self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
-        self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
+        self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it is a vector
         of_a, of_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = of_b - of_a, (of_a + of_b) > 0
 
     @cached_property
     def branches(self) -> Branches:
-        """The columns of J that move one of the anchors alone."""
+        """Columns of J that move only one of the anchors."""
         return branches(self.model, self.a.joint, self.b.joint)
 
     @property
     def jacobian(self) -> np.ndarray:
-        """The columns of J that move one of the anchors alone, (6, c)."""
+        """The columns of J that move only one of the anchors, (6, c)."""
         return self._J[:, self.branches.at]
 
     def locate(self) -> None:
@@ -179,9 +179,9 @@ class Pair:
         self.Va, self.Vb = self._in_world(self._data.v)
 
     def bias(self) -> np.ndarray:
-        """Relative spatial acceleration of b against a, (6,); data.a holds those for v' = 0.
+        """Return the relative spatial acceleration of b with respect to a, (6,); data.a holds those for v' = 0.
 
-        Not Jdot v: Pinocchio's dJ leaves out the change of a joint's own axes (universal and composite joints).
+        This is not Jdot v: Pinocchio's dJ omits the change of a joint's axes (universal and composite joints).
         """
         Aa, Ab = self._in_world(self._data.a)
         return Ab - Aa
@@ -190,16 +190,16 @@ class Pair:
         return [self._data.oMi[x.joint].act(motions[x.joint]).vector for x in (self.a, self.b)]
 
     def relative(self, v: np.ndarray) -> np.ndarray:
-        """Spatial velocity (6,) of b against a at the world's origin, for velocities v (nv,)."""
+        """Return the spatial velocity (6,) of b relative to a at the world's origin, for velocities v (nv,)."""
         return self._J.dot(self.sign * v)
 
     def torque(self, wrench: np.ndarray) -> np.ndarray:
-        """Generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
+        """Return the generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
         return self.sign * wrench.dot(self._J)
 
 
 def support(model: pin.Model, joint: int) -> np.ndarray:
-    """Which velocities move a joint, (nv,): 1 there, 0 elsewhere."""
+    """Return which velocities move a joint, (nv,): 1 there, 0 elsewhere."""
     mask = np.zeros(model.nv)
     starts, sizes, parents = model.idx_vs, model.nvs, model.parents
     while joint:
@@ -209,23 +209,23 @@ def support(model: pin.Model, joint: int) -> np.ndarray:
 
 
 def skew(p: np.ndarray) -> np.ndarray:
-    """The matrix of p x ., (3, 3)."""
+    """Return the matrix of p x ., (3, 3)."""
     return pin.skew(p)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The products a x b column by column, (3, m); `numpy.cross` takes ten times as long on small arrays."""
+    """Return the products a x b column by column, (3, m); `numpy.cross` is ten times slower on small arrays."""
     x = a.take(_NEXT, 0) * b.take(_LAST, 0)
     return x[:3] - x[3:]
 
 
 def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The products a x b of motions column by column, (6, m)."""
+    """Return the products a x b of motions column by column, (6, m)."""
     return np.concatenate([cross(a[3:], b[:3]) + cross(a[:3], b[3:]), cross(a[3:], b[3:])])
 
 
 def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
-    """The matrix of the product d x* wrench with motions d, (6, 6)."""
+    """Return the matrix of the product d x* wrench with motions d, (6, 6)."""
     out = np.zeros((6, 6))
     out[:3, 3:] = out[3:, :3] = -skew(wrench[:3])
     out[3:, 3:] = -skew(wrench[3:])
@@ -233,7 +233,7 @@ def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
 
 
 def unit_gap(pair: Pair) -> tuple[float, np.ndarray]:
-    """Distance of both origins in m and the unit vector (3,) from a to b; the x axis where they coincide."""
+    """Return the distance of both origins in m and the unit vector (3,) from a to b; the x axis if they coincide."""
     gap = pair.pb - pair.pa
     distance = np.sqrt(gap @ gap)
     return (distance, gap / distance) if distance.real > 0 else (np.finfo(float).tiny, np.array([1.0, 0.0, 0.0]))

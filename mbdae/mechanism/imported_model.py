@@ -1,4 +1,4 @@
-"""What one source file brings to a mechanism: a tree, and what the file says beyond it."""
+"""Imported model: the joint tree of one source file, with its closures, forces and settings."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from .frames import WORLD
 from .model_settings import Motor, Start
 
 NAMED = 4  # names before "and n more"
-LIMITS, FRICTION = "limits of joints", "friction of joints"  # how `ImportedModel.left_out` calls them
+LIMITS, FRICTION = "limits of joints", "friction of joints"  # as named in `ImportedModel.left_out`
 EFFORTS, LOST = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
 T = TypeVar("T", bound=BaseModel)
 
@@ -31,13 +31,13 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True)
 class ImportedModel:
-    """One source, read.
+    """Contents of one source file.
 
     Attributes:
-        model: its tree.
-        visuals: what is to be seen of it.
-        record: makes JSON data from which the tree and its visuals can be made again.
-        gravity: in m/s^2, where the file says so.
+        model: the joint tree.
+        visuals: its visual geometry.
+        record: returns JSON data from which the tree and its visuals can be recreated.
+        gravity: in m/s^2, if the file defines it.
         closures: its closures.
         drivers: its drivers.
         mimics: joints that follow others.
@@ -46,9 +46,9 @@ class ImportedModel:
         weightless: frames at the centres of masses in kg that have no weight, whatever gravity is.
         start: its start state.
         motors: its named inputs.
-        controls: values of inputs that the file gives.
+        controls: values of inputs given by the file.
         normals: of the planes of planar joints, in their frames.
-        left_out: what the file says and the part does not have.
+        left_out: features of the file that are not supported.
     """
 
     model: pin.Model
@@ -68,7 +68,7 @@ class ImportedModel:
     left_out: tuple[str, ...] = ()
 
     def prefixed(self, prefix: str) -> "ImportedModel":
-        """Put a prefix before every name outside the tree, as `Tree.graft` does inside it."""
+        """Add a prefix to every name outside the tree, as `Tree.graft` does inside it."""
         if not prefix:
             return self
         names = {key: {prefix + n: x for n, x in table.items()} for key, table in self.start.tables.items()}
@@ -88,7 +88,7 @@ class ImportedModel:
 
 
 def prefixed(table: T, prefix: str) -> T:
-    """Put a prefix before the names in a closure, driver or force: its own, and those of joints and frames."""
+    """Add a prefix to the names in a closure, driver or force, including those of joints and frames."""
 
     def renamed(value: Any) -> Any:
         if isinstance(value, str):
@@ -102,7 +102,7 @@ def prefixed(table: T, prefix: str) -> T:
 def mimic_couplings(
     mimics: tuple[Mimic, ...], locked: dict[str, Any], joints: list[str]
 ) -> tuple[list[Closure], dict[str, Any]]:
-    """Return couplings for mimic joints, and the locked joints: what follows a locked joint is locked too.
+    """Return couplings for mimic joints, and the locked joints: followers of a locked joint are locked, too.
 
     Args:
         mimics: the joints that follow others.
@@ -110,7 +110,7 @@ def mimic_couplings(
         joints: names of the joints that move.
 
     Raises:
-        InputError: where a joint is locked and the one that it follows is not.
+        InputError: if a joint is locked, but the one that it follows is not.
     """
     locked, waiting = dict(locked), [m for m in mimics if m.joint in joints]
     while led := [m for m in waiting if m.other in locked]:
@@ -127,17 +127,17 @@ def mimic_couplings(
 
 
 def name_list(what: str, names: Iterable[str]) -> str:
-    """One phrase: what, and all names."""
+    """Return a phrase of a description and all names."""
     return f"{what} {', '.join(names)}".strip()
 
 
 def short_name_list(phrase: str) -> str:
-    """A phrase of `listed` with its first names only: ``mbdae info`` has them all."""
+    """Return a phrase of `name_list` with its first names only: ``mbdae info`` prints all."""
     names = phrase.split(", ")
     more = len(names) - NAMED
     return f"{', '.join(names[:NAMED])} and {more} more (see mbdae info)" if more > 0 else phrase
 
 
 def not_carried_over(name: str, phrases: Iterable[str]) -> str:
-    """The warning that names what files say and a mechanism does not have."""
+    """Return the warning that names features of files that a mechanism does not support."""
     return f"{name}: not carried over: {'; '.join(map(short_name_list, phrases))}"

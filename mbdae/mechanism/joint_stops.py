@@ -1,4 +1,4 @@
-"""Stops of a mechanism: those that its files tell by the limits of joints, and those that can be ends of a way."""
+"""Stops of a mechanism that come from the joint limits of its files."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,11 +11,11 @@ from .frames import find_joint, joint_names
 
 
 def resolve_stops(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:
-    """Return the stops with the limits that the model has.
+    """Return the stops with the joint limits of the model.
 
     Raises:
-        UnknownNameError: for a joint that does not exist.
-        InputError: for a joint that has no limits, or that turns without end.
+        UnknownNameError: for an unknown joint.
+        InputError: for a joint without limits, or an unbounded one.
     """
     out = tuple(found for stop in stops for found in (_limits(model, stop) if stop.limits else (stop,)))
     for stop in out:

@@ -1,13 +1,14 @@
 """Forces and torques in every joint of the tree, from Newton's and Euler's equations body by body.
 
-The wrench of a joint acts on the body behind it, and its opposite on the body before it. It is all that goes through
-the joint: what the bearing carries, and what springs, motors and drivers of the joint do along its axes,
+The wrench of a joint acts on its child body, and its opposite on the parent body. It is the total load through the
+joint: the bearing reaction, and springs, motors and drivers of the joint along its axes,
 
-    f_j = sum over bodies k behind j of (I_k a_k + v_k x* I_k v_k - weight_k - wrenches of closures and forces on k).
+    f_j = sum over the bodies k of j's subtree of (I_k a_k + v_k x* I_k v_k - weight_k - other wrenches on k),
 
-So S_j^T f_j + armature v'_j is the torque of all that acts in the joint. Which joint of a loop was cut does not
-matter: a closure's wrench, see `mbdae.mechanism.reactions`, is what its joint in the tree would have, its friction
-among it.
+with the wrenches of closures and forces on k.
+
+Hence S_j^T f_j + armature v'_j is the total joint torque. The choice of the cut joint of a loop does not matter: a
+closure's wrench, see `mbdae.mechanism.reactions`, equals that of a tree joint in its place, including its friction.
 """
 
 from typing import TYPE_CHECKING
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 def joint_wrenches(
     system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array, *, laws: bool = True
 ) -> Array:
-    """Return the wrenches of all joints, force and then torque, in the joint's own axes and at its origin, (nj, 6).
+    """Return the wrenches of all joints, force and then torque, in the joint frame and at its origin, (nj, 6).
 
     Args:
         system: a workspace.
@@ -37,9 +38,9 @@ def joint_wrenches(
         v: velocity, (nv,).
         vdot: acceleration, (nv,).
         lam: multipliers of all rows, (ng,).
-        laws: with the forces between frames, weight and inertia; else those of the multipliers alone.
+        laws: include the forces between frames, weight and inertia; otherwise those of the multipliers alone.
     """
-    model, data = system.model, system.data
+    model, data = system.model, system.workspace
     system.jacobian(q)
     outer = np.zeros((model.njoints, 6))
     for name, part in system.constraints.frame_parts.items():
@@ -77,12 +78,12 @@ def _read(data: pin.Data) -> Array:
 
 
 def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
-    """Return force and torque in a joint of the tree on the body behind it, at its origin, as a closure's.
+    """Return the wrench of a tree joint on its child body, at the joint origin, as a `Reaction`.
 
     Args:
         mech: the mechanism.
-        name: of the joint; its axes are those of the body behind it.
-        motion: t, q, v, v' and lam as `loads` takes them.
+        name: name of the joint; its axes are those of the child body.
+        motion: t, q, v, v' and lam as for `reaction_wrenches`.
     """
     world, own = (x[:, reaction_names(mech).index(name)] for x in reaction_wrenches(mech, *motion))
     t, q, v, vdot, _ = motion
@@ -95,19 +96,20 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
 
 
 def reaction_names(mech: "Mechanism") -> list[str]:
-    """Names of what passes on forces: the joints of the tree, and closures and drivers between frames.
+    """Return names of all that transmits wrenches: tree joints, and closures and drivers between frames.
 
-    A closure counts where a joint has the same name.
+    A closure has precedence over a joint of the same name.
     """
     between = [c.name for c in mech.constraints if c.frames]
     return [name for name in joint_names(mech.model) if name not in between] + between
 
 
 def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
-    """Force and torque in all that `loaded` names, (n, k, 6), along the world's axes and along their own.
+    """Return the wrenches of all `reaction_names`, (n, k, 6), in world axes and in local axes.
 
-    A joint's acts on the body behind it, at the joint's origin, its own axes are those of that body; a closure's acts
-    on the body of its second frame, at that frame's origin, its own axes are those of the first frame.
+    A joint's wrench acts on its child body, at the joint's origin, and its local axes are those of that body; a
+    closure's acts on the body of its second frame, at that frame's origin, and its local axes are those of the first
+    frame.
 
     Args:
         mech: the mechanism.
@@ -128,7 +130,7 @@ def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Arr
 def point_reactions(
     system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array
 ) -> tuple[Array, Array]:
-    """Return what `loads` does at one point, (k, 6) each."""
+    """Return `reaction_wrenches` at one point, (k, 6) each."""
     names = reaction_names(system.mechanism)
     parts, joints = system.constraints.frame_parts, joint_names(system.model)
     world, own = np.zeros((2, len(names), 6))
@@ -142,5 +144,5 @@ def point_reactions(
         else:
             j = joints.index(name)
             own[k] = wrenches[j]
-            world[k] = (wrenches[j].reshape(2, 3) @ system.data.oMi[j + 1].rotation.T).ravel()
+            world[k] = (wrenches[j].reshape(2, 3) @ system.workspace.oMi[j + 1].rotation.T).ravel()
     return world, own

@@ -1,4 +1,4 @@
-"""Joints by themselves: their motion subspaces, their transforms, and how they are numbered."""
+"""Single joints: kinds, motion subspaces, transforms, and numbering."""
 
 import numpy as np
 import pinocchio as pin
@@ -28,23 +28,23 @@ KINDS = {
 
 
 def kind_of(joint: pin.JointModel) -> str:
-    """What a joint is called in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
+    """Return the kind of a joint in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
 
-    A continuous joint of a URDF whose angle is one coordinate is a revolute one here.
+    A continuous URDF joint whose angle is one coordinate is a revolute one here.
     """
     name = joint.shortname().removeprefix("JointModel")
     return KINDS.get(name, name.lower())
 
 
 def subspace(joint: pin.JointModel) -> np.ndarray:
-    """The motion subspace of a joint at its neutral configuration, (6, nv), in its own frame."""
+    """Return the motion subspace of a joint at its neutral configuration, (6, nv), in the joint frame."""
     model = _alone(joint)
     J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), 1)
     return J.reshape(6, -1)
 
 
 def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
-    """Where a joint takes its body at its own configuration q (nq,)."""
+    """Return the placement of the child body for the joint configuration q (nq,)."""
     model = _alone(joint)
     data = model.createData()
     pin.forwardKinematics(model, data, np.asarray(q, float))
@@ -52,7 +52,7 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 
 def is_depth_first(model: pin.Model) -> bool:
-    """True when every subtree's joints are numbered in a row, which Pinocchio's algorithms take for granted."""
+    """Return whether joints of each subtree have consecutive indices, as Pinocchio's algorithms require."""
     return all(np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:]))
 
 
@@ -63,7 +63,7 @@ def _alone(joint: pin.JointModel) -> pin.Model:
 
 
 def lengths(model: pin.Model) -> np.ndarray:
-    """Which tangent components are lengths, (nv,): those of prismatic and translating joints."""
+    """Return which tangent components are lengths, (nv,): those of prismatic and translating joints."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:
         S = subspace(joint)
@@ -72,7 +72,7 @@ def lengths(model: pin.Model) -> np.ndarray:
 
 
 def angle_components(model: pin.Model) -> np.ndarray:
-    """Which tangent components are angles that stand for the same pose after a full turn, (nv,)."""
+    """Return which tangent components are angles with period 2 pi, (nv,)."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:
         if joint.shortname() == "JointModelSphericalZYX" or joint.nv <= 2:

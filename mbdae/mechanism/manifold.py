@@ -1,14 +1,14 @@
 """The tangent map of configurations: x' = J(x) v in coordinates q = q_n (+) x of a step.
 
-J(x) is the inverse right Jacobian of exp, a block for each spherical, planar and free-flying joint and the identity
+J(x) is the inverse right Jacobian of exp, one block for each spherical, planar and free-flying joint and the identity
 elsewhere, computed from its series (Iserles, Munthe-Kaas, Noersett, Zanna, Acta Numerica 2000, (B.11)),
 
     J(x) v = v + [x, v]/2 + sum_k B_2k/(2k)! ad_x^2k v,      exp'(x) x' = sum_k (-1)^k/(k + 1)! ad_x^k x',
 
-because Pinocchio's closed forms lose digits at small angles. Where a planar joint goes, and how far two of its places
-are apart, is computed here for the same reason: (1 - cos w)/w of a turn w has an error of eps/w. A body that goes along
-an arc u and turns by w goes along its chord, R(w/2) u sin(w/2)/(w/2). Nor does Pinocchio see every turn below 1.5e-8
-between two points (cos, sin) of a circle: it takes those for one point between which the cosine comes out above 1.
+because Pinocchio's closed forms lose digits at small angles. The integration and the difference of planar joints are
+computed here for the same reason: (1 - cos w)/w of a rotation w has an error of eps/w. A body that moves along an arc u
+and rotates by w moves along the chord R(w/2) u sin(w/2)/(w/2). Pinocchio also misses rotations below 1.5e-8 between
+two points (cos, sin) of a circle: it treats them as equal where rounding gives a cosine above 1.
 """
 
 from collections.abc import Callable
@@ -26,9 +26,9 @@ from .frames import skew
 TERMS = 40
 MAX_ROTATION = 3.0  # rad within one step: below pi, so that both ends of a step determine it
 SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
-SAME_POINT = 1e-15  # of 1 + |q|: configurations so near are one
+SAME_POINT = 1e-15  # of 1 + |q|: configurations closer than this are equal
 SERIES_END = 1e-17  # of a sum: smaller terms end it
-WIDTH = 1e-2  # of differences of the numbers of q, which are linear in x, or its sines and cosines
+WIDTH = 1e-2  # of differences of components of q, which are linear in x, or sines and cosines of x
 
 Ad = Callable[[np.ndarray], np.ndarray]
 
@@ -57,7 +57,7 @@ BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and where the rotation s
 
 
 class IntegratePartials(NamedTuple):
-    """How a step in coordinates x turns variations: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (nv, nv) each.
+    """Partials of integration in coordinates x: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (nv, nv) each.
 
     A = Ad(exp -x) and R = J^-1 is the right Jacobian of exp.
     """
@@ -75,10 +75,10 @@ class Manifold:
         self.model = model
         self.flat = model.nq == model.nv
         self.blocks: list[tuple[str, slice, Ad, slice]] = []
-        self.places: list[int] = []  # where they begin in q
+        self.places: list[int] = []  # their first index in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
-        self.angles: list[tuple[int, int]] = []  # tangent indices of angles, and where their cosines and sines are in q
-        self.turning = np.zeros(model.nv, bool)  # tangent components that are angles without a magnitude of their own
+        self.angles: list[tuple[int, int]] = []  # tangent indices of angles, indices of their cosines and sines in q
+        self.turning = np.zeros(model.nv, bool)  # tangent components that are angles of unlimited range
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v, joint.idx_q)
         self.planar = [(k, s) for (_, s, ad, _), k in zip(self.blocks, self.places, strict=True) if ad is _se2]
@@ -125,21 +125,21 @@ class Manifold:
         return x
 
     def unwrapped(self, q0: np.ndarray, q1: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Return q1 (-) q0 with the whole turns of unbounded revolute joints that bring it next to a guess, (nv,)."""
+        """Return q1 (-) q0, (nv,), with full turns of unbounded revolute joints added to come closest to a guess."""
         x = self.difference(q0, q1)
         if self.circles:
             x[self.circles] += 2 * np.pi * np.round((guess - x)[self.circles] / (2 * np.pi))
         return x
 
     def same(self, q0: np.ndarray, q1: np.ndarray) -> bool:
-        """Say whether two configurations are one but for rounding; nan is none."""
+        """Return whether two configurations are equal up to rounding; nan is never equal."""
         return bool(np.abs(q0 - q1).max() <= SAME_POINT * (1 + np.abs(q0).max()))
 
     def within(self, x: np.ndarray) -> None:
-        """Refuse coordinates of a step in which a joint turns too far.
+        """Reject coordinates of a step in which a joint rotates too far.
 
         Raises:
-            StepError: where a spherical, planar or free joint turns by more than 3 rad in one step.
+            StepError: if a spherical, planar or free joint rotates by more than 3 rad in one step.
         """
         for name, s, _, turn in self.blocks:
             angles = x[s][turn]
@@ -156,7 +156,7 @@ class Manifold:
         """Return x' = J(x) v, (nv,).
 
         Raises:
-            StepError: see `within`.
+            StepError: see `require_small_rotations`.
         """
         if not self.blocks:
             return v
@@ -180,7 +180,7 @@ class Manifold:
         return out
 
     def turned(self, x: np.ndarray, v: np.ndarray) -> IntegratePartials:
-        """Return the slopes of q (+) x and of J(x) v."""
+        """Return the partial derivatives of q (+) x and of J(x) v."""
         unit = np.eye(len(v))
         if not self.blocks:
             return IntegratePartials(unit, unit, unit, np.zeros_like(unit))
@@ -202,7 +202,7 @@ class Manifold:
         return out
 
     def coordinate_partials(self, q: np.ndarray) -> np.ndarray:
-        """Return the slopes of the numbers of q (+) x with respect to x at x = 0, (nq, nv)."""
+        """Return the partial derivatives of the components of q (+) x with respect to x at x = 0, (nq, nv)."""
         if self.flat:
             return np.eye(self.model.nv)
         return numerical_jacobian(lambda x: pin.integrate(self.model, q, x), self.model.nv, WIDTH)
@@ -217,11 +217,13 @@ class Manifold:
             for k in range(1, 2 * TERMS):
                 term = -(X @ term) / (k + 1)
                 out[s] += term
+                if np.abs(term).max() <= SERIES_END * np.abs(out[s]).max():
+                    break
         return out
 
 
 def chord(heading: np.ndarray, turn: float) -> tuple[np.ndarray, float]:
-    """Return the rotation (2, 2) of a planar joint halfway through a turn, and the share of the chord in the arc.
+    """Return the rotation (2, 2) of a planar joint halfway through a turn, and the ratio of chord to arc.
 
     Args:
         heading: cosine and sine of its angle before, (2,).

@@ -1,4 +1,4 @@
-"""A mechanism: a Pinocchio model, closures, forces and a start state; immutable after it is made."""
+"""Mechanism: a Pinocchio model, closures, forces and a start state; immutable."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -34,7 +34,6 @@ from .joint_stops import resolve_stops
 from .joints import is_depth_first
 from .manifold import Manifold
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
-from .pinocchio_data import make_data
 from .scene.scene import Scene
 
 Coordinates = Mapping[str, float | Sequence[float]]
@@ -47,10 +46,10 @@ class Mechanism(DynamicsTerms):
         q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t)
 
     Args:
-        model: a Pinocchio model; its gravity counts, its friction does not, its limits where a stop says so.
+        model: a Pinocchio model; its gravity applies, its friction does not, its limits only if a stop refers to them.
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
-        stops: ends of the ways of joints, see `mbdae.Stop`.
+        stops: limits of joint motions, see `mbdae.Stop`.
         clutches: one-way clutches and ratchets, see `mbdae.Clutch`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
         start: values of joints at the start, see `mbdae.mechanism.model_settings.Start`.
@@ -58,13 +57,13 @@ class Mechanism(DynamicsTerms):
         title: one line.
         duration: default end time of a run in s.
         order: settings of the order study.
-        settings: of runs, where `mbdae.solve` is given no others.
-        source: what the mechanism was read from, kept in saved solutions.
-        motors: named inputs, to which `mbdae.load` gives controls.
-        left_out: what the files say and the mechanism does not have; ``remarks`` is what of it is worth a warning.
+        settings: defaults of `mbdae.solve` for this mechanism.
+        source: origin of the mechanism, kept in saved solutions.
+        motors: named inputs, to which `mbdae.load` assigns controls.
+        left_out: features of the files that are not supported; ``remarks`` are those worth a warning.
 
     Raises:
-        UnknownNameError: for a frame or joint that does not exist.
+        UnknownNameError: for an unknown frame or joint.
         InputError: for wrong values.
 
     Example:
@@ -107,15 +106,15 @@ class Mechanism(DynamicsTerms):
             found = ", ".join(joint_names(model))
             raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {found}")
         self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
-        data = make_data(model)
+        data = self.make_workspace()
         bound = Constraints(model, data, self.constraints)  # wrong names are refused here
         self.ng, self._spans = bound.ng, bound.spans
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.row_units, self.positional = bound.units(), bound.positional
         self.switches = switches_of(self)
         self.manifold = Manifold(model)
-        ClosureFriction(self.forces, self.closures, bound)  # wrong names are refused here
-        self.states = self.bind_forces(data).states()  # wrong names are refused here
+        ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
+        self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values = start or Start()
         self._starts: dict[float, tuple[Array, Array]] = {}
         for name in (name for table in self.start_values.tables.values() for name in table):
@@ -125,10 +124,10 @@ class Mechanism(DynamicsTerms):
         return f"<Mechanism {self.title}: nq {self.nq}, nv {self.nv}, {self.ng} closure rows>"
 
     def _repr_html_(self) -> str:
-        return later("mbdae.studies.card.card", "card")(self)._repr_html_()
+        return later("mbdae.studies.info.card", "card")(self)._repr_html_()
 
     def view(self, q: Array | None = None) -> Any:
-        """Return a page on which sliders move it from q (nq,), or from its start: see `mbdae.view`."""
+        """Return a page with sliders that move it from q (nq,), or from its start: see `mbdae.view`."""
         return later("mbdae.studies.view.view", "view")(self, q)
 
     # -- sizes and names -----------------------------------------------------------------------------------------
@@ -159,10 +158,10 @@ class Mechanism(DynamicsTerms):
         return find_joint(self.model, name).shortname().removeprefix("JointModel")
 
     def rows_of(self, name: str) -> range:
-        """Numbers of the rows of a closure, driver or stop; the other way round it is ``row_names``.
+        """Return the row indices of a closure, driver or stop; ``row_names`` is the inverse.
 
         Raises:
-            UnknownNameError: lists the names that exist.
+            UnknownNameError: lists the valid names.
         """
         if name not in self._spans:
             raise UnknownNameError("closure or driver", name, self._spans)
@@ -170,13 +169,13 @@ class Mechanism(DynamicsTerms):
 
     @cached_property
     def scene(self) -> Scene:
-        """Shapes and their placements for the replay."""
+        """Shapes and placements for the replay."""
         return appearance(self)
 
     # -- forces ---------------------------------------------------------------------------------------
 
     def bind_forces(self, data: pin.Data) -> ForceElements:
-        """Bind every force to a workspace."""
+        """Bind every force to a workspace, see `make_workspace`."""
         return bind_forces(self.forces, self.model, data)
 
     # -- states --------------------------------------------------------------------------------------------------
@@ -187,17 +186,17 @@ class Mechanism(DynamicsTerms):
         baumgarte: tuple[float, float] | None = None,
         native: ModuleType | None = None,
     ) -> Index2System:
-        """Bind the mechanism to a workspace of its own, with ``data`` of `mbdae.mechanism.pinocchio_data`.
+        """Bind the mechanism to a new workspace; ``data`` of the system serves all algorithms of Pinocchio.
 
         Args:
-            formulation: ``"index2"``, ``"ggl"`` (positions of the closures kept too) or ``"index1"`` (accelerations).
+            formulation: ``"index2"``, ``"ggl"`` (also enforces positions) or ``"index1"`` (accelerations).
             baumgarte: alpha and beta in 1/s, for ``"index1"`` only.
             native: the compiled core, see `mbdae.backend`.
 
         Raises:
             UnknownNameError: for another formulation.
-            InputError: for a wrong baumgarte, or where it does not belong.
-            NotCompiled: names what the core does not have.
+            InputError: for an invalid baumgarte, or one for another formulation.
+            NotCompiled: names the feature that the core does not support.
         """
         if formulation not in SYSTEMS:
             raise UnknownNameError("formulation", formulation, SYSTEMS)
@@ -207,9 +206,9 @@ class Mechanism(DynamicsTerms):
         return (COMPILED if native else SYSTEMS)[formulation](self, **given)
 
     def coordinates(self, q: Coordinates, *, of_v: bool = False) -> tuple[Array, Array]:
-        """Return values and the indices of the tangent coordinates that a table ``joint = value`` names.
+        """Return values and tangent indices of the coordinates that a table ``joint = value`` names.
 
-        The values are a full q (nq,), neutral where nothing is said, or a full v (nv,).
+        The values are a full q (nq,), neutral by default, or a full v (nv,).
         """
         return coordinates(self.model, q, of_v=of_v)
 
@@ -221,21 +220,21 @@ class Mechanism(DynamicsTerms):
         guess: Coordinates | None = None,
         t: float = 0.0,
     ) -> tuple[Array, Array]:
-        """Make a configuration and a velocity consistent: g(t, q) = 0 and G(q) v + g_t(t) = 0.
+        """Return consistent initial conditions: g(t, q) = 0 and G(q) v + g_t(t) = 0.
 
         Args:
-            q: joint values to hold, by name; or a full configuration (nq,) to start from, nothing held.
-            v: joint velocities to hold, by name; or a full velocity (nv,), changed as little as possible in the
-                mass metric. Zero when left out.
-            guess: joint values to start from, by name; the model's start state when left out.
-            t: time in s, which matters for drivers.
+            q: fixed joint values, by name; or a full configuration (nq,) to start from, nothing fixed.
+            v: fixed joint velocities, by name; or a full velocity (nv,), changed as little as possible in the mass
+                metric. Zero when left out.
+            guess: initial estimates of joint values, by name; the model's start state when left out.
+            t: time in s, relevant for drivers.
 
         Returns:
             q (nq,) and v (nv,).
 
         Raises:
-            AssemblyError: names the closure that stays open, by how much, and the coordinates held.
-            UnknownNameError: for a joint that does not exist.
+            AssemblyError: names the closure with the largest violation, its size, and the fixed coordinates.
+            UnknownNameError: for an unknown joint.
         """
         return assemble(self, q, v, guess, t=t)
 
@@ -245,13 +244,13 @@ class Mechanism(DynamicsTerms):
         return self.start_at(0.0)
 
     def start_at(self, t: float) -> tuple[Array, Array]:
-        """The model's consistent start state q (nq,), v (nv,) at time t, which matters for drivers.
+        """The model's consistent start state q (nq,), v (nv,) at time t, relevant for drivers.
 
-        The start values of driven joints are guesses: their drivers say where they start.
+        The start values of driven joints are initial estimates: their drivers determine them.
 
         Raises:
             AssemblyError: if the model file's values cannot be made consistent.
-            InputError: if they are not, and shall not be made so.
+            InputError: if they are inconsistent and assembly is disabled.
         """
         t = t if self.drivers else 0.0
         if t not in self._starts:
@@ -265,22 +264,22 @@ class Mechanism(DynamicsTerms):
 
     @property
     def given(self) -> tuple[Array, Array]:
-        """The start values as they stand in the file, before assembly: q (nq,), v (nv,)."""
+        """Start values of the file, before assembly: q (nq,), v (nv,)."""
         values = self.start_values
         q = self.coordinates({**values.guess, **values.q})[0]
         return q, self.coordinates({**values.guess_v, **values.v}, of_v=True)[0]
 
     @property
     def gap_as_given(self) -> ClosureError | None:
-        """The closure that the start values leave open the most, before assembly; None without closures."""
+        """Closure with the largest violation at the start values, before assembly; None without closures."""
         return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(
         self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = START
     ) -> Array:
-        """Return y = (q, v, s, w = 0) at time t; the start state where q or v is left out, start values for s.
+        """Return y = (q, v, s, w = 0) at time t; by default at the start state, with start values of s.
 
-        Closures may stand open by ``gap``, in rad or characteristic lengths.
+        Closures may be violated by ``gap``, in rad or characteristic lengths.
 
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.

@@ -1,7 +1,7 @@
-"""A Pinocchio model as plain numbers, for saved runs: checked when read, and made again by Pinocchio's calls.
+"""A Pinocchio model as JSON data, for saved runs: validated when read, and recreated by Pinocchio's calls.
 
-The numbers are those that the model holds, so the model made again is the same bit for bit. Pinocchio's own archives
-are not used: reading a damaged one may end the process.
+The numbers are those of the model, so the recreated model is bitwise equal. Pinocchio's own archives are not used:
+reading a damaged one may terminate the process.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from .scene.shapes import Place
 
 WORD = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
-NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and the attributes that their constructors take
+NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and arguments of their constructors
     **dict.fromkeys(("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"), ()),
     **dict.fromkeys(("Spherical", "SphericalZYX", "Planar", "Translation", "FreeFlyer"), ()),
     **dict.fromkeys(("HX", "HY", "HZ"), ("pitch",)),
@@ -29,7 +29,7 @@ NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and the attributes t
     "Ellipsoid": ("radius_x", "radius_y", "radius_z"),
 }
 KINDS = (*NUMBERS, SKEWED, COMPOSITE)
-SCALES = 64  # of a skewed axis, until one of them gives the axis itself
+SCALES = 64  # trial scalings of a skew axis until normalisation reproduces it exactly
 ROBOT = """<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="continuous">
 <parent link="a"/><child link="b"/><axis xyz="{!r} {!r} {!r}"/></joint></robot>"""
 
@@ -47,7 +47,7 @@ class _Inertia(Table):
 
 
 class _Joint(Table):
-    """A joint by its kind and the numbers that make it; a composite one by its parts and their placements."""
+    """A joint by its kind and parameters; a composite one by its joints and their placements."""
 
     kind: str
     numbers: tuple[float, ...] = ()
@@ -56,7 +56,7 @@ class _Joint(Table):
 
 
 class _Link(Table):
-    """A joint in the tree, and the inertia that it carries; place: rows of the rotation, each with its translation."""
+    """A joint in the tree, and its body inertia; place: rows of the rotation, each followed by its translation."""
 
     name: str
     parent: int = Field(ge=0)
@@ -77,7 +77,7 @@ class _Frame(Table):
 
 
 class _Model(Table):
-    """A model; ``arrays`` holds what is said of each velocity or coordinate."""
+    """A model; ``arrays`` holds values per velocity or coordinate."""
 
     name: str
     gravity: Symmetric
@@ -88,10 +88,10 @@ class _Model(Table):
 
 
 def model_to_data(model: pin.Model) -> dict[str, Any]:
-    """Write a model down as JSON data.
+    """Return a model as JSON data.
 
     Raises:
-        InputError: for a joint of a kind that is not known here.
+        InputError: for a joint of an unsupported kind.
     """
     joints = zip(model.names, model.parents, model.jointPlacements, model.joints, model.inertias, strict=True)
     return {
@@ -118,10 +118,10 @@ def model_to_data(model: pin.Model) -> dict[str, Any]:
 
 
 def model_from_data(data: Mapping[str, Any]) -> pin.Model:
-    """Make the model again that `written` wrote.
+    """Recreate the model from the data of `model_to_data`.
 
     Raises:
-        InputError: names what is wrong.
+        InputError: names the invalid entry.
     """
     try:
         plain = _Model.model_validate(data)
@@ -206,7 +206,7 @@ def _made_joint(x: _Joint) -> pin.JointModel:
 
 
 def _skewed(axis: np.ndarray) -> pin.JointModel:
-    """An unbounded revolute joint about any axis, which only Pinocchio's URDF reader makes, and normalises once more.
+    """Return an unbounded revolute joint about any axis, as only Pinocchio's URDF reader creates and normalises it.
 
     Raises:
         InputError: for an axis that is not of unit length.

@@ -1,4 +1,4 @@
-"""What a mechanism is given beside its model: start values, settings of the order study, motors."""
+"""Settings of a mechanism besides its model: start values, settings of the order study, motors."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
@@ -16,14 +16,15 @@ Value = float | tuple[float, ...]
 
 
 class Start(Table):
-    """The start state: q and v are held during assembly, guess and guess_v say where other coordinates start.
+    """Start state: q and v are fixed during assembly, guess and guess_v are initial estimates of the others.
 
     Attributes:
-        q: joint coordinates that assembly holds, in rad or m; the angle of a continuous joint, a list for several.
-        v: joint velocities that assembly holds, in rad/s or m/s.
-        guess: where assembly starts for other coordinates: it decides between branches, such as elbow up and down.
-        guess_v: where assembly starts for other velocities.
-        assemble: make the start consistent; else values are taken as they are, and refused where a closure is open.
+        q: joint coordinates that assembly keeps fixed, in rad or m; the angle of a continuous joint, a list for
+            several.
+        v: joint velocities that assembly keeps fixed, in rad/s or m/s.
+        guess: initial estimates of other coordinates: they select the branch, such as elbow up or down.
+        guess_v: initial estimates of other velocities.
+        assemble: make the start consistent; otherwise values are used as given, and rejected if they violate a closure.
     """
 
     q: dict[str, Value] = Field(default_factory=dict)
@@ -34,18 +35,18 @@ class Start(Table):
 
     @property
     def tables(self) -> dict[str, dict[str, Value]]:
-        """The tables ``joint = value`` by name."""
+        """Tables ``joint = value`` by name."""
         return {"q": self.q, "v": self.v, "guess": self.guess, "guess_v": self.guess_v}
 
 
 class OrderSettings(Table):
-    """The order study of the model, `mbdae.check_order`.
+    """The order study of the model, `mbdae.order`.
 
     Attributes:
         T: end time in s.
         steps: coarsest number of steps.
-        q: held coordinates of a start of its own, instead of ``start``.
-        v: held velocities of a start of its own, instead of ``start``.
+        q: fixed coordinates of a separate start, instead of ``start``.
+        v: fixed velocities of a separate start, instead of ``start``.
     """
 
     T: float = Field(default=1.0, gt=0)
@@ -55,15 +56,15 @@ class OrderSettings(Table):
 
 
 class SolveSettings(Table):
-    """Settings of runs of the model, as of `mbdae.solve`, which has them where it is given no others.
+    """Default settings of `mbdae.solve` for the model.
 
-    A method that is given to a run stands without formulation, project and baumgarte of the file, a step without its
-    tolerances, tolerances without its step.
+    If a run is given a method, formulation, project and baumgarte of the file do not apply; if it is given a step, the
+    tolerances of the file do not apply, and vice versa.
 
     Attributes:
         method: a name of `mbdae methods`.
         formulation: ``"index2"``, ``"ggl"`` or ``"index1"``.
-        project: bring the state back to the closures after each step.
+        project: project the state onto the closures after each step.
         baumgarte: alpha and beta in 1/s, for index1.
         step: fixed step in s, instead of tolerances.
         rtol: relative tolerance.
@@ -94,12 +95,12 @@ class SolveSettings(Table):
 
     @property
     def given(self) -> dict[str, Any]:
-        """The settings that are said."""
+        """The settings that were specified."""
         return {key: x for key in type(self).model_fields if (x := getattr(self, key)) is not None}
 
 
 class Motor(NamedTuple):
-    """A named input: control u gives gear u + b_0 + b_1 q + b_2 v on a joint of one coordinate, in N m or N."""
+    """Named input: control u causes gear u + b_0 + b_1 q + b_2 v on a joint of one coordinate, in N m or N."""
 
     name: str
     joint: str
@@ -108,14 +109,14 @@ class Motor(NamedTuple):
 
 
 def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return the full vector that a table ``joint = value`` stands for, and the tangent indices it names.
+    """Return the full vector of a table ``joint = value``, and the tangent indices that it names.
 
     A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may
     be given by its angle.
 
     Raises:
-        UnknownNameError: for a joint that does not exist.
-        InputError: for a wrong number of values, or a turn that vanishes.
+        UnknownNameError: for an unknown joint.
+        InputError: for a wrong number of values, or a zero quaternion or direction.
     """
     out = np.zeros(model.nv) if of_v else pin.neutral(model)
     index: list[int] = []
@@ -140,7 +141,7 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
 
 
 def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
-    """Return q (nq,) with quaternions, and cosines with sines, of length 1; None where one of them vanishes."""
+    """Return q (nq,) with quaternions, and (cos, sin) pairs, normalised; None if one of them is zero."""
     q = pin.normalize(model, q)
     return q if pin.isNormalized(model, q, 1e-8) else None
 
@@ -149,7 +150,7 @@ def vector(title: str, name: str, value: Any, n: int) -> Array:
     """Return a value of a mechanism as n finite numbers.
 
     Raises:
-        InputError: if it is something else.
+        InputError: for any other value.
     """
     try:
         x = np.asarray(value, float)

@@ -1,4 +1,4 @@
-"""Centre of mass and momentum of all that moves."""
+"""Centre of mass and momentum of a mechanism."""
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ MOMENTUM = {f"{word}.{x}": unit
 def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     """Return the centre of mass c, the momentum sum m_k c_k' and the angular momentum about c, along the world's axes.
 
-    What turns with an armature only, a rotor without a body, has neither.
+    Armature inertias, of rotors without a body, do not contribute.
 
     Args:
         model: a model.

@@ -1,4 +1,4 @@
-"""Pieces of polynomials: what constants, polynomials, tables and steps are inside, and smooth curves through points."""
+"""Piecewise polynomials, for constants, polynomials, tables and steps, and smooth curves through points."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
 Beyond = Literal["hold", "linear", "periodic"]
-CROWD = 100_000  # pieces within a run: what repeats more often belongs into a harmonic, or another model
+CROWD = 100_000  # polynomials within a run: for more, use a harmonic or another model
 
 
 class PiecewisePolynomial:
-    """u(t) = sum_p c_ip (t - t_i)^(d - p) from t_i on; the first piece counts before t_0, too.
+    """u(t) = sum_p c_ip (t - t_i)^(d - p) from t_i on; the first polynomial also applies before t_0.
 
     Args:
         starts: t_i, (n,), increasing.
         coefficients: c, (n, d + 1), highest power first.
         breaks: times where u is not smooth.
-        period: after which u repeats itself from t_0 on, u(t + period) = u(t) + rise; 0 for none.
-        rise: what a period adds.
+        period: after which u repeats from t_0 on, u(t + period) = u(t) + rise; 0 for none.
+        rise: increment per period.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class PiecewisePolynomial:
     def of(
         cls, c: "PPoly", breaks: Sequence[float] = (), period: float = 0.0, rise: float = 0.0
     ) -> "PiecewisePolynomial":
-        """The pieces of a scipy curve."""
+        """Return the polynomials of a scipy curve."""
         return cls(c.x[:-1], c.c.T, breaks, period, rise)
 
     def at(self, t: float, k: int = 0) -> float:
@@ -68,10 +68,10 @@ class PiecewisePolynomial:
         return self.at(t, k + 1)
 
     def meets(self, t0: float, t1: float) -> list[float]:
-        """Return the times between t0 and t1 where pieces meet.
+        """Return the times between t0 and t1 where polynomials join.
 
         Raises:
-            InputError: where a period is so short that they are too many.
+            InputError: if the period is so short that there are too many.
         """
         low, high = min(t0, t1), max(t0, t1)
         if not self.period:
@@ -84,7 +84,7 @@ class PiecewisePolynomial:
         return [t for t in all_of if low < t < high]
 
     def plain(self) -> dict[str, Any]:
-        """What the core takes."""
+        """Core data."""
         rows = self._derivatives[0]
         numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}
         return {"kind": "pieces", **numbers, "period": self.period, "rise": self.rise}
@@ -96,7 +96,7 @@ def _derivative(row: list[float]) -> list[float]:
 
 
 def require_increasing(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Check that the first numbers of points increase.
+    """Check that the first components of points increase.
 
     Raises:
         ValueError: if they do not.
@@ -110,21 +110,21 @@ def require_increasing(points: Sequence[Point]) -> tuple[Point, ...]:
 def interpolant_of_points(
     points: Sequence[Point], interpolation: Interpolation, beyond: Beyond, *, at_rest: bool = False
 ) -> "PPoly":
-    """A smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
+    """Return a smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
 
-    Beyond its ends it is held, or goes on as a straight line; `PPoly.antiderivative` integrates it exactly. A periodic
-    one is as smooth where periods meet as elsewhere, and covers one of them.
+    Beyond its ends it is constant, or linear; `PPoly.antiderivative` integrates it exactly. A periodic one covers one
+    period and is equally smooth where periods join.
 
     Args:
         points: pairs (t, u).
-        interpolation: its kind.
-        beyond: how it goes on beyond its ends.
-        at_rest: u' = 0 at both ends (a clamped spline), so that what is held there goes on without a jump of u'.
+        interpolation: kind of the curve.
+        beyond: extrapolation beyond its ends.
+        at_rest: u' = 0 at both ends (a clamped spline), so that constant extrapolation causes no jump of u'.
 
     Raises:
-        ValueError: where numbers are too large or too close for that.
+        ValueError: if numbers are too large or too close.
     """
-    from scipy.interpolate import PPoly  # few mechanisms have such a curve
+    from scipy.interpolate import PPoly  # imported here since few mechanisms need it
 
     x, y = np.array(points, float).T
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
@@ -132,7 +132,7 @@ def interpolant_of_points(
         if beyond != "periodic":
             rate = np.zeros(2) if beyond == "hold" else c(x[[0, -1]], 1)
             zero, width = np.zeros(2), x[-1] - x[0]
-            ends = np.array([zero, zero, rate, [y[0] - width * rate[0], y[-1]]])  # a piece on either side
+            ends = np.array([zero, zero, rate, [y[0] - width * rate[0], y[-1]]])  # one polynomial on either side
             c = PPoly(np.column_stack([ends[:, :1], c.c, ends[:, 1:]]), [x[0] - width, *x, x[-1] + width])
         if np.isfinite(c.antiderivative().c).all() and np.isfinite(c.x).all():
             return c
@@ -140,7 +140,7 @@ def interpolant_of_points(
 
 
 def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_rest: bool) -> "PPoly":
-    """The curve between the first and the last point."""
+    """Return the curve between the first and the last point."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
 
     if interpolation == "spline" or len(x) == 2:
@@ -152,7 +152,7 @@ def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_r
 
 
 def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PPoly":
-    """The curve of one period, to which each period adds y_n - y_0: the middle one of several in a row."""
+    """Return the curve of one period with increment y_n - y_0: the middle one of several in a row."""
     from scipy.interpolate import CubicSpline, PPoly
 
     width, rise, n = x[-1] - x[0], y[-1] - y[0], len(x) - 1

@@ -1,8 +1,10 @@
-"""A Pinocchio workspace that does not grow with nv^3.
+"""Pinocchio workspace without memory of order nv^3.
 
-`pin.Model.createData` sets aside room for second derivatives, four tensors of nv^3 numbers, and for a dozen matrices
-of nv^2: 4 MB at nv = 50, 0.3 GB at nv = 200, 30 GB at nv = 1000.
+`pin.Model.createData` allocates second derivatives, four tensors of nv^3 numbers, and a dozen matrices of nv^2: 4 MB at
+nv = 50, 0.3 GB at nv = 200, 30 GB at nv = 1000.
 """
+
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -11,14 +13,18 @@ LARGEST = 50
 """Degrees of freedom up to which a workspace is Pinocchio's own, with room for all its algorithms: 4 MB, 4 ms then."""
 
 
-def make_data(model: pin.Model) -> pin.Data:
-    """Make a workspace, which force laws and users of ``mech.system().data`` see, too.
+def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
+    """Make a workspace for the algorithms that mbdae calls.
 
-    Up to `LARGEST` degrees of freedom it serves all algorithms of Pinocchio. Above, it serves crba in the world's
-    convention, rnea, nonLinearEffects, forwardKinematics, computeJointJacobians and computePotentialEnergy; others
-    would write beside it (Pinocchio does not check) and take ``model.createData()``.
+    Above `LARGEST` degrees of freedom it serves crba in the world's convention, rnea, nonLinearEffects,
+    forwardKinematics, computeJointJacobians and computePotentialEnergy alone. Any other algorithm writes outside of it,
+    since Pinocchio does not check sizes. So it is private: users take ``mech.system().data``.
+
+    Args:
+        model: the joint tree.
+        complete: of any size with room for all algorithms of Pinocchio, 32 nv^3 bytes and more.
     """
-    if model.nv <= LARGEST:
+    if complete or model.nv <= LARGEST:
         return model.createData()
     data, n, nv = pin.Data(), model.njoints, model.nv
     data.joints.extend([joint.createData() for joint in model.joints])
@@ -37,8 +43,22 @@ def make_data(model: pin.Model) -> pin.Data:
     return data
 
 
+class PinocchioData:
+    """A `pin.Data` for users, beside the workspace of a system."""
+
+    model: pin.Model
+
+    @cached_property
+    def data(self) -> pin.Data:
+        """Room for all algorithms of Pinocchio, made when it is asked for; nothing is computed in it before.
+
+        The system computes in a workspace of its own, so that neither changes the other's results.
+        """
+        return self.model.createData()
+
+
 def _subtrees(model: pin.Model) -> list[int]:
-    """Degrees of freedom from each joint on."""
+    """Return the degrees of freedom of each joint's subtree."""
     sizes, parents = model.nvs.tolist(), model.parents.tolist()
     for i in range(model.njoints - 1, 0, -1):
         sizes[parents[i]] += sizes[i]

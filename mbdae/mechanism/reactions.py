@@ -1,4 +1,4 @@
-"""Reactions: what the multipliers mean, as forces and torques of closures, and as efforts and powers of drivers."""
+"""Reactions: forces and torques of closures, and efforts and powers of drivers, from multipliers."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 SAMPLES = 8
-NONE = 1e-6  # a share of a unit multiplier that counts as none
+NONE = 1e-6  # fraction of a unit multiplier that counts as zero
 NOT_UNIQUE = "rows depend on others: the multipliers of minimum norm are shown"
 
 
 @dataclass(frozen=True)
 class Reaction:
-    """Force and torque of a closure on the body of its second frame, at that frame's origin.
+    """Reaction force and torque of a closure on the body of its second frame, at that frame's origin.
 
-    The body of the first frame gets the opposite at the same point.
+    The body of the first frame receives the opposite at the same point.
 
     Attributes:
         name: of the closure or driver.
@@ -54,16 +54,16 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Effort:
-    """Effort of a coupling or a driver, and the power that a driver brings in.
+    """Effort of a coupling or a driver, and the power of a driver.
 
     Attributes:
         name: of the coupling or driver.
         t: times in s, (n,).
-        effort: on the first joint, in N m or N; of a driven distance the force in N that drives it apart, (n,).
-        counter: on the second joint where there is one, in N m or N, (n,).
+        effort: on the first joint, in N m or N; for a driven distance, the force in N that increases it, (n,).
+        counter: on the second joint if there is one, in N m or N, (n,).
         position: u(t) of a driver in rad or m, zero for a coupling, (n,).
         power: effort times u'(t), in W, (n,).
-        unique: the motion determines it.
+        unique: whether the motion determines it.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Effort:
 
 
 def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Array | None = None) -> Reaction:
-    """Return the reaction of a closure between frames, its friction among it, or of a driven distance.
+    """Return the reaction of a closure between frames, including its friction, or of a driven distance.
 
     Args:
         mech: the mechanism.
@@ -89,10 +89,10 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
         t: times, (n,).
         q: configurations, (n, nq).
         lam: multipliers, (n, ng).
-        v: velocities, (n, nv), on which friction by load depends; at rest when left out.
+        v: velocities, (n, nv), on which closure friction depends; at rest when left out.
 
     Raises:
-        UnknownNameError: for a name that does not exist.
+        UnknownNameError: for an unknown name.
         InputError: for a coupling, or a driver of joints: they have an effort.
     """
     system, rows = mech.system(), mech.rows_of(name)
@@ -124,7 +124,7 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
     """Return the effort of a coupling or a driver; arguments as for `reaction`.
 
     Raises:
-        UnknownNameError: for a name that does not exist.
+        UnknownNameError: for an unknown name.
         InputError: for a closure between frames: it has a reaction.
     """
     system, rows = mech.system(), mech.rows_of(name)
@@ -147,10 +147,10 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
 
 
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
-    """Closures and drivers whose reactions are not unique, and how many of their rows the others keep as well.
+    """Return closures and drivers with non-unique reactions, and the number of their redundant rows.
 
-    That is m - (rank of all rows - rank of the others' rows); rows that keep nothing, as the one across the plane of a
-    planar loop, count too.
+    That is m - (rank of all rows - rank of the others' rows); trivial rows, such as the out-of-plane row of a planar
+    loop, count, too.
     """
     system = mech.system()
     G = scaled(system, t, q)
@@ -161,23 +161,23 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
 
 
 def scaled(system: "Index2System", t: float, q: Array) -> Array:
-    """G M^-1/2 over all rows, (ng, nv)."""
+    """Return G M^-1/2 over all rows, (ng, nv)."""
     U = np.triu(system.inertia(t, q))
     return np.linalg.solve(U.T, system.closures()[1].T).T
 
 
 def rank(G: Array) -> int:
-    """Rank of scaled rows by pivoted QR, as in `mbdae.mechanism.closures.independent_rows`."""
+    """Return the rank of scaled rows by pivoted QR, as in `mbdae.mechanism.closures.independent_rows`."""
     return independent_rows.rank(independent_rows.pivots(G.T)[1]) if len(G) else 0
 
 
 def null_rows(system: "Index2System", t: float, q: Array) -> Array:
-    """Combinations of rows that do nothing: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
+    """Return the null space of G^T: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
     U, G = system.inertia(t, q), system.closures()[1]
     r = len(system.choose_rows(t, U, G))
     return np.linalg.svd(G)[0][:, r:]
 
 
 def sampled(n: int) -> Array:
-    """At most eight of n indices, evenly spread."""
+    """Return at most eight of n indices, evenly spread."""
     return np.unique(np.linspace(0, n - 1, min(n, SAMPLES)).astype(int))

@@ -1,4 +1,4 @@
-"""Singular configurations: where closures lose rank, and a motion could go on along several branches."""
+"""Singular configurations, where closures lose rank and a motion may continue along several branches."""
 
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,16 +13,16 @@ from .reactions import scaled
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
-SINGULAR = 1e-5  # ratio of pivots, of its usual size, where positions are kept: interpolation finds no smaller for sure
-NEARLY = 1e-2  # what open loops may add to it: where they stand open so wide, a run is of another mechanism
-ROUND = 5.0  # times the square root of the gap: how far from a singular configuration the way round it may pass
-SHARE = 1e-3  # of a closure's rows in a combination that vanishes
-TURN = 1e-4  # of a step: far enough to see the tangent space turn
+SINGULAR = 1e-5  # ratio of pivots to its regular value, with projection: smaller ones are below interpolation accuracy
+NEARLY = 1e-2  # largest increase by constraint violation: beyond it, the run does not represent the mechanism
+ROUND = 5.0  # times the square root of the violation: largest distance of a run that passes by
+SHARE = 1e-3  # of a closure's rows in a vanishing combination
+TURN = 1e-4  # of a step: large enough to measure the rotation of the tangent space
 
 
 @dataclass(frozen=True)
 class Singular:
-    """A configuration on the way in which the closures lose rank.
+    """A singular configuration of a motion, where the closures lose rank.
 
     Attributes:
         t: time in s.
@@ -30,7 +30,7 @@ class Singular:
         v: velocity, (nv,).
         rank: of the closures before and after.
         rank_there: rank in this configuration.
-        closures: names of those whose rows depend on each other there, and not elsewhere.
+        closures: names of those whose rows become dependent there.
     """
 
     t: float
@@ -41,7 +41,7 @@ class Singular:
     closures: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return a dictionary for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -53,14 +53,14 @@ class Singular:
 def singular(
     system: "Index2System", t: float, y: Array, before: tuple[float, Array], limit: float
 ) -> Singular | None:
-    """Say whether the closures lose rank at (t, y): where pivots are smaller than ``limit`` times the largest.
+    """Return whether the closures lose rank at (t, y): where pivots are smaller than ``limit`` times the largest.
 
     Args:
         system: a workspace; its rank is that of the run.
         t: time where the pivots are smallest.
         y: the point there.
-        before: time and point a little earlier, where nothing is singular.
-        limit: the ratio of pivots that counts as none.
+        before: time and point slightly earlier, where the rank is regular.
+        limit: pivot ratio that counts as zero.
     """
     q, v = system.split(y)
     here, there = (scaled(system, *point) for point in ((before[0], system.split(before[1])[0]), (t, q)))
@@ -76,16 +76,16 @@ def singular(
 
 
 def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: float) -> float:
-    """The ratio of pivots that a singular configuration may have in a run with |g| up to ``gap``.
+    """Return the pivot ratio that a singular configuration may have in a run with |g| up to ``gap``.
 
-    Rows that a loop has drifted open by ``gap`` keep apart from each other by its square root: a smallest pivot below
-    that may be a singular configuration, or the way round one on either branch.
+    A violation of a loop by ``gap`` separates its rows by the square root of it: a smallest pivot below that may be a
+    singular configuration, or a path around one onto either branch.
 
     Args:
         system: a workspace.
         t: time.
         y: a point nearby.
-        usual: the ratio of pivots elsewhere, where nothing is singular.
+        usual: regular pivot ratio, away from singularities.
         gap: largest |g| nearby, in m or rad.
     """
     size = float(np.abs(system.closures(system.split(y)[0])[1]).max())
@@ -93,16 +93,16 @@ def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: fl
 
 
 def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:
-    """Say whether closed loops meet a singular configuration near (t, y), where their rows nearly do.
+    """Return whether closed loops reach a singular configuration near (t, y), where their rows are nearly dependent.
 
-    Bars that lie in a line with a gap pass it on a bend of radius sqrt(gap): the combination of rows that vanishes
-    keeps a residual when the others are met.
+    Collinear bars with a gap pass the singularity on a curve of radius sqrt(gap): the vanishing combination of rows
+    keeps a residual when the others are satisfied.
 
     Args:
         system: a workspace.
         t: time.
-        y: a point with rows that nearly depend on each other.
-        limit: the ratio of singular values that counts as none.
+        y: a point with nearly dependent rows.
+        limit: ratio of singular values that counts as zero.
         allowed: residual, relative to the size of G.
     """
     q, _ = system.split(y)
@@ -116,9 +116,9 @@ def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, 
 
 
 def tangent(system: "Index2System", t: float, y: Array) -> Array:
-    """Unit vectors (nv, k) along which the closed mechanism can move, in the mass metric; its velocity if it is driven.
+    """Return an orthonormal tangent basis (nv, k) of the closed mechanism, in the mass metric; its velocity if driven.
 
-    They are the null space of G M^-1/2, and turn smoothly along a motion; on another branch they are others.
+    It is the null space of G M^-1/2, which rotates smoothly along a motion; on another branch it differs.
     """
     q, v = system.split(y)
     G = scaled(system, t, q)
@@ -130,12 +130,12 @@ def tangent(system: "Index2System", t: float, y: Array) -> Array:
 
 
 def tangent_space_angle(before: Array, after: Array) -> float:
-    """The largest angle between two tangent spaces, in rad."""
+    """Return the largest angle between two tangent spaces, in rad."""
     return float(np.arccos(np.clip(np.linalg.svd(before.T @ after, compute_uv=False).min(initial=1.0), 0.0, 1.0)))
 
 
 def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) -> float:
-    """How fast the tangent space turns along the motion, in rad/s."""
+    """Return the rate of rotation of the tangent space along the motion, in rad/s."""
     q, v = system.split(y)
     d = dt * TURN
     moved = np.concatenate([system.manifold.integrate(q, d * v), y[system.nq :]])
@@ -143,6 +143,6 @@ def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) ->
 
 
 def _shares(G: Array, rank: int) -> Array:
-    """How much each row takes part in the combinations of rows that vanish, (ng,), for the given rank."""
+    """Return the contribution of each row to the vanishing combinations of rows, (ng,), for the given rank."""
     left = np.linalg.svd(G)[0]
     return (left[:, rank:] ** 2).sum(axis=1)

@@ -1,6 +1,6 @@
-"""Functions of time: torques, references and motions that follow a clock, as data that stand in a file.
+"""Functions of time for torques, references and motions, as data of a file.
 
-A number is a constant, a Python function of t a `Function`; inside all are polynomials, harmonics or functions.
+A number is a constant, a Python function of t a `Function`; all are evaluated as polynomials, harmonics or functions.
 """
 
 from abc import abstractmethod
@@ -19,7 +19,7 @@ from .callbacks import called, checked, function_name
 from .checked_table import Table
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
 
-SPACING = 3e-3  # s, of differences
+SPACING = 3e-3  # s, of finite differences
 
 
 class _TimeFunction(Table):
@@ -30,7 +30,7 @@ class _TimeFunction(Table):
         """Return the k-th derivative with respect to time, k = 0, 1, 2."""
 
     def slope(self, t: float, k: int = 0) -> float:
-        """Return the derivative of the k-th derivative: a difference of order six where it is not given."""
+        """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
         if k < 2 and self.known(k + 1):
             return self.at(t, k + 1)
         return float(finite_differences.numerical_derivative(lambda x: self.at(t + x, k), SPACING))
@@ -41,16 +41,16 @@ class _TimeFunction(Table):
 
     @property
     def breaks(self) -> Sequence[float]:
-        """The times where it is not smooth."""
+        """Times where it is not smooth."""
         return ()
 
     @property
     def knots(self) -> Sequence[float]:
-        """The times where its pieces meet, those of one period."""
+        """Times where its polynomials join, within one period."""
         return ()
 
     def meets(self, t0: float, t1: float) -> Sequence[float]:
-        """Return the times between t0 and t1 where its pieces meet."""
+        """Return the times between t0 and t1 where its polynomials join."""
         return ()
 
     def jump(self, t: float, sign: float) -> float:
@@ -59,7 +59,7 @@ class _TimeFunction(Table):
 
     @abstractmethod
     def plain(self) -> dict[str, Any]:
-        """What the core takes."""
+        """Core data."""
 
 
 class _Piecewise(_TimeFunction):
@@ -92,7 +92,7 @@ class _Piecewise(_TimeFunction):
 
 
 class Constant(_Piecewise):
-    """A number; it stands as such in a file.
+    """A number; written as a plain number in a file.
 
     Attributes:
         value: the number.
@@ -166,16 +166,16 @@ class _Points(_Piecewise):
 class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing.
 
-    A periodic one has the period t_n - t_1 and is as smooth where periods meet as elsewhere; its last value is its
-    first one, except in a motion, to which each period may add the difference (a crank that turns on).
+    A periodic one has the period t_n - t_1 and is equally smooth where periods join; its last value equals its first
+    one, except in a motion, which may increase by the difference in each period (a rotating crank).
 
     Attributes:
         points: pairs (t, value) in s.
         interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
             overshoot (one continuous derivative).
-        beyond: what is before the first time and behind the last: ``"hold"`` the end values, ``"linear"``: straight
-            on, or ``"periodic"``. Left out, loads and speeds hold; a driver's motion ends the run there. A motion that
-            holds comes to rest: u' = 0 at both ends, and u'' jumps.
+        beyond: extrapolation before the first time and after the last: ``"hold"`` the end values, ``"linear"``, or
+            ``"periodic"``. When left out, loads and speeds hold; the motion of a driver ends the run there. A motion
+            that holds comes to rest: u' = 0 at both ends, and u'' jumps.
     """
 
     kind: Literal["table"] = "table"
@@ -189,7 +189,7 @@ class TimeTable(_Points):
 
     @cached_property
     def motion(self) -> PiecewisePolynomial:
-        """The polynomials of a motion: held at rest; straight on where nothing is said, where no run goes."""
+        """Polynomials of a motion: held at rest; extrapolated linearly by default, where no run goes."""
         jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
         return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
@@ -201,7 +201,7 @@ class TimeTable(_Points):
 
     @property
     def rise(self) -> float:
-        """What a period adds."""
+        """Increment per period."""
         return self.points[-1][1] - self.points[0][1]
 
     @model_validator(mode="after")
@@ -211,7 +211,7 @@ class TimeTable(_Points):
 
 
 class Steps(_Points):
-    """Piecewise constant: from each time on its value; before the first time the first value.
+    """Piecewise constant: each value applies from its time on; the first one also before.
 
     Attributes:
         points: pairs (t, value) in s, t increasing.
@@ -227,15 +227,15 @@ class Steps(_Points):
 
 
 class Function(_TimeFunction):
-    """A Python function of time, with its derivatives where they are needed.
+    """A Python function of time, with derivatives where needed.
 
-    A saved solution records it by name; what needs its values then refuses.
+    A saved solution records it by name; operations that need its values then fail.
 
     Args:
         function: t -> float.
         rate: its first derivative.
         acceleration: its second derivative.
-        name: the function's own when left out.
+        name: name of the function when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -248,7 +248,7 @@ class Function(_TimeFunction):
     acceleration: Callable[[float], float] | None = Field(default=None, exclude=True)
 
     def model_post_init(self, context: Any) -> None:
-        """Give the function's own name."""
+        """Use the name of the function."""
         if not self.name:
             object.__setattr__(self, "name", function_name(self.function))
 

@@ -1,15 +1,15 @@
-"""How wrenches between two frames, and their power, change with configuration and velocity.
+"""Partial derivatives of wrenches between two frames, and of their power, by configuration and velocity.
 
-Columns J_m of the joints that move one of the frames alone are all that counts: joints that move both turn a wrench
-and everything it acts on together. m <= k says that the joint of m, in the expanded tree, is that of k or before it on
-the way to the root; V_<m is the velocity of what is before m, V_j that of the frame that m moves, W = V_j - V_<m. With
-the products a x b of motions and a x* F of a motion and a wrench, taken at the world's origin,
+Only the columns J_m of joints that move a single one of the frames contribute: joints that move both rotate a wrench
+together with its bodies. m <= k means that the joint of m, in the expanded tree, is that of k or an ancestor of it;
+V_<m is the velocity of the parent of m, V_j that of the frame that m moves, W = V_j - V_<m. With the products a x b of
+motions and a x* F of a motion and a wrench, taken at the world's origin,
 
     dJ_k/dq_m = J_m x J_k  if m <= k, else 0             dJ_k/dt = V_k x J_k
     dV_j/dq_m = J_m x W                                  dV_j/dv_m = J_m
     dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
 
-Velocities and accelerations are those against the body that carries both branches.
+Velocities and accelerations are relative to the body that carries both branches.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ _SKEW = np.array([skew(e).ravel() for e in np.eye(3)])
 
 
 class PairPartials:
-    """What the columns do at a point.
+    """Partial derivatives between two frames at a point.
 
     Args:
         pair: a `Pair`, located.
@@ -43,11 +43,11 @@ class PairPartials:
         self.V = self.Jv.dot(self.sign)  # V_b - V_a
 
     def moved(self, Da: Array, Db: Array) -> Array:
-        """Return Db J_m where m moves b, Da J_m where it moves a: matrices (.., 6) give (.., c)."""
+        """Return Db J_m where m moves b, Da J_m where it moves a: matrices (.., 6) become (.., c)."""
         return np.where(self.to_b, Db.dot(self.J), Da.dot(self.J))
 
     def torque(self, F: Array, Da: Array, Db: Array, C: Array | None = None) -> Array:
-        """Slopes (c, c) of sign J^T F with respect to q.
+        """Return the partial derivatives (c, c) of sign J^T F with respect to q.
 
         Args:
             F: a wrench on b, (6,); -F acts on a.
@@ -62,15 +62,15 @@ class PairPartials:
         return self.sign[:, None] * (self.J.T.dot(dF) - self.before.T * turned)
 
     def damping(self, C: Array) -> Array:
-        """Slopes (c, c) of sign J^T F with respect to v, for dF = C d(V_b - V_a)."""
+        """Return the partial derivatives (c, c) of sign J^T F with respect to v, for dF = C d(V_b - V_a)."""
         return self.sign[:, None] * self.J.T.dot(C).dot(self.J) * self.sign
 
     def power(self, w: Array, Da: Array, Db: Array) -> Array:
-        """Slopes (m, c) of w . (V_b - V_a) with respect to q, for wrenches w (6, m) with slopes Da, Db (m, 6, 6)."""
+        """Return the partials (m, c) of w . (V_b - V_a) by q, for wrenches w (6, m) with partials Da, Db (m, 6, 6)."""
         return self.moved(self.V.dot(Da), self.V.dot(Db)) + w.T.dot(self.sign * self.dV)
 
     def bias(self, rate: Rate, w: Array, Da: Array, Db: Array) -> tuple[Array, Array]:
-        """Slopes (m, c) of w' . (V_b - V_a) + w . (A_b - A_a) with respect to q and v; w' = rate(pair)."""
+        """Return the partials (m, c) of w' . (V_b - V_a) + w . (A_b - A_a) by q and v; w' = rate(pair)."""
         J, sign, b = self.J, self.sign, self.to_b
         strict = self.before * (1 - self.before.T)
         V, V_before = self.Jv.dot(self.before), self.Jv.dot(strict)
@@ -91,7 +91,7 @@ class PairPartials:
 
 
 def _rate_partial(rate: Rate, at: Pair, d: Array, dV: Array, *, to_b: bool) -> Array:
-    """Slope of dw/dt (6, m) when one frame moves by d (6,) and its velocity changes by dV (6,): a complex step."""
+    """Return the derivative of dw/dt (6, m) for a motion d (6,) of one frame and a change dV (6,) of its velocity."""
     moved, step = copy(at), 1j * COMPLEX_STEP
     if to_b:
         moved.Rb, moved.pb = at.Rb + step * skew(d[3:]).dot(at.Rb), at.pb + step * (d[:3] + skew(d[3:]).dot(at.pb))
@@ -112,7 +112,7 @@ def line_wrench_partials(pair: Pair) -> tuple[Array, Array, Array]:
 
 
 def moved_line_partials(p: Array, n: Array) -> Array:
-    """Slopes (m, 6, 6) of the wrenches (n, p x n) of constant forces n (3, m) when their point p (3,) moves."""
+    """Return the partials (m, 6, 6) of the wrenches (n, p x n) of constant forces n (3, m) at a moving point p (3,)."""
     out = np.zeros((n.shape[1], 6, 6))
     out[:, 3:, :3] = turn = -skews(n)
     out[:, 3:, 3:] = -turn.dot(skew(p))
@@ -120,5 +120,5 @@ def moved_line_partials(p: Array, n: Array) -> Array:
 
 
 def skews(n: Array) -> Array:
-    """The matrices of n x . for the columns of n (3, m), (m, 3, 3)."""
+    """Return the matrices of n x . for the columns of n (3, m), (m, 3, 3)."""
     return n.T.dot(_SKEW).reshape(-1, 3, 3)

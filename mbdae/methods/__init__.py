@@ -1,4 +1,4 @@
-"""How time advances: half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs. Knows nothing of mechanisms."""
+"""Half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs, independent of mechanisms."""
 
 import re
 from collections.abc import Mapping
@@ -24,15 +24,15 @@ EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, Expl
 
 
 def method(name: str | Method) -> Method:
-    """Look a method up.
+    """Return a method by name, file or tableau.
 
     Args:
         name: one of `METHODS`, for instance ``"pherk5"``, or ``"radau7"`` to ``"radau29"`` for more stages; the file
             of a tableau, ``"mine.toml"``, or a `Tableau` itself.
 
     Raises:
-        UnknownNameError: with the names that exist.
-        InputError: for a tableau with the name of another method, or a file that is none.
+        UnknownNameError: with the valid names.
+        InputError: for a tableau with the name of another method, or an invalid file.
     """
     if isinstance(name, Tableau | RadauIIA):
         known = METHODS.get(name.name, name)
@@ -50,10 +50,10 @@ def method(name: str | Method) -> Method:
 
 
 def method_of(settings: Mapping[str, Any]) -> Method:
-    """The method of a run, from its settings: one of the user's stands there whole.
+    """Return the method of a run from its settings, which contain a custom method in full.
 
     Raises:
-        UnknownNameError, InputError: as `method`.
+        UnknownNameError, InputError: as for `method`.
     """
     own = settings.get("tableau")
     return tableau(own, "the tableau of a run") if own else method(settings["method"])

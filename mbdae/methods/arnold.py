@@ -1,4 +1,4 @@
-"""Half-explicit methods with explicit stages: every constrained point is the next stage's point.
+"""Half-explicit methods with explicit stages: each constrained point is the next stage's point.
 
 Ahat_i = A_{i+1}, so the constraint is evaluated once per stage instead of twice. Source: M. Arnold,
 Half-explicit Runge-Kutta methods with explicit stages for differential-algebraic systems of index 2, BIT 38
@@ -35,7 +35,7 @@ hedop5 = Tableau(
     b=row("35/384 0 500/1113 125/192 -2187/6784 11/84"),
     order=5,
     order_own=4,
-    # Order 4 only after projection: as they stand, only b itself satisfies the conditions of order 4.
+    # Order 4 only after projection: without it, only b itself satisfies the conditions of order 4.
     b_embedded=row("5179/57600 0 7571/16695 393/640 -92097/339200 187/2100 1/40"),
     order_embedded=4,
     project_embedded=True,

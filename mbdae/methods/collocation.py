@@ -4,12 +4,12 @@ In the coordinates x of a step, y = y_n (+) x, with K_i = x'_i at the stages,
 
     E (K_i - f(t_i, X_i, Z_i)) = 0,   0 = g(t_i, X_i),   X_i = h sum_j a_ij K_j,   y_1 = y_n (+) X_s,  z_1 = Z_s.
 
-E is a matrix of the problem's choice (the mass matrix of a mechanism), so that a residual needs no solve. With the
-slopes at one point in place of all others an iteration reads
+E is a matrix chosen by the problem (the mass matrix of a mechanism), so that a residual needs no solve. With the
+partial derivatives at one point in place of all others an iteration reads
 
     (I (x) E) dK - h (A (x) (E f)_x) dK - (I (x) (E f)_z) dZ = R,    h (A (x) g_x) dK = C,
 
-and A = T diag(mu) T^-1 takes it apart into systems of the size of one stage, real ones and complex ones.
+and A = T diag(mu) T^-1 splits it into systems of the size of one stage, real ones and complex ones.
 
 Sources: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 7; Hairer, Wanner, Solving
 Ordinary Differential Equations II, sections IV.8 and VII.4; Butcher, BIT 16 (1976) for the transformation.
@@ -24,22 +24,22 @@ from ..errors import StepError
 from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from .radau_coefficients import RadauArrays, lagrange
 
-TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
-NEAR_ROUNDING = 1e-11  # changes below this are so near to rounding that what is left to do follows from those before
-EXTRA_ITERATIONS = 8  # iterations, at most, from there on
-FIRST = 3  # iterations that follow where the first change is as small already: their rate is not seen
+TOLERANCE = 1e-16  # target for the Newton error, relative to the size of y: rounding
+NEAR_ROUNDING = 1e-11  # changes below this are close to rounding: the remaining iterations follow from previous ones
+EXTRA_ITERATIONS = 8  # largest number of iterations from there on
+FIRST = 3  # iterations after a first change that is already that small: their rate is unknown
 EXPECTED_RATE = (
-    0.1  # how changes shrink, before anything is known; above REUSE: slopes whose rate is not known are not kept
+    0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
 )
-SHARE = 1e-3  # of the largest component: none counts for less
-REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
-ANDERSON_DEPTH = 10  # changes that are mixed where an iteration with slopes of one point does not converge
-FAR = 0.5  # of the size of y and of its move: a guess whose first change is larger leads anywhere
-HALVINGS = 6  # of a step that is solved once more, for a guess
+SHARE = 1e-3  # of the largest component: lower bound of the scale
+REUSE = 0.03  # partial derivatives and factors are reused for the same h while the rate is below this
+ANDERSON_DEPTH = 10  # changes combined where the simplified Newton iteration does not converge
+FAR = 0.5  # of the size of y and its displacement: larger first changes make the guess unreliable
+HALVINGS = 6  # of a step that is repeated, to obtain a guess
 
 
 class StageMemory(NamedTuple):
-    """What a step leaves to the next one: stage values for a first guess, and the slopes with their rate."""
+    """Data passed to the next step: stage values for a first guess, and the partial derivatives with their rate."""
 
     unknowns: Any
     h: float
@@ -55,12 +55,12 @@ def collocation_step(
 ) -> Step:
     """Advance (t, y) to t + h.
 
-    The state's carry is the `StageMemory` of the step before; anything else counts as none.
+    The state's carry is the `StageMemory` of the previous step; any other value counts as none.
 
-    The equations are solved to rounding: a step knows no tolerance, and the order of a method and G v = 0 shall not
-    end at one. Jacobians are taken in the middle of the step, at the stages foreseen there, which halves their distance
-    from the other stages; they and their factors serve the following steps while h stays and the iteration converges
-    well. Where h changes, new slopes cost less than the iterations that they save.
+    The equations are solved to rounding, independent of any tolerance, so that neither the order of a method nor G v =
+    0 is limited by one. Jacobians are evaluated in the middle of the step, at predicted stages, which halves the
+    distance to the other stages; they and their factors are reused while h is constant and the iteration converges
+    well. When h changes, new Jacobians cost less than the iterations that they save.
 
     Args:
         system: the problem.
@@ -69,10 +69,10 @@ def collocation_step(
         h: step size.
         state: y and the carry.
         patience: largest number of iterations.
-        estimate: whether an error estimate is wanted.
+        estimate: whether to compute an error estimate.
 
     Raises:
-        StepError: if the iteration does not converge, or what the problem raises.
+        StepError: if the iteration does not converge, or if the problem raises it.
     """
     chart = system.chart(t, state.y)
     memory, s = state.carry, len(a.c)
@@ -90,7 +90,7 @@ def collocation_step(
         with suppress(StepError):
             found = stages.solve(K, Z, memory.slopes, memory.solvers)
     if found is None:
-        # a shorter step can be taken, or not
+        # the caller may retry with a shorter step
         found = stages.simplified_newton(K, Z) if estimate else stages.found(K, Z)
     x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
@@ -101,12 +101,12 @@ def collocation_step(
 def repeated_step(
     system: System, a: RadauArrays, t: float, h: float, y: Array, patience: int, halvings: int = HALVINGS
 ) -> tuple[Chart, StageMemory]:
-    """Solve the stages of a step once more, from y alone.
+    """Solve the stages of a step again, from y alone.
 
-    Where x' = y'_n is no guess from which the iteration converges, the polynomial of the step of half the size is one.
+    If the iteration does not converge from x' = y'_n, the guess is the polynomial of the step of half the size.
 
     Raises:
-        StepError: if the iteration does not converge, or what the problem raises.
+        StepError: if the iteration does not converge, or if the problem raises it.
     """
     chart, s = system.chart(t, y), len(a.c)
     stages = _Stages(system, chart, a, t, h, system.size(y), patience)
@@ -126,13 +126,13 @@ def _factorize(slopes: Linearization, a: RadauArrays, h: float) -> list[Solver]:
 
 
 def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
-    """Error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
+    """Return error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
 
         (E - h gamma (E f)_x) e - (E f)_z * = E h gamma (y'_n - u'(t_n)),   g_x e = 0.
 
-    The right side belongs to an embedded formula of order s, as u' misses y'_n by h^s (Hairer, Wanner II, section
-    IV.8); the system damps it in stiff directions and projects it on 0 = g, along f_z, so that a wrong z in y'_n does
-    not matter. A second vector, where s >= 3, leaves the first stage out of u' and is one order lower.
+    The right-hand side belongs to an embedded formula of order s, since u' differs from y'_n by h^s (Hairer, Wanner II,
+    section IV.8); the system damps it in stiff directions and projects it onto 0 = g, along f_z, so that an error of z
+    in y'_n has no effect. A second vector, for s >= 3, omits the first stage from u' and is one order lower.
     """
     h, none = found.h, np.zeros(found.Z.shape[1])
     filtered = found.slopes.factorize(h * a.gamma) if a.real is None else found.solvers[a.real]
@@ -141,7 +141,7 @@ def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
 
 
 def _left(size: float, rate: float) -> int:
-    """Iterations that are left after a change by ``size``, until the next one would be below the tolerance."""
+    """Return the number of remaining iterations after a change of this size, to reach the tolerance."""
     if rate * size <= TOLERANCE:
         return 0
     return (
@@ -152,7 +152,7 @@ def _left(size: float, rate: float) -> int:
 
 
 class _Stages:
-    """The coupled equations of a step."""
+    """The coupled stage equations of a step."""
 
     def __init__(
         self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int
@@ -163,9 +163,9 @@ class _Stages:
     def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
-        Changes of X shrink by ``rate`` (Hairer, Wanner II, section IV.8), as seen over pairs of iterations: errors of X
-        that the first of a pair corrects change G v = 0, which the second corrects. As soon as one is small, the number
-        of those that are left follows from it, before rounding is all that they show: it shall not decide.
+        Changes of X shrink by ``rate`` (Hairer, Wanner II, section IV.8), measured over pairs of iterations: errors of
+        X corrected by the first of a pair change G v = 0, which the second corrects. Once one is small, it determines
+        the number of remaining iterations, before rounding dominates the measured rate.
 
         Raises:
             StepError: if the iteration diverges or is too slow.
@@ -173,8 +173,10 @@ class _Stages:
         scale, last, rate, left = self._scale(K), np.inf, EXPECTED_RATE, 0
         for k in range(self.patience):
             dK, dZ = self._correction(K, Z, solvers)
+            if not k:
+                scale = np.maximum(scale, self._scale(dK))
             K, Z = K + dK, Z + dZ
-            size = float(np.sqrt(np.mean((self._moves(dK) / scale) ** 2)))
+            size = self._measure(dK, scale)
             self.counts.newton += 1
             if not np.isfinite(size):
                 break
@@ -192,13 +194,13 @@ class _Stages:
         raise self._diverges()
 
     def simplified_newton(self, K: Array, Z: Array) -> StageMemory:
-        """Iterate from a guess with the slopes of its middle."""
+        """Iterate from a guess with the partial derivatives at its middle stage."""
         i, X = self.a.middle, self.h * (self.a.A @ K)
         slopes = self.chart.linearize(X[i], K[i], Z[i])
         return self.solve(K, Z, slopes, _factorize(slopes, self.a, self.h))
 
     def found(self, K: Array, Z: Array) -> StageMemory:
-        """Iterate from a guess with the slopes of its middle, and where that does not converge, as `mixed` does."""
+        """Iterate from a guess with partial derivatives at its middle; if that does not converge, use `anderson`."""
         try:
             return self.simplified_newton(K, Z)
         except StepError as failed:
@@ -208,10 +210,10 @@ class _Stages:
                 raise failed from None
 
     def anderson(self, K: Array, Z: Array) -> StageMemory:
-        """Iterate from a guess where bodies turn so far within a step that slopes of one point serve badly.
+        """Iterate from a guess where bodies rotate far within a step, so that one set of partials is inaccurate.
 
-        Each point is that combination of the last ones whose change would be least, plus this change (Anderson's
-        acceleration: H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step takes new slopes.
+        Each iterate is the combination of the last ones with the least change, plus this change (Anderson acceleration:
+        H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step takes new partial derivatives.
 
         Raises:
             StepError: if this does not converge either.
@@ -223,9 +225,12 @@ class _Stages:
         points, changes = np.empty((0, len(weight))), np.empty((0, len(weight)))
         for _ in range(self.patience):
             dK, dZ = self._correction(K, Z, solvers)
-            size = float(np.sqrt(np.mean((self._moves(dK) / scale) ** 2)))
+            known = scale.any()
+            if not known:  # from rest, where nothing acts yet: no guess is far from that
+                scale = self._scale(dK)
+            size = self._measure(dK, scale)
             self.counts.newton += 1
-            if not size <= FAR:
+            if not size < (FAR if known else np.inf):
                 break
             if size <= TOLERANCE or last <= size <= NEAR_ROUNDING:
                 return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, slopes, solvers, np.inf)
@@ -246,13 +251,21 @@ class _Stages:
         )
 
     def _moves(self, K: Array) -> Array:
-        """The measured components of X = h A K, (s, .)."""
+        """Return the measured components of X = h A K, (s, .)."""
         return self.h * (self.a.A @ K)[:, self.measured]
 
     def _scale(self, K: Array) -> Array:
-        """The size of y and of its change, no component's below a thousandth of the largest."""
+        """The size of y and of its change, no component's below a thousandth of the largest.
+
+        The change is what a guess foresees or the first correction makes of it: from rest, where nothing acts at the
+        start, the guess foresees none.
+        """
         scale = self.size[self.measured] + np.abs(self._moves(K)).max(axis=0)
-        return scale + SHARE * scale.max(initial=0.0) + np.finfo(float).tiny
+        return scale + SHARE * scale.max(initial=0.0)
+
+    def _measure(self, dK: Array, scale: Array) -> float:
+        """The change of X by dK, (s, ny), in root mean square of the scale."""
+        return float(np.sqrt(np.mean((self._moves(dK) / (scale + np.finfo(float).tiny)) ** 2)))
 
     def _correction(self, K: Array, Z: Array, solvers: list[Solver]) -> tuple[Array, Array]:
         a, h, X = self.a, self.h, self.h * (self.a.A @ K)

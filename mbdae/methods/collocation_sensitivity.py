@@ -1,13 +1,13 @@
-"""How a step of a collocation method moves with where it starts, with parameters and with its size.
+"""Tangent and adjoint of a collocation step, with respect to initial value, parameters and step size.
 
-Its stages solve their equations to rounding, so that the implicit function theorem holds for the computed numbers:
-with the slopes of the equations of each stage (`mbdae.system.StagePartials`) at the solution,
+The stage equations are solved to rounding, so the implicit function theorem applies to the computed values: with the
+partial derivatives of the equations of each stage (`mbdae.system.StagePartials`) at the solution,
 
     F_i dF_i + X_i dX_i + Z_i dZ_i = -(Y_i dy + P_i dp + T_i dt_i),   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j
     dy_1 = Y dy + X dX_s
 
-is one linear system for all stages, and the adjoint solves its transpose. The iteration leaves Z_i behind X_i and F_i,
-to which it is made to fit. What a step is guessed and iterated with does not matter.
+is one linear system for all stages, and the adjoint solves its transpose. The iteration leaves a larger error in Z_i
+than in X_i and F_i; Z_i is then recomputed to be consistent with these. Guess and iteration of the step have no effect.
 
 Source: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 7, for the stages.
 """
@@ -24,11 +24,11 @@ from .collocation import repeated_step
 if TYPE_CHECKING:
     from .radau import RadauIIA
 
-BEHIND = 1e-12  # of 1 + |z|: what moves slopes by less than quotients of runs show
+BEHIND = 1e-12  # of 1 + |z|: smaller inconsistencies do not affect derivatives visibly
 
 
 class CollocationSensitivity:
-    """Tangent and adjoint of a step from (t, y) to t + h; arguments as of `mbdae.methods.step_sensitivity`.
+    """Tangent and adjoint of a step from (t, y) to t + h; arguments as for `mbdae.methods.step_sensitivity`.
 
     Raises:
         StepError: if the stages cannot be solved.
@@ -63,7 +63,7 @@ class CollocationSensitivity:
         self.state = State(chart.end(t + h, xs[-1].copy(), self.K[-1], Z[-1])[0])
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
-        """Return the variations of the new y, (ny, m), and of the carry, of which there is none."""
+        """Return the tangents of the new y, (ny, m), and of the carry, which is empty."""
         a, moved = self.a, self.a.A @ self.K
         right = np.array([stage.y @ dy + stage.p @ dp for stage in self.stages])
         if dh is not None:
@@ -76,7 +76,7 @@ class CollocationSensitivity:
         return self.Y @ dy + self.X @ dx, carry
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
-        """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), of those after the step."""
+        """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), from those after the step."""
         right = np.zeros((len(self.stages), len(self.stages[0].F), y.shape[1]))
         right[:, : self.ny] = -self.h * self.a.A[-1][:, None, None] * (self.X.T @ y)
         out, p = self.Y.T @ y, np.zeros((self.slopes.k, y.shape[1]))

@@ -1,4 +1,4 @@
-"""Step-size control: sees error vectors and step sizes, knows no problem and no method."""
+"""Step-size control from error vectors and step sizes, independent of problem and method."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Control(NamedTuple):
-    """How step sizes change: the exponent of the last error, and the smallest and largest factor."""
+    """Control parameters: the exponent of the last error, and the smallest and largest step ratio."""
 
     beta: float
     smallest: float
@@ -16,16 +16,16 @@ class Control(NamedTuple):
 
 PI = Control(beta=0.04, smallest=0.2, largest=10.0)
 SAFETY = 0.9
-SMALLEST_ERROR, SMALLEST_LAST = 1e-10, 1e-4  # errors below count as these: of a step, and of the one before
+SMALLEST_ERROR, SMALLEST_LAST = 1e-10, 1e-4  # lower bounds of errors: of a step, and of the previous one
 COMPANION = 0.01  # weight of the second of two error estimates
 
 
 def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> float:
-    """Weighted root mean square of the error vectors, (k, m) over scale (m,); a step is accepted below 1.
+    """Return the weighted root mean square of error vectors, (k, m) over scale (m,); accepted below 1.
 
-    One vector gives its norm err. Two vectors (an embedded formula and a companion of lower order) give
-    err_1^2 / (err_1^p + 0.01 err_2^p)^(1/p), which is small where both formulas agree that it should be: p = 1 in HEM5
-    (Brasey 1992), 2 in DOP853 (Hairer, Noersett, Wanner I, (II.10.17)).
+    For one vector this is its norm err. For two vectors (an embedded formula and a companion of lower order) it is
+    err_1^2 / (err_1^p + 0.01 err_2^p)^(1/p), which is small if both formulas agree on it: p = 1 in HEM5 (Brasey 1992),
+    2 in DOP853 (Hairer, Noersett, Wanner I, (II.10.17)).
 
     Args:
         errors: the vectors.
@@ -40,11 +40,11 @@ def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> flo
 
 @dataclass
 class Controller:
-    """PI controller h_new = 0.9 h err^(-1/k + 0.75 beta) err_last^beta, mostly within a fifth and ten times h.
+    """PI controller h_new = 0.9 h err^(-1/k + 0.75 beta) err_last^beta, by default within a fifth and ten times h.
 
     k is the power of h in the error estimate. A rejected step does not count as the last one, and the step after it
-    does not grow (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth up to a factor ``steady`` is left out: what
-    belongs to h stays with it (the same, section IV.8).
+    does not grow (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth up to a factor ``steady`` is suppressed, to
+    reuse data that depend on h (the same, section IV.8).
     """
 
     power: int
@@ -55,12 +55,12 @@ class Controller:
 
     @property
     def beta(self) -> float:
-        """The exponent of the last error; 0 for estimates of low order."""
+        """Exponent of the last error; 0 for estimates of low order."""
         return self.control.beta if self.power > 2 else 0.0
 
     @property
     def exponent(self) -> float:
-        """The exponent of the error of an accepted step."""
+        """Exponent of the error of an accepted step."""
         return 0.75 * self.beta - 1 / self.power
 
     def next_step(self, h: float, err: float) -> float:

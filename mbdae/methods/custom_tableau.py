@@ -1,4 +1,4 @@
-"""Methods of the user's: from a table, from a file, and from the settings of a run."""
+"""Custom methods: from a table, from a file, and from the settings of a run."""
 
 import tomllib
 from collections.abc import Mapping
@@ -18,8 +18,8 @@ def tableau(data: Mapping[str, Any], what: str) -> Tableau:
     """Make a tableau from its entries by name, those of `Tableau`.
 
     Raises:
-        UnknownNameError: for an entry that a tableau does not have.
-        InputError: for one that is missing or wrong; ``what`` says where it stands.
+        UnknownNameError: for an unknown entry.
+        InputError: for one that is missing or wrong; ``what`` names the place.
     """
     for key in data:
         if key not in KEYS:
@@ -38,10 +38,10 @@ def tableau(data: Mapping[str, Any], what: str) -> Tableau:
 
 
 def read_tableau(path: str | Path) -> Tableau:
-    """Read a tableau from a file of TOML: ``name``, rows ``A``, ``b``, and what else `Tableau` takes.
+    """Read a tableau from a TOML file: ``name``, rows ``A``, ``b``, and further entries of `Tableau`.
 
     Raises:
-        InputError: for a file that is missing, or no tableau.
+        InputError: for a file that is missing, or not a tableau.
     """
     try:
         data = tomllib.loads(text_of(Path(path)))

@@ -1,4 +1,4 @@
-"""Exact numbers for tableaus: rationals and one square root, read from the strings of the papers."""
+"""Exact numbers for tableaus: rationals and one square root, from the strings printed in papers."""
 
 import ast
 import operator
@@ -64,7 +64,7 @@ class Surd:
 
 Number = Union[Fraction, Surd]  # noqa: UP007  (a forward reference above needs the old spelling)
 
-PLAIN = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")  # others fill the memory with digits
+PLAIN = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")  # limits exponents, which would fill the memory with digits
 
 _OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
 

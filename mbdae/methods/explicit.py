@@ -1,6 +1,6 @@
-"""An explicit Runge-Kutta method for ordinary differential equations as data: a baseline for half-explicit ones.
+"""Explicit Runge-Kutta methods for ordinary differential equations as data: baselines for half-explicit ones.
 
-It steps a mechanism's accelerations (formulation index 1), in the coordinates of a step as all methods do.
+They integrate a mechanism's accelerations (formulation index 1), in the coordinates of a step like all methods.
 """
 
 from dataclasses import dataclass, field
@@ -18,26 +18,27 @@ from .tableau import ButcherArrays, Row, Text
 
 @dataclass(frozen=True)
 class ExplicitMethod:
-    """Coefficients of an explicit Runge-Kutta method for y' = F(t, y), under control by two embedded formulas.
+    """Coefficients of an explicit Runge-Kutta method for y' = F(t, y), controlled by two embedded formulas.
 
         Y_i = y_0 + h sum_{j<i} a_ij F(t_j, Y_j),   y_1 = y_0 + h sum b_i F_i
 
-    A last stage at y_1 is added: it begins the next step, and has the multipliers at y_1. The error estimate is
+    A last stage at y_1 is added: it is the first of the next step, and has the multipliers at y_1. The error estimate
+    is
 
         err_1^2 / (err_1^2 + 0.01 err_2^2)^(1/2),   of size h^(2 (p_1 + 1) - (p_2 + 1))
 
     Args:
-        name: what a user types.
+        name: name typed by the user.
         title: one line for a list of methods.
         reference: where the coefficients were published.
         A: rows of the coefficients a_ij as text, lower triangle.
         b: weights as text.
         order: claimed order.
-        e_embedded: the embedded formula's weights less b, as text.
+        e_embedded: the embedded formula's weights minus b, as text.
         order_embedded: its order p_1.
         b_companion: weights of a second embedded formula.
         order_companion: its order p_2.
-        control: how step sizes change.
+        control: parameters of the step-size control.
     """
 
     name: str
@@ -61,12 +62,12 @@ class ExplicitMethod:
 
     @property
     def order_linear(self) -> int:
-        """The order on mechanisms: the same."""
+        """Order on mechanisms: the same."""
         return self.order
 
     @property
     def order_own(self) -> int:
-        """The order of z at y_1, from the hidden constraint: the same."""
+        """Order of z at y_1, from the hidden constraint: the same."""
         return self.order
 
     @property
@@ -76,17 +77,17 @@ class ExplicitMethod:
 
     @property
     def solves(self) -> int:
-        """Evaluations per step; that at y_1 serves the next one."""
+        """Evaluations per step; the one at y_1 is reused by the next."""
         return len(self.A)
 
     @cached_property
     def exact_A(self) -> list[Row]:
-        """Exact A with the last stage at y_1, (n, n)."""
+        """Exact A including the last stage at y_1, (n, n)."""
         return [_row(r, len(self.A) + 1) for r in (*self.A, self.b)]
 
     @cached_property
     def exact_Ahat(self) -> list[Row]:
-        """Unit matrix, (n, n): no constraint is met at the stages."""
+        """Unit matrix, (n, n): stages satisfy no constraint."""
         n = len(self.A) + 1
         return [_row(("0",) * i + ("1",), n) for i in range(n)]
 
@@ -111,18 +112,18 @@ class ExplicitMethod:
         return ButcherArrays(A, np.eye(len(b)), b, c, c, np.array(e, float))
 
     def compiled(self, native: Any) -> Any:
-        """Return the method as the compiled core takes it."""
+        """Return the method for the compiled core."""
         a = self.arrays
         return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, self.noise)
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step: that of `mbdae.methods.half_explicit_step.half_explicit_step` where stages meet nothing."""
+        """Take one step, as `half_explicit_step` of `mbdae.methods`, with unconstrained stages."""
         return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     controlled_step = step
 
     def steady(self, ny: int) -> float:
-        """As of `mbdae.methods.tableau.Tableau.steady`."""
+        """As for `mbdae.methods.tableau.Tableau.steady`."""
         return 1.0
 
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: float, h: float, state: State) -> Step:
     """Advance (t, y) to t + h with a HERK, PHERK or Arnold tableau.
 
-    Stage i evaluates F_i = f(t + c_i h, Y_i, Z_i), Y_i = y (+) h sum_{j<i} a_ij F_j, where Z_i puts
-    y (+) h sum_{j<=i} ahat_ij F_j on 0 = g(t + chat_i h, .); y_1 = y (+) h sum b_i F_i.
+    Stage i evaluates F_i = f(t + c_i h, Y_i, Z_i), Y_i = y (+) h sum_{j<i} a_ij F_j, where Z_i is such that
+    y (+) h sum_{j<=i} ahat_ij F_j satisfies 0 = g(t + chat_i h, .); y_1 = y (+) h sum b_i F_i.
 
     Raises:
         mbdae.errors.StepError: if a stage cannot be solved.
@@ -32,7 +32,7 @@ def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: f
     times, met, factors = (t + a.c * h).tolist(), (t + a.chat * h).tolist(), Ahat.diagonal().tolist()
     if first:
         F[0], z = chart.first(state.carry)
-    for i in range(first, n):  # F_i and what follows are still zero
+    for i in range(first, n):  # F_i and later ones are still zero
         F[i], z = chart.stage(times[i], A[i].dot(F), met[i], Ahat[i].dot(F), factors[i])
     x = h * a.b.dot(F) if state.compensation is None else h * a.b.dot(F) + state.compensation
     y = chart.point(x)
@@ -51,7 +51,7 @@ def step_doubling(
     h: float,
     state: State,
 ) -> Step:
-    """Two half steps, with the error estimate (y_half - y_full) / (2^p - 1): control without an embedded formula.
+    """Take two half steps, with the error estimate (y_half - y_full) / (2^p - 1), without an embedded formula.
 
     Source: Richardson extrapolation, Hairer, Noersett, Wanner I, (II.4.4).
     """

@@ -1,4 +1,4 @@
-"""Half-explicit Runge-Kutta methods (HERK): nothing but y is carried from step to step.
+"""Half-explicit Runge-Kutta methods (HERK), which carry only y from step to step.
 
 Row i of Ahat is row i + 1 of A, the last one is b, so only A and b are printed. Sources:
 
@@ -52,7 +52,7 @@ herk3 = Tableau(
     b=row("0 3/4 1/4"),
     order=3,
     order_own=2,
-    # As they stand, only b itself satisfies the 4 conditions of order <= 2. Projection takes care of the two
+    # Without projection, only b itself satisfies the 4 conditions of order <= 2. Projection removes those of the two
     # trees [u]_y; sum b = 1 and sum b c = 1/2 leave b + theta (2, -3, 1): 1/4 gives the trapezoidal rule.
     b_embedded=row("1/2 0 1/2"),
     order_embedded=2,
@@ -110,7 +110,7 @@ herk5 = Tableau(
     order_own=3,
     # Y_8, which satisfies the constraint like y_1: order 3
     b_embedded=_HEM5_Y8,
-    # order 2 from stages 7 and 8: the two errors make one of size h^5 (see Tableau.error_power)
+    # order 2 from stages 7 and 8: together an error estimate of size h^5 (see Tableau.error_power)
     b_companion=row("0 0 0 0 0 0 5/2 -3/2"),
     order_embedded=3,
     rounded=True,

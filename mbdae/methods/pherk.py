@@ -1,6 +1,6 @@
-"""Partitioned half-explicit Runge-Kutta methods (PHERK): (y, z) is carried, the first stage is explicit.
+"""Partitioned half-explicit Runge-Kutta methods (PHERK), which carry (y, z); the first stage is explicit.
 
-A is a classical explicit method, closed by the extra stage at y_1; Ahat places the points that satisfy the
+A is a classical explicit method, extended by the extra stage at y_1; Ahat defines the points that satisfy the
 constraint. Sources: A. Murua, Partitioned half-explicit Runge-Kutta methods for differential-algebraic
 systems of index 2, Computing 59 (1997); E. Hairer and G. Wanner, Solving Ordinary Differential Equations II,
 section VII.6.
@@ -29,7 +29,7 @@ pherk3 = Tableau(
     order=3,
     order_own=3,
     # Order 2 leaves b + x (1, -2, 1, 0) + y (1, -2, 0, 1); x = -1/6, y = 0 is the midpoint rule, for which no
-    # condition of order 3 holds by chance.
+    # condition of order 3 holds accidentally.
     b_embedded=row("0 1 0"),
     order_embedded=2,
 )
@@ -86,7 +86,7 @@ pherk5 = Tableau(
     b=row("35/384 0 500/1113 125/192 -2187/6784 11/84"),
     order=5,
     order_own=4,
-    # Order 4 only after projection: as they stand, only b itself satisfies the conditions of order 4.
+    # Order 4 only after projection: without it, only b itself satisfies the conditions of order 4.
     b_embedded=row("5179/57600 0 7571/16695 393/640 -92097/339200 187/2100 1/40"),
     order_embedded=4,
     project_embedded=True,

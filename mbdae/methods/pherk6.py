@@ -10,28 +10,28 @@ second stage does no harm because b_i c_i^k a_i2 sums to zero.
 
 The constrained points Ahat. All rows satisfy Chat(3), sum_j ahat_ij c_j^(k-1) = chat_i^k / k for k = 1,
 2, 3, which makes chat_2 = 3 c_2 / 2 = c_3. To the error of Y_i that of Z_i then adds only O(h^3), and
-the trees in which f is nonlinear in z come for free. For a fat tree u = [t_1..]_z the last row, b,
-gives b . psi(u) = prod (b . phi(t_k)): trees [u]_y need no care. Those in which psi(u) is multiplied by
+the trees in which f is nonlinear in z are satisfied automatically. For a fat tree u = [t_1..]_z the last row, b,
+gives b . psi(u) = prod (b . phi(t_k)): trees [u]_y need no further condition. Those in which psi(u) is multiplied by
 c_i or followed by A contain b (1 - c) . psi(u), by D(1). With beta defined by
 
     sum_i beta_i ahat_ij = b_j (1 - c_j)  (j = 2..7)
 
-it equals beta . prod (Ahat phi(t_k)), so that u = [tau..tau]_z asks for sum_i beta_i chat_i^k = 1/(k +
-1), k = 2..5. A second transposed assumption settles the trees with c_i^2,
+it equals beta . prod (Ahat phi(t_k)), so that u = [tau..tau]_z requires sum_i beta_i chat_i^k = 1/(k + 1),
+k = 2..5. A second transposed assumption covers the trees with c_i^2,
 
     sum_i beta_i chat_i ahat_ij = b_j (1 - c_j^2) / 2,    sum_i beta_i chat_i^2 ahat_i2 = 0,
 
-and the remaining equations are linear in what is left of Ahat.
+and the remaining equations are linear in the remaining entries of Ahat.
 
 The extra stage 8, at (y_1, z_1), has Chat(3) and the z-conditions of order 4, and w_81 = 0: the error
-of z_0 is forgotten after a step.
+of z_0 vanishes after a step.
 
 The choice. chat_4 = c_4, chat_6 = (1 + c_6) / 2, and c_3 = 2/9, c_5 = 7/10, c_6 = 4/5, chat_3 = 4/9,
 chat_5 = 7/9, chat_8 = 3/5 give nodes in [0, 1], b >= 0 and coefficients below 1.3. chat is not monotone
 (4/9, then 3/7).
 
-Error estimate. The conditions of order 5 leave b alone on the eight stages, so the embedded formula has
-order 4, on all trees and without a projection. A companion of order 3 was tried and left out: on Andrews'
+Error estimate. The conditions of order 5 allow only b on the eight stages, so the embedded formula has
+order 4, on all trees and without a projection. A companion of order 3 was rejected: on Andrews'
 mechanism it costs a tenth more solves at equal error.
 """
 

@@ -1,8 +1,8 @@
-"""The Radau IIA methods: implicit, stiffly accurate, of order 2s - 1 in y and s in their own z.
+"""Radau IIA methods: implicit, stiffly accurate, of order 2s - 1 in y and s in the multipliers of the method.
 
-That follows from the assumptions B(2s - 1), C(s), D(s - 1) (Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409
-(1989), chapter 4; Hairer, Wanner II, section VII.4). Up to 15 stages are there on demand: ``method("radau9")`` has
-five.
+This follows from the assumptions B(2s - 1), C(s), D(s - 1) (Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409
+(1989), chapter 4; Hairer, Wanner II, section VII.4). Up to 15 stages are available on demand: ``method("radau9")``
+has five.
 """
 
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
 
-PATIENCE, SHORT_PATIENCE = 60, 15  # iterations for a given step, and where a smaller step can be taken instead
+PATIENCE, SHORT_PATIENCE = 60, 15  # iterations for a given step, and for one that can be shortened
 TYPICAL = 5  # iterations
-STEADY, LARGE = 1.2, 40  # growth of h that costs more than it brings, where a step has more components
-MOST = 15  # stages: with more the eigenvectors of A are too ill-conditioned for double precision
+STEADY, LARGE = 1.2, 40  # growth of h that costs more than it saves, for steps with more components
+MOST = 15  # stages: with more, the eigenvectors of A are too ill-conditioned for double precision
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class RadauIIA:
 
     @property
     def name(self) -> str:
-        """``"radau5"`` for three stages: named by the order."""
+        """``"radau5"`` for three stages: named after the order."""
         return f"radau{self.order}"
 
     @property
@@ -66,7 +66,7 @@ class RadauIIA:
 
     @property
     def order_own(self) -> int:
-        """Order of the method's own z: s."""
+        """Order of the method's z: s."""
         return self.stages
 
     @property
@@ -76,7 +76,7 @@ class RadauIIA:
 
     @property
     def error_power(self) -> int:
-        """Power of h in the error estimate: s + 1, one more where a second vector sharpens it (s >= 3)."""
+        """Power of h in the error estimate: s + 1, one more if a second vector improves it (s >= 3)."""
         return self.order_embedded + 1 + (self.stages >= 3)
 
     control = PI
@@ -93,11 +93,11 @@ class RadauIIA:
 
     @property
     def smallest_pivot(self) -> float:
-        """1 / sum_j |omega_sj|, omega the inverse of A; rounding in own z is eps / (h times it)."""
+        """1 / sum_j |omega_sj|, omega the inverse of A; the rounding error of the method's z is eps / (h times it)."""
         return 1 / float(np.abs(np.linalg.inv(self.arrays.A)[-1]).sum())
 
     patience = PATIENCE
-    carries = False  # what it takes on from step to step is a guess
+    carries = False  # data passed from step to step are only a guess
 
     @cached_property
     def arrays(self) -> RadauArrays:
@@ -112,14 +112,14 @@ class RadauIIA:
 
     @cached_property
     def exact_A(self) -> list[Row]:
-        """A to 40 digits below and beside zeros of the explicit stage, (s + 1, s + 1)."""
+        """A to 40 digits with an additional zero row and column for the explicit stage, (s + 1, s + 1)."""
         rows: list[Row] = [[Fraction(0)] * (self.stages + 1)]
         rows += [[Fraction(0), *map(Fraction, row)] for row in coefficients(self.stages).A]
         return rows
 
     @property
     def exact_Ahat(self) -> list[Row]:
-        """The same: a stage meets the constraint where it evaluates f."""
+        """The same: a stage satisfies the constraint where it evaluates f."""
         return self.exact_A
 
     @property
@@ -134,7 +134,7 @@ class RadauIIA:
 
     @property
     def b_companion(self) -> tuple[str, ...]:
-        """Weights of the second one, which leaves the first stage out; empty below three stages."""
+        """Weights of the second one, which omits the first stage; empty for fewer than three stages."""
         return self._embedded(1) if self.stages >= 3 else ()
 
     def _embedded(self, skip: int) -> tuple[str, ...]:
@@ -145,11 +145,11 @@ class RadauIIA:
         return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, miss, strict=True))
 
     def steady(self, ny: int) -> float:
-        """Growth of h up to this factor is left out, to keep slopes and factors where they are expensive."""
+        """Growth of h up to this factor is suppressed, to reuse expensive partial derivatives and factors."""
         return STEADY if ny > LARGE else 1.0
 
     def compiled(self, native: Any) -> Any:
-        """Return the method as the compiled core takes it, with the thresholds of its iteration."""
+        """Return the method for the compiled core, with the thresholds of its iteration."""
         a = self.arrays
         modes = [(complex(m.value), m.column.astype(complex).tolist(), m.row.astype(complex).tolist()) for m in a.modes]
         real = -1 if a.real is None else a.real
@@ -170,11 +170,11 @@ class RadauIIA:
     def slopes(
         self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State
     ) -> CollocationSensitivity:
-        """The slopes of a step."""
+        """The partial derivatives of a step."""
         return CollocationSensitivity(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step with an error estimate, or give up where the iteration converges slowly."""
+        """Take one step with an error estimate; fail if the iteration converges slowly."""
         return system.compiled_step(self, t, h, state, controlled=True) or collocation_step(
             system, self.arrays, t, h, state, SHORT_PATIENCE, estimate=True
         )

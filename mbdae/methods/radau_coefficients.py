@@ -29,7 +29,7 @@ Polynomial = list[Decimal]  # coefficients of 1, x, x^2, ...
 class EigenMode(NamedTuple):
     """An eigenvalue of A with its eigenvector ``column`` (s,) and the matching ``row`` (s,) of the inverse.
 
-    One mode stands for a complex pair (its column is doubled), so that A x = Re sum column * value * (row . x).
+    One mode represents a complex pair (its column is doubled), so that A x = Re sum column * value * (row . x).
     """
 
     value: float | complex
@@ -46,7 +46,7 @@ class Coefficients:
 
     @cached_property
     def arrays(self) -> "RadauArrays":
-        """What a step works with, in double precision."""
+        """Data of a step, in double precision."""
         c, A = np.array(self.c, float), np.array(self.A, float)
         values, T = np.linalg.eig(A)
         rows = np.linalg.inv(T)
@@ -73,10 +73,10 @@ class RadauArrays:
         c: nodes, (s,).
         A: coefficients, (s, s).
         modes: real eigenvalues and complex pairs of A.
-        real: the number of the real mode; None where s is even.
+        real: index of the real mode; None if s is even.
         gamma: the real eigenvalue of A, or the geometric mean of all: the weight of y'_0 in the error estimate.
         start: the Lagrange polynomials of the nodes at 0, and for s >= 3 of all but the first node, (1 or 2, s).
-        middle: the number of the node next to 1/2.
+        middle: index of the node next to 1/2.
     """
 
     c: Array
@@ -107,7 +107,7 @@ def lagrange(c: Array, x: Array) -> Array:
 
 
 def _nodes(s: int) -> list[Decimal]:
-    """Newton's method from the zeros of the Jacobi polynomial P^(1,0) of degree s - 1, to all digits."""
+    """Compute the zeros by Newton's method from those of the Jacobi polynomial P^(1,0) of degree s - 1."""
     power = [Decimal(comb(s, k) * (-1) ** (s - k)) for k in range(s + 1)]  # (x - 1)^s; x^(s-1) shifts it
     p = [perm(k + s - 1, s - 1) * a for k, a in enumerate(power)]
     dp = [k * a for k, a in enumerate(p)][1:]

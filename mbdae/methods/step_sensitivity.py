@@ -1,12 +1,12 @@
-"""How a half-explicit step moves with where it starts, with parameters and with its size: tangent and adjoint.
+"""Tangent and adjoint of a half-explicit step, with respect to initial value, parameters and step size.
 
-The step is the one that was computed: its size, its rows and its number of stages stand. A tangent goes through the
-stages as the step did; the adjoint goes back through them with the transposed systems,
+The step is the computed one, with fixed size, rows and number of stages. The tangent passes through the stages in
+order; the adjoint passes through them in reverse order with the transposed systems,
 
     dX_i = h sum_{j<i} a_ij dF_j,   dXhat_i = h sum_{j<i} ahat_ij dF_j,   dF_i = stage(dX_i, dXhat_i, dy, dp)
     dy_1 = Y dy + X h sum b_i dF_i
 
-so that <w, J u> = <J^T w, u> to rounding. What a stage is, the system knows (`mbdae.system.DiscreteSensitivity`).
+so that <w, J u> = <J^T w, u> to rounding. The system provides the stages (`mbdae.system.DiscreteSensitivity`).
 
 Source: Hager, Numer. Math. 87 (2000), for explicit methods; here for the linear systems of half-explicit stages.
 """
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 
 class StepSensitivity:
-    """The slopes of a step from (t, y) to t + h, whose stages are computed again.
+    """Partial derivatives of a step from (t, y) to t + h, whose stages are recomputed.
 
     Args:
         system: as for `mbdae.methods.half_explicit_step.half_explicit_step`.
-        slopes: of the same system.
+        slopes: discrete sensitivity of the same system.
         tableau: a method.
         t: time.
         h: step, signed.
-        state: where it starts, with what the method carries.
+        state: state at the start, with the carry of the method.
 
     Attributes:
-        state: where it ends, with what the method carries then.
+        state: state at the end, with the carry of the method.
         carries: whether the method carries anything.
 
     Raises:
@@ -59,13 +59,13 @@ class StepSensitivity:
         self.state = State(chart.point(x), system.carry(self.F[-1], z) if first else None)
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
-        """Return the variations of the new y, (ny, m), and of the new carry.
+        """Return the tangents of the new y, (ny, m), and of the new carry.
 
         Args:
-            dy: variations of y, (ny, m).
-            carry: of what the method carries, (nc, m); anything where it carries nothing.
-            dp: of the parameters, (k, m).
-            dh: of the size of the step, (m,).
+            dy: tangents of y, (ny, m).
+            carry: tangents of the carry, (nc, m); ignored if nothing is carried.
+            dp: tangents of the parameters, (k, m).
+            dh: tangents of the step size, (m,).
         """
         a, h, first = self.a, self.h, int(self.carries)
         n = len(dy)
@@ -85,7 +85,7 @@ class StepSensitivity:
         return self.Y @ dy + self.X @ dx, self.slopes.carried(dF[-1]) if first else carry
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
-        """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), of those after the step."""
+        """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), from those after the step."""
         a, h, first = self.a, self.h, int(self.carries)
         n = len(y)
         F = np.zeros((len(a.c), self.slopes.width, y.shape[1]))

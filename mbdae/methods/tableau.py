@@ -1,4 +1,4 @@
-"""A half-explicit Runge-Kutta method as data: exact coefficients, claims, and what follows from them."""
+"""A half-explicit Runge-Kutta method as data: exact coefficients, claims, and derived properties."""
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -30,12 +30,12 @@ class Tableau:
     first row of Ahat is zero: Z_1 = z_0 is carried, and an extra stage n = s + 1 with Y_n = y_1 gives z_1 and
     the next step's first stage.
 
-    Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, which stand for the
-    decimals that they are written with; a whole table may be one text, a row per line. Claims that are left out are
-    those that the order conditions prove, up to order 5, when `mbdae.methods.method` is given the tableau.
+    Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, which mean exactly the
+    decimals as written; a whole table may be one text, one row per line. Claims that are left out are those that the
+    order conditions prove, up to order 5, when `mbdae.methods.method` is given the tableau.
 
     Args:
-        name: what a user types, for instance ``"pherk5"``.
+        name: name typed by the user, for instance ``"pherk5"``.
         title: one line for a list of methods.
         reference: where the coefficients were published, or who derived them.
         A: rows of the coefficients a_ij as text, lower triangle (zeros above may be left out).
@@ -43,15 +43,16 @@ class Tableau:
         Ahat: rows of ahat_ij as text; left out for HERK.
         order: claimed order of y (q and v) for general f.
         order_linear: claimed order of y when f is linear in z, as in mechanics; left out if the same.
-        order_own: claimed order of the method's own z (lam_own).
+        order_own: claimed order of the method's z (lam_own).
         b_embedded: weights of the embedded formula over the n stages, as text; empty if there is none.
         b_companion: weights of a second embedded formula, one order lower (see `mbdae.methods.controller`).
         order_embedded: order of the embedded formula, after projection if `project_embedded`.
-        project_embedded: the embedded solution leaves 0 = g and is projected before the difference is taken.
-        rounded: coefficients are decimals that were rounded; conditions hold to about 1e-24 and not exactly.
+        project_embedded: whether the embedded solution violates 0 = g and is projected before the difference is taken.
+        rounded: whether coefficients are rounded decimals; conditions hold to about 1e-24 and not exactly.
 
     Raises:
-        InputError: for entries that are no exact numbers, or coefficients that are no half-explicit method.
+        InputError: for entries that are not exact numbers, or coefficients that are not those of a half-explicit
+            method.
     """
 
     name: str
@@ -114,12 +115,12 @@ class Tableau:
 
     @cached_property
     def explicit_first(self) -> bool:
-        """The first stage is known from the step before (PHERK, Arnold)."""
+        """Whether the first stage is known from the previous step (PHERK, Arnold)."""
         return bool(self.Ahat) and not any(self.exact_Ahat[0])
 
     @property
     def carries(self) -> bool:
-        """Whether a step needs more than the point where the one before it ended."""
+        """Whether a step needs more than the end point of the previous one."""
         return self.explicit_first
 
     @property
@@ -137,14 +138,14 @@ class Tableau:
 
     @property
     def smallest_pivot(self) -> float:
-        """Min |ahat_ii| over the stages with a constraint; rounding in own z is eps / (h times it)."""
+        """Min |ahat_ii| over constrained stages; the rounding error of the method's z is eps / (h times it)."""
         return min(abs(float(self.exact_Ahat[i][i])) for i in range(int(self.explicit_first), len(self.A)))
 
     @cached_property
     def noise(self) -> float:
-        """What rounding makes of an error estimate of v, over |v|: 2 eps sum_i |e_i / ahat_ii|.
+        """Rounding error of an error estimate of v, relative to |v|: 2 eps sum_i |e_i / ahat_ii|.
 
-        A stage finds v' = -G v / (h ahat_ii) + ..., so that eps |v| / (h ahat_ii) of it is rounding, whatever h is.
+        A stage computes v' = -G v / (h ahat_ii) + ..., so that eps |v| / (h ahat_ii) of it is rounding, for any h.
         """
         a = self.arrays
         first = int(self.explicit_first)
@@ -155,23 +156,23 @@ class Tableau:
     def error_power(self) -> int:
         """Power of h in the error estimate of `controlled_step`: embedded order + 1, one more with a companion.
 
-        From errors of size h^(p+1) and, by the companion, h^p the estimate err_1^2 / (err_1 + 0.01 err_2) is
-        of size h^(p+2). Without an embedded formula two half steps give the method's own local error, h^(p+1).
+        From errors of size h^(p+1) and, for the companion, h^p the estimate err_1^2 / (err_1 + 0.01 err_2) is of size
+        h^(p+2). Without an embedded formula, two half steps yield the method's local error, h^(p+1).
         """
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
     def steady(self, ny: int) -> float:
-        """Growth of h that is not worth a change: none, as no step keeps anything that belongs to h."""
+        """Growth of h that is suppressed: none, since no data depend on h."""
         return 1.0
 
     def compiled(self, native: Any) -> Any:
-        """Return the method as the compiled core takes it."""
+        """Return the method for the compiled core."""
         a, doubled = self.arrays, 0 if self.b_embedded else self.order
         flags = bool(self.explicit_first), bool(self.project_embedded), doubled, self.noise
         return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
 
     def to_dict(self) -> dict[str, Any]:
-        """The entries as plain data, from which `mbdae.methods.custom_tableau.tableau` makes it again."""
+        """Return the entries as JSON data, from which `mbdae.methods.custom_tableau.tableau` recreates it."""
         return {key: value for key, value in asdict(self).items() if value}
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
@@ -179,18 +180,18 @@ class Tableau:
         return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     def slopes(self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State) -> StepSensitivity:
-        """The slopes of a step, see `mbdae.methods.step_sensitivity`."""
+        """The partial derivatives of a step, see `mbdae.methods.step_sensitivity`."""
         return StepSensitivity(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step with an error estimate: the embedded formula's, or that of two half steps."""
+        """Take one step with an error estimate: from the embedded formula, or from two half steps."""
         if self.b_embedded:
             return self.step(system, t, h, state)
         return step_doubling(self.step, self.order, system, t, h, state)
 
     @cached_property
     def arrays(self) -> "ButcherArrays":
-        """The coefficients in double precision, rounded once from the exact ones."""
+        """Coefficients in double precision, rounded once from the exact ones."""
         c = [sum(r, start=exact("0")) for r in self.exact_A]
         chat = [sum(r, start=exact("0")) for r in self.exact_Ahat]
         n = len(self.A)
@@ -218,10 +219,10 @@ def _row(text: Text, n: int) -> Row:
 
 
 def _texts(name: str, key: str, table: Any) -> tuple[Text, ...]:
-    """Rows of coefficients as text, from rows of texts, fractions and numbers, or one text.
+    """Return rows of coefficients as text, from rows of texts, fractions and numbers, or one text.
 
     Raises:
-        InputError: for what is no exact number.
+        InputError: if an entry is not an exact number.
     """
     table = table.strip().splitlines() if isinstance(table, str) else table
     out: list[Text] = []

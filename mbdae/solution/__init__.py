@@ -1,1 +1,1 @@
-"""What a run leaves: states at nodes, values in between, columns for tables, and saved files."""
+"""Results of a run: states at nodes, dense output, columns for tables, and saved files."""

@@ -1,4 +1,4 @@
-"""Solutions in files: .npz holds everything and can be read again, .csv is a table of named columns."""
+"""Solutions in files: .npz contains everything and can be read again, .csv is a table of named columns."""
 
 import json
 import sys
@@ -32,19 +32,18 @@ HEADERS: dict[tuple[int, int], Callable[..., Any]] = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-FORMAT = 2  # 1 held Pinocchio's archives, which are not safe to read
+FORMAT = 2  # 1 contained Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
-OWN = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # arrays, beside those of events
-LARGEST_TEXT = 2**27  # bytes of what a file says beside its arrays, four for each character
-LARGE, FOLDED = 2**28, 100  # bytes of arrays that are read however small they are in the file, and times as small
+OWN = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # arrays, besides those of events
+LARGEST_TEXT = 2**27  # bytes of the text in a file, four for each character
+LARGE, FOLDED = 2**28, 100  # bytes of arrays that are always read, and largest compression ratio beyond
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
 )  # fmt: skip
 
-
 class _Lenient(BaseModel):
-    """Data of a run: what is named here is checked, more may stand beside it."""
+    """Data of a run: fields named here are checked, others may be present."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -75,7 +74,7 @@ class _Stats(_Lenient):
 
 
 class _Run(_Lenient):
-    """What a file says of a run beside its arrays."""
+    """Data of a run besides its arrays."""
 
     mechanism: dict[str, Any]
     settings: _Settings
@@ -91,7 +90,7 @@ class _Run(_Lenient):
 
 
 def versions() -> dict[str, str]:
-    """Versions of mbdae and of what computes for it."""
+    """Return versions of mbdae and of the numerical packages."""
     return {name: version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
 
 
@@ -131,10 +130,10 @@ def write(sol: "Solution", path: str | Path) -> None:
 
 
 def described(problem: Any) -> dict[str, Any]:
-    """What makes a problem again, as data for JSON.
+    """Return JSON data from which a problem can be recreated.
 
     Raises:
-        InputError: for a textbook problem of the user's.
+        InputError: for a custom textbook problem.
     """
     if isinstance(problem, Mechanism):
         return describe(problem)
@@ -145,7 +144,7 @@ def described(problem: Any) -> dict[str, Any]:
 
 
 def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, int]:
-    """The problem, the length of its points, and that of its multipliers."""
+    """Return the problem, the length of its points, and that of its multipliers."""
     if "textbook" in data:
         problem = TEXTBOOK[data["textbook"]]()
         return problem, len(problem.y0), len(problem.z0)
@@ -154,13 +153,13 @@ def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, i
 
 
 def read(path: str | Path, meshes: Sequence[str | Path] = ()) -> dict[str, Any]:
-    """Read a .npz file; returns the arguments of `mbdae.Solution`. A file of another mbdae is read with a warning.
+    """Read a .npz file; return the arguments of `mbdae.Solution`. Warns for a file of another mbdae.
 
-    Sizes are read first: nothing is unfolded that is not a run's, or larger than the file announces.
+    Sizes are read first: only arrays of a run are unpacked, and only to the announced size.
 
     Args:
         path: the file.
-        meshes: folders from which meshes are read, beside those below the file's own and of installed packages.
+        meshes: folders from which meshes are read, besides those below the file's folder and of installed packages.
 
     Raises:
         InputError: for a file that is missing, damaged, of another kind, or of a newer format.
@@ -173,9 +172,9 @@ def read(path: str | Path, meshes: Sequence[str | Path] = ()) -> dict[str, Any]:
 
 
 def _sizes(path: str | Path) -> tuple[dict[str, Shape], dict[str, Any]]:
-    """The shapes of the arrays of a file, from their headers, and what it says of them."""
+    """Return the shapes of the arrays of a file, from their headers, and its metadata."""
     if Path(path).exists() and not is_zipfile(path):
-        raise BadZipFile("expected a .npz file, as `mbdae run MODEL -o run.npz` or Solution.save writes it")
+        raise BadZipFile("expected a .npz file, as `mbdae solve MODEL -o run.npz` or Solution.save writes it")
     with ZipFile(path) as file:
         headers = {x.filename.removesuffix(".npy"): _header(file, x) for x in file.infolist()}
     shape, kind = headers.pop("meta")
@@ -194,7 +193,7 @@ def _sizes(path: str | Path) -> tuple[dict[str, Shape], dict[str, Any]]:
 
 
 def _header(file: ZipFile, entry: ZipInfo) -> tuple[Shape, np.dtype]:
-    """Shape and kind of an array, which is not read."""
+    """Return shape and type of an array, without reading it."""
     if entry.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
         raise BadZipFile("it is packed otherwise than by numpy")
     with file.open(entry) as stream:
@@ -215,27 +214,17 @@ def _arguments(
 ) -> dict[str, Any]:
     run = _Run.model_validate(meta)
     problem, width, ng = _restored(run.mechanism, meshes)
-    named = list(OWN)
-    for i in range(min(run.events, len(shapes))):
-        named += _event(i)
+    named = [*OWN, *(name for i in range(min(run.events, len(shapes))) for name in _event(i))]
     if unknown := sorted(shapes.keys() - {*named}):
         raise ValueError(f"no run has an array {unknown[0]!r}")
-    for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
-        _check_shapes(shapes[t], shapes[y], shapes[z], width, ng)
-    for t, y in map(_event, range(run.events)):
-        _check_shapes(shapes[t], shapes[y], (*shapes[t], ng), width, ng)
-    if not (shapes["t"][0] or shapes["steps_t"][0]):
-        raise ValueError("the run has no times")
-    if run.status not in STATUS:
-        raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
+    _check_announced(run, shapes, width, ng)
     _check_numbers(problem, run, ng)
     if run.arrays is not None and run.arrays != shapes:
         raise ValueError("its arrays are not those that it announces")
     data = _arrays(path, named)
     events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
     for ts, ys in ((data["t"], data["y"]), (data["steps_t"], data["steps_y"]), *events):
-        if not (np.isfinite(ts).all() and np.isfinite(ys).all()) or len({*np.sign(np.diff(ts)).tolist()} - {0.0}) > 1:
-            raise ValueError("times are not in order, or points are not finite")
+        _check_points(ts, ys)
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
@@ -245,8 +234,27 @@ def _arguments(
     return {"problem": problem, **arrays, **rest, "steps": steps}
 
 
+def _check_announced(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -> None:
+    """Refuse arrays that do not belong together, a run without times, and an unknown status."""
+    for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
+        _check_shapes(shapes[t], shapes[y], shapes[z], width, ng)
+    for t, y in map(_event, range(run.events)):
+        _check_shapes(shapes[t], shapes[y], (*shapes[t], ng), width, ng)
+    if not (shapes["t"][0] or shapes["steps_t"][0]):
+        raise ValueError("the run has no times")
+    if run.status not in STATUS:
+        raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
+
+
+def _check_points(t: np.ndarray, y: np.ndarray) -> None:
+    """Refuse points that are not finite, and times that both rise and fall."""
+    finite = np.isfinite(t).all() and np.isfinite(y).all()
+    if not finite or len({*np.sign(np.diff(t)).tolist()} - {0.0}) > 1:
+        raise ValueError("times are not in order, or points are not finite")
+
+
 def _check_numbers(problem: Any, run: _Run, ng: int) -> None:
-    """Refuse rows, start values and modes that a mechanism does not have."""
+    """Reject rows, start values and modes that are invalid for the mechanism."""
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
     lengths = getattr(problem, "nq", 0), getattr(problem, "nv", 0), len(getattr(problem, "states", ()))
@@ -259,13 +267,13 @@ def _check_numbers(problem: Any, run: _Run, ng: int) -> None:
 
 
 def _event(i: int) -> tuple[str, str]:
-    """Names of the arrays of an event: times (k,) and points (k, ...)."""
+    """Return the names of the arrays of an event: times (k,) and points (k, ...)."""
     return f"event_{i}_t", f"event_{i}_y"
 
 
 @contextmanager
 def _damage(path: str | Path) -> Iterator[None]:
-    """Say in one line what is wrong with a file."""
+    """Report errors of a file in one line."""
     try:
         yield
     except FileNotFoundError:
@@ -277,7 +285,7 @@ def _damage(path: str | Path) -> Iterator[None]:
 
 
 def _check_shapes(t: Shape, y: Shape, z: Shape, width: int, ng: int) -> None:
-    """Refuse what is not numbers for each time: t (n,), y (n, width), z (n, ng) or (n, 2 ng)."""
+    """Reject shapes other than t (n,), y (n, width), z (n, ng) or (n, 2 ng)."""
     n = (*t, 0)[0]
     if t != (n,) or y != (n, width) or z not in ((n, ng), (n, 2 * ng)):
         raise ValueError(f"arrays have shapes {t}, {y} and {z}, expected (n,), (n, {width}), (n, {ng})")

@@ -21,11 +21,11 @@ TURN = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
 LOADS, WORLD_AXES, OWN_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
 MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
-RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
+RESTING = 1e-10  # rad/s or m/s: below, energies are rounding
 
 
 class Residuals(NamedTuple):
-    """What a run keeps or should keep, at the times of a solution.
+    """Invariants and constraint residuals at the times of a solution.
 
     Attributes:
         g: position residuals of all rows (m, or rad for directions), (n, ng).
@@ -41,7 +41,7 @@ class Residuals(NamedTuple):
 
 
 def balance(v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
-    """|E - E_0 - W| in J, (n,), and the energy that it is compared with: 0 where nothing moves.
+    """Return |E - E_0 - W| in J, (n,), and the reference energy: 0 if nothing moves.
 
     Args:
         v: velocities, (n, nv).
@@ -64,7 +64,7 @@ def residuals(sol: "Solution") -> Residuals:
     mech = sol.mechanism
     if not len(sol.t):
         raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
-    with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
+    with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
         g, Gv, energies = kept(sol)
     return Residuals(g, Gv, *energies.T)
 
@@ -85,22 +85,22 @@ def coordinates(sol: "Solution") -> dict[str, Array]:
 
 
 def contact_paths(sol: "Solution") -> dict[str, Array]:
-    """Return the columns ``contact.*``, where bodies touch what they roll on."""
+    """Return the columns ``contact.*``, the contact points of rolling bodies."""
     paths = {c.name: path(sol.mechanism, c.name, sol.q) for c in rolling(sol.mechanism)}
     return {f"contact.{name}.{x}": points[:, k] for name, points in paths.items() for k, x in enumerate("xyz")}
 
 
 def contact_forces(sol: "Solution") -> dict[str, Array]:
-    """Return the forces of rolling closures, and the friction that they take."""
+    """Return the forces of rolling closures, and their required friction."""
     found = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling(sol.mechanism)}
     return {f"{kind}.{name}": getattr(x, kind) for name, x in found.items() for kind in CONTACT}
 
 
 def pulls(mech: "Mechanism") -> dict[str, list[int]]:
-    """Closures and driven distances between frames, with their rows that are forces along directions at right angles.
+    """Return closures and driven distances between frames, with rows that are forces in orthogonal directions.
 
-    Those in m; the length of their multipliers is that of the force. Not those with regularised friction, which is none
-    of their multipliers.
+    These are rows in m, whose multipliers have the length of the force. Closures with regularised friction are
+    excluded, since friction is not one of their multipliers.
     """
     rubbed = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
     framed = [c.name for c in mech.constraints if c.frames and c.name not in rubbed]
@@ -120,7 +120,7 @@ def frame_columns(sol: "Solution") -> dict[str, Array]:
 
 
 def frame_units(mech: "Mechanism") -> dict[str, str]:
-    """Units of the columns of frames, in the order of `frame_columns`."""
+    """Return units of the columns of frames, in the order of `frame_columns`."""
     out: dict[str, str] = {}
     for word, unit in MOTIONS.items():
         for name in moving_frames(mech):
@@ -130,17 +130,17 @@ def frame_units(mech: "Mechanism") -> dict[str, str]:
 
 
 def moving_frames(mech: "Mechanism") -> list[str]:
-    """Names of all frames but the world."""
+    """Return names of all frames except the world."""
     return [name for name in frame_names(mech.model) if name != WORLD]
 
 
 def row_names(mech: "Mechanism") -> list[str]:
-    """Names ``lam.<closure>.<row>`` of the rows of all closures, rows counted from 1."""
+    """Return names ``lam.<closure>.<row>`` of the rows of all closures, rows counted from 1."""
     return [f"lam.{c.name}.{k + 1}" for c in mech.constraints for k in range(c.m)]
 
 
 def reaction_of(sol: "Solution", name: str) -> Reaction:
-    """Return the reaction of a closure, or of a joint that has its name alone, see `Solution.reaction`."""
+    """Return the reaction of a closure, or of a joint if no closure has its name, see `Solution.reaction`."""
     mech = sol.mechanism
     if name in mech.joint_names and name not in mech.row_names:
         return joint_reaction(mech, name, sol.t, sol.q, sol.v, sol.vdot, sol.lam)
@@ -148,7 +148,7 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
 
 
 def load_units(mech: "Mechanism") -> dict[str, str]:
-    """Units of the columns of forces and torques of joints and closures: magnitude, world's axes, own axes."""
+    """Return units of the columns of joint and closure wrenches: magnitude, world axes, local axes."""
     ends = ("", *(f".{axis}" for axis in (*WORLD_AXES, *OWN_AXES)))
     return {
         f"{word}.{name}{end}": unit for name in reaction_names(mech) for word, unit in LOADS.items() for end in ends
@@ -156,7 +156,7 @@ def load_units(mech: "Mechanism") -> dict[str, str]:
 
 
 def load_columns(sol: "Solution") -> dict[str, Array]:
-    """Columns of forces and torques of joints and closures, see `mbdae.mechanism.joint_wrenches.reaction_wrenches`."""
+    """Return columns of joint and closure wrenches, see `mbdae.mechanism.joint_wrenches.reaction_wrenches`."""
     n, mech = len(sol.t), sol.mechanism
     world, own = (x.reshape(n, -1, 3) for x in reaction_wrenches(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
     all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)
@@ -164,9 +164,9 @@ def load_columns(sol: "Solution") -> dict[str, Array]:
 
 
 def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:
-    """The angle of an unbounded revolute joint (q holds its cosine and sine) at the times of a solution, in rad, (n,).
+    """Return the angle of an unbounded revolute joint (cosine and sine in q) at the times of a solution, in rad, (n,).
 
-    The branch is followed from step to step along the mean velocity, so that fast turns are counted too.
+    The branch is followed from step to step by the mean velocity, so that fast rotations are counted, too.
     """
     ts, ys, _ = sol.nodes
     ts, ys = np.asarray(ts), np.asarray(ys)
@@ -183,5 +183,5 @@ def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:
 
 
 def _near(angle: Array, guess: Array) -> Array:
-    """The angle less the whole turns that bring it nearest to a guess."""
+    """Return the angle minus the full turns that bring it nearest to a guess."""
     return angle + TURN * np.round((guess - angle) / TURN)

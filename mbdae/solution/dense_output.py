@@ -1,4 +1,4 @@
-"""A solution between the ends of its steps."""
+"""Dense output: a solution between the ends of its steps."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -32,11 +32,11 @@ class DenseOutput:
 
     @property
     def nodes(self) -> tuple[Array, Array, Array]:
-        """Times, points and own multipliers of all steps."""
+        """Times, points and the method's multipliers of all steps."""
         return self.steps or (self.t, self.y, self.z_own)
 
     def at(self, i: int) -> Any:
-        """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
+        """Return the workspace with the rows in use at node i: results depend on nothing else."""
         rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
         if self.modes:
             self.system.enter(self.mode(i))
@@ -45,11 +45,11 @@ class DenseOutput:
         return self.system
 
     def mode(self, i: int) -> tuple[int, ...]:
-        """The states of the mechanism's switches at node i."""
+        """Return the states of the mechanism's switches at node i."""
         return next((mode for first, mode in reversed(self.modes) if first <= i), ())
 
     def before(self, t: Array) -> Array:
-        """The node before each time, (k,): the later one of two at a jump."""
+        """Return the node before each time, (k,): the later one of two at a jump."""
         ts = np.asarray(self.nodes[0])
         sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
         return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
@@ -72,11 +72,11 @@ class DenseOutput:
         return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
 
     def points(self, times: Array) -> Iterator[Array]:
-        """Return y at several times of the run, one after another; all are computed at once where that can be.
+        """Yield y at several times of the run, in turn; computed together where possible.
 
         Raises:
             InputError: for a time outside.
-            StepError: for a point that cannot be found; those before are given first.
+            StepError: for a point that cannot be computed; those before are yielded first.
         """
         found = None
         with suppress(StepError):
@@ -94,11 +94,11 @@ class DenseOutput:
         return self._dense[i]
 
     def _on(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
-        self.at(i)  # a curve may ask the workspace for more
+        self.at(i)  # a curve may use the workspace later
         return curve(theta)
 
     def rate(self, i: int) -> Array:
-        """The tangent rate of y at the end of step i, computed once; 0 is the start."""
+        """Return the tangent rate of y at the end of step i, computed once; 0 is the start."""
         if i not in self.rates:
             ts, ys, zs = self.nodes
             self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
@@ -112,7 +112,7 @@ class DenseOutput:
     def resampled(self, times: Array) -> Self:
         """Return the solution at other times (m,) within its span, interpolated between the steps.
 
-        Multipliers of the method's own are those of the step's start.
+        The method's multipliers are those at the start of the step.
 
         Raises:
             InputError: for a time outside.
@@ -121,7 +121,7 @@ class DenseOutput:
         return self._view(times, points, self.nodes[2][self.before(times)], self.nodes)
 
     def at_nodes(self) -> Self:
-        """Return the solution at the ends of all steps, whatever ``t_eval`` asked for."""
+        """Return the solution at the ends of all steps, whatever ``t_eval`` was."""
         return self if self.steps is None else self._view(*self.steps, None)
 
     def _view(self, t: Array, y: Array, z_own: Array, steps: tuple[Array, Array, Array] | None) -> Self:

@@ -8,9 +8,9 @@ class Impact(NamedTuple):
 
     Attributes:
         t: time in s.
-        where: names of what was struck, stops and closures.
-        impulse: of each of them in N s, or N m s where joints turn.
-        rows: impulses of all rows, (ng,), those that loops pass on among them.
+        where: names of the stops and closures that take part.
+        impulse: of each of them in N s, or N m s for rotations.
+        rows: impulses of all rows, (ng,), including those transmitted by loops.
         loss: of energy in J.
     """
 

@@ -23,7 +23,7 @@ def _impact_switches(mech: "Mechanism") -> list[Switch]:
 
 
 def mode_units(mech: "Mechanism") -> dict[str, str]:
-    """Names of the columns of `mode_columns`, and their units."""
+    """Return names of the columns of `mode_columns`, and their units."""
     out = {f"gap.{s.name}": mech.row_units[s.row] for s in _opening(mech)}
     out |= {f"mode.{s.name}": "1" for s in mech.switches}
     return out | {
@@ -32,10 +32,10 @@ def mode_units(mech: "Mechanism") -> dict[str, str]:
 
 
 def mode_columns(sol: "Solution") -> dict[str, Array]:
-    """Return ``gap.<name>`` in m or rad of what opens, ``mode.<name>``, the number of the state that a switch is in.
+    """Return ``gap.<name>`` of unilateral rows in m or rad, and ``mode.<name>``, the state index of a switch.
 
-    And ``impulse.<name>`` in N s, N m s, of what opens, of clutches and of drives whose speed steps: what was passed on
-    at the time of a point, and 0 where nothing struck.
+    Also ``impulse.<name>`` in N s, N m s, of unilateral rows, clutches and drivers with speed steps: the impulse at the
+    time of a point, and 0 without an impact.
     """
     mech = sol.mechanism
     opening = _opening(mech)

@@ -1,4 +1,4 @@
-"""What moves, as it is given: a mechanism, a textbook problem, or the name or path of one."""
+"""Problem arguments: a mechanism, a textbook problem, or the name or path of one."""
 
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,14 @@ from .solution import Problem
 
 
 def mechanism_of(given: Any, what: str) -> Mechanism:
-    """Return a mechanism, loaded where its name or its path is given.
+    """Return a mechanism, loaded if a name or path is given.
 
     Args:
-        given: a mechanism, or what `mbdae.load` takes.
-        what: the function that takes it, for messages.
+        given: a mechanism, or an argument of `mbdae.load`.
+        what: the calling function, for messages.
 
     Raises:
-        UnknownNameError, InputError: as `mbdae.load`, and for something else.
+        UnknownNameError, InputError: as for `mbdae.load`, and for any other value.
     """
     if isinstance(given, str | Path):
         return load(given)
@@ -26,10 +26,10 @@ def mechanism_of(given: Any, what: str) -> Mechanism:
 
 
 def problem_of(given: Any, what: str) -> Problem:
-    """Return a mechanism or a textbook problem, made where its name, or the path of a mechanism, is given.
+    """Return a mechanism or a textbook problem, created if its name, or the path of a mechanism, is given.
 
     Raises:
-        UnknownNameError, InputError: as `mechanism_of`.
+        UnknownNameError, InputError: as for `mechanism_of`.
     """
     if isinstance(given, str) and given in TEXTBOOK:
         return TEXTBOOK[given]()

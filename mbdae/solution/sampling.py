@@ -1,4 +1,4 @@
-"""Points of a solution between its steps, many at once."""
+"""Evaluation of many points of a solution between its steps."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def parts(sol: "Solution", nodes: Array) -> list[Array]:
-    """Split the places of nodes (k,) of a solution by the rows that were solved for there."""
+    """Split the indices of nodes (k,) of a solution by their rows in use."""
     if not len(nodes):
         return []
     which = np.searchsorted([first for first, _ in sol.in_use], nodes, side="right")
@@ -24,7 +24,7 @@ def parts(sol: "Solution", nodes: Array) -> list[Array]:
 def at_times(sol: "Solution") -> tuple[Array, Array]:
     """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`.
 
-    The multipliers of grips that slide are their friction.
+    The multipliers of sliding no-slip rows are their friction.
     """
     F, z = (np.full((len(sol.t), width), np.nan) for width in (sol.system.ny, sol.system.nz))
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
@@ -44,7 +44,7 @@ def at_times(sol: "Solution") -> tuple[Array, Array]:
 
 
 def _head(at: "Index2System", ys: Array) -> None:
-    """Head as grips slide in the first of these points where they do: what begins to slide has no slip yet."""
+    """Set slip directions from the first of these points with slip: contacts that begin to slide have none yet."""
     for y in ys:
         q, v = at.split(y)
         at.jacobian(q)
@@ -69,7 +69,7 @@ def at_once(sol: Any, times: Array) -> Array | None:
     """Return y at all times, (n, ...), as `Solution.point` does; None where they must be computed one by one.
 
     Raises:
-        StepError: for a point that cannot be found.
+        StepError: for a point that cannot be computed.
     """
     ts, ys, zs = map(np.asarray, sol.nodes)
     if not isinstance(sol.problem, Mechanism) or len(ts) < 2 or len(times) < 2:
@@ -78,7 +78,7 @@ def at_once(sol: Any, times: Array) -> Array | None:
         return None
     sign = 1.0 if ts[-1] > ts[0] else -1.0
     if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():
-        return None  # the first one outside is refused
+        return None  # the first one outside is rejected
     step = np.minimum(sol.before(times), len(ts) - 2)
     used, which = np.unique(step, return_inverse=True)
     if len(parts(sol, np.union1d(used, used + 1))) > 1:

@@ -1,4 +1,4 @@
-"""Signals of a mechanism at a single point: what `Solution.signals` and sweeps show over time, by the same names."""
+"""Signals of a mechanism at a single point, by the names that `Solution.signals` and sweeps use."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
-IN_PYTHON = ("column", "load")  # kinds that the core does not have
+IN_PYTHON = ("column", "load")  # kinds that the core does not support
 
 
 class SignalValue(NamedTuple):
-    """Where a signal stands, or how it is computed.
+    """Location of a signal, or how it is computed.
 
     Attributes:
-        kind: ``"t"``; ``"y"``, a number of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
+        kind: ``"t"``; ``"y"``, a component of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
             circle in q; ``"lam"``, ``"force"``, ``"torque"``; one of kinetic, potential, energy, g, Gv; or
-            ``"column"`` of `mbdae.solution.signals.units`, which the core does not have, ``"load"`` of a joint or
+            ``"column"`` of `mbdae.solution.signals.units`, which the core does not support, ``"load"`` of a joint or
             closure.
-        i: the number of y or y'; of an angle that of its cosine in q; of a column its own.
-        rate: the number of y' in the tangent that is its rate; -1 where none is.
+        i: index in y or y'; for an angle that of its cosine in q; for a column its index.
+        rate: index in the tangent y' of its time derivative; -1 if there is none.
         rows: of closures.
     """
 
@@ -43,17 +43,17 @@ class SignalValue(NamedTuple):
 
     @property
     def compiled(self) -> bool:
-        """Whether the core has it."""
+        """Whether the core supports it."""
         return self.kind not in IN_PYTHON
 
     def plain(self) -> tuple[str, int, int, list[int]]:
-        """What the core takes."""
+        """Core data."""
         return self.kind, self.i, self.rate, list(self.rows)
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A point of a motion, as `signals` takes it for a solution: all arrays have one row."""
+    """A point of a motion in the form of a solution for `signals`: all arrays have one row."""
 
     mechanism: Mechanism
     t: Array
@@ -64,17 +64,38 @@ class Moment:
     lam: Array
 
 
-_KNOWN: WeakKeyDictionary[Mechanism, dict[str, SignalValue]] = WeakKeyDictionary()  # a mechanism never changes
+_KNOWN: WeakKeyDictionary[Mechanism, dict[str, SignalValue]] = WeakKeyDictionary()  # mechanisms are immutable
 
 
 def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
-    """All signals of a mechanism by name, those of `mbdae.solution.signals.signals`."""
+    """Return all signals of a mechanism by name, those of `mbdae.solution.signals.signals`."""
     if mech not in _KNOWN:
         _KNOWN[mech] = _found(mech)
     return _KNOWN[mech]
 
 
 def _found(mech: Mechanism) -> dict[str, SignalValue]:
+    nq, nv, ns = mech.nq, mech.nv, len(mech.states)
+    out = {"t": SignalValue("t"), **_coordinates(mech)}
+    out |= {f"s.{name}": SignalValue("y", nq + nv + i, 2 * nv + i) for i, name in enumerate(mech.states)}
+    out["work"] = SignalValue("y", nq + nv + ns, 2 * nv + ns)
+    out |= {name: SignalValue(name) for name in (*SUMS, *RESIDUALS)}
+    out |= {name: SignalValue("lam", rows=(i,)) for i, name in enumerate(row_names(mech))}
+    out |= {name: SignalValue("rate", nv + i) for i, name in enumerate(acceleration_units(mech))}
+    for name, rows in pulls(mech).items():
+        out[f"force.{name}"] = SignalValue("force", rows=tuple(rows))
+        out[f"torque.{name}"] = SignalValue("torque", rows=tuple(mech.rows_of(name)))
+    out |= _contact_forces(mech)
+    out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in driven(mech).items()}
+    loaded = load_units(mech)
+    return {
+        name: out[name] if name in out else SignalValue("load" if name in loaded else "column", i)
+        for i, name in enumerate(units(mech))
+    }
+
+
+def _coordinates(mech: Mechanism) -> dict[str, SignalValue]:
+    """Coordinates and velocities of all joints."""
     nq, nv = mech.nq, mech.nv
     q: dict[str, SignalValue] = {}
     v: dict[str, SignalValue] = {}
@@ -86,15 +107,12 @@ def _found(mech: Mechanism) -> dict[str, SignalValue]:
             continue
         rates = [j.idx_v + k if j.nq == j.nv else -1 for k in range(j.nq)]
         q |= {f"q.{name}{x}": SignalValue("y", j.idx_q + k, rates[k]) for k, x in enumerate(of_q)}
-    states = {f"s.{name}": SignalValue("y", nq + nv + i, 2 * nv + i) for i, name in enumerate(mech.states)}
-    ns = len(states)
-    out = {"t": SignalValue("t"), **q, **v, **states, "work": SignalValue("y", nq + nv + ns, 2 * nv + ns)}
-    out |= {name: SignalValue(name) for name in (*SUMS, *RESIDUALS)}
-    out |= {name: SignalValue("lam", rows=(i,)) for i, name in enumerate(row_names(mech))}
-    out |= {name: SignalValue("rate", nv + i) for i, name in enumerate(acceleration_units(mech))}
-    for name, rows in pulls(mech).items():
-        out[f"force.{name}"] = SignalValue("force", rows=tuple(rows))
-        out[f"torque.{name}"] = SignalValue("torque", rows=tuple(mech.rows_of(name)))
+    return q | v
+
+
+def _contact_forces(mech: Mechanism) -> dict[str, SignalValue]:
+    """Normal, longitudinal and lateral forces of rolling bodies that are multipliers."""
+    out: dict[str, SignalValue] = {}
     for c in rolling(mech):
         first, grip = mech.rows_of(c.name)[0], int(c.contact is not False)
         if c.contact is not False:
@@ -102,19 +120,14 @@ def _found(mech: Mechanism) -> dict[str, SignalValue]:
         if c.grip in (None, "full"):
             out[f"longitudinal.{c.name}"] = SignalValue("lam", rows=(first + grip,))
             out[f"lateral.{c.name}"] = SignalValue("lam", rows=(first + grip + 1,))
-    out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in driven(mech).items()}
-    loaded = load_units(mech)
-    return {
-        name: out[name] if name in out else SignalValue("load" if name in loaded else "column", i)
-        for i, name in enumerate(units(mech))
-    }
+    return out
 
 
 def find_signal(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
-    """Return the signal of that name, of those that are known.
+    """Return the signal of that name, among the known ones.
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     known = known or signal_values(mech)
     if name not in known:
@@ -126,9 +139,9 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     """Return a signal at a point y (n,); an angle between -pi and pi.
 
     Raises:
-        StepError: where multipliers cannot be found.
+        StepError: if multipliers cannot be computed.
     """
-    kind, rows = signal.kind, list(signal.rows)
+    kind = signal.kind
     if kind == "t":
         return t
     if kind == "y":
@@ -152,9 +165,14 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))
         moment: Any = Moment(system.mechanism, np.array([t]), *parts)
         return float(signals(moment, [name])[name][0])
-    lam = lam[rows]
     if kind == "lam":
-        return float(lam[0])
+        return float(lam[signal.rows[0]])
+    return _magnitude(system, kind, list(signal.rows), q, lam)
+
+
+def _magnitude(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:
+    """The magnitude of the force or the torque of a closure, from the multipliers of all rows."""
+    lam = lam[rows]
     if kind == "force":
         return float(np.linalg.norm(lam))
     part = next(p for p in system.constraints.frame_parts.values() if p.rows[0][0].start == rows[0])

@@ -1,4 +1,4 @@
-"""A solution as named columns over time, with their units: one list of names for tables, plots, sweeps and events."""
+"""Named columns of a solution with units: the common names for tables, plots, sweeps and events."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -76,7 +76,7 @@ def _pulls(sol: "Solution") -> dict[str, Array]:
 
 
 def driven(mech: "Mechanism") -> dict[str, int]:
-    """Couplings and drivers, which have an effort, each with its row."""
+    """Return couplings and drivers, which have an effort, each with its row."""
     return {c.name: mech.rows_of(c.name)[0] for c in mech.constraints if isinstance(c, Driver) or not c.frames}
 
 
@@ -106,7 +106,7 @@ FAMILIES = (
     Family(_grip_units, contact_forces),
     Family(acceleration_units, _accelerations),
     Family(load_units, load_columns),
-    Family(lambda mech: {f"force.{name}": "N" for name in pulls(mech)}, _pulls),  # some of those above, and sooner
+    Family(lambda mech: {f"force.{name}": "N" for name in pulls(mech)}, _pulls),  # faster for some of those above
     Family(_drive_units, _drives),
     Family(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
     Family(frame_units, frame_columns),
@@ -114,11 +114,11 @@ FAMILIES = (
     Family(mode_units, mode_columns),
     Family(lambda mech: ENERGIES, _energies),
 )
-_known: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # a mechanism never changes
+_known: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # mechanisms are immutable
 
 
 def units(mech: "Mechanism") -> Units:
-    """Names of all columns of `signals`, and their units."""
+    """Return names of all columns of `signals`, and their units."""
     return {name: unit for known in _units(mech) for name, unit in known.items()}
 
 
@@ -131,37 +131,37 @@ def _units(mech: "Mechanism") -> list[Units]:
 def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, Array]:
     """Return named columns of equal length, with the units of `units`.
 
-    ``t`` in s; ``q.<joint>``, ``v.<joint>`` and ``a.<joint>`` (rad or m, per s, per s^2), with a part behind the name
-    where a joint has several coordinates (``q.base.x``, ``v.base.wz``); unbounded revolute joints as one angle,
-    unwrapped over the run; ``s.<state>`` of forces that have states of their own.
+    ``t`` in s; ``q.<joint>``, ``v.<joint>`` and ``a.<joint>`` (rad or m, per s, per s^2), with a suffix for joints with
+    several coordinates (``q.base.x``, ``v.base.wz``); unbounded revolute joints as one angle, unwrapped over the run;
+    ``s.<state>`` of forces with internal states.
 
     ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); ``force.<name>`` and
-    ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, and with ``.x .y .z`` behind it
-    the components along the world's axes, with ``.1 .2 .3`` along its own, see
-    `mbdae.mechanism.joint_wrenches.reaction_wrenches`; ``effort.<name>`` of couplings and drivers (N, N m),
-    ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and ``deflection.<force>``, see
+    ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, with suffix ``.x .y .z`` the
+    components along world axes, with ``.1 .2 .3`` along local axes, see
+    `mbdae.mechanism.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalised force of couplings and
+    drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and ``deflection.<force>``, see
     `mbdae.mechanism.effort_signals`; of rolling bodies ``contact.<closure>.x`` in m, ``normal``, ``longitudinal`` and
-    ``lateral.<closure>`` in N, and ``friction.<closure>``, the coefficient that it takes not to slip.
+    ``lateral.<closure>`` in N, and ``friction.<closure>``, the friction coefficient required not to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
-    the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of all that moves, ``momentum.x``
+    the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``
     (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``kinetic``, ``potential``, ``energy``, and ``work`` of the
-    non-conservative forces and drivers in J; of what switches ``gap``, ``mode`` and ``impulse.<name>``, see
+    non-conservative forces and drivers in J; of switches ``gap``, ``mode`` and ``impulse.<name>``, see
     `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
     Args:
         sol: the solution.
-        names: those that are wanted, in this order, see `find`; all when left out. Nothing costly is computed that is
-            not among them.
+        names: the requested columns, in this order, see `find`; all when left out. Expensive columns are computed only
+            on request.
 
     Raises:
-        UnknownNameError: for a signal that does not exist.
+        UnknownNameError: for an unknown signal.
         InputError: for a solution of a textbook problem, or one without times.
     """
     mech = sol.mechanism
     wanted = list(units(mech)) if names is None else find(mech, names)
     out: dict[str, Array] = {}
-    with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
+    with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
         for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):
             if any(name in known and name not in out for name in wanted):
                 out |= family.values(sol)
@@ -169,13 +169,13 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
 
 
 def choices(mech: "Mechanism") -> list[str]:
-    """What `find` knows: beginnings of several names first."""
+    """Return the names that `find` accepts: prefixes of several names first."""
     known = units(mech)
     return list({n[:i]: None for n in known for i in range(len(n)) if n[i] == "."} | dict.fromkeys(known))
 
 
 def find(mech: "Mechanism", names: str | Iterable[str]) -> list[str]:
-    """Names of columns from names and beginnings of several: ``"q"``, ``"force.crank"``, ``"position.tip"``.
+    """Return names of columns from names and prefixes: ``"q"``, ``"force.crank"``, ``"position.tip"``.
 
     Raises:
         UnknownNameError: for a name that is neither.

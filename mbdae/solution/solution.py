@@ -1,4 +1,4 @@
-"""What a run returns: times, states, multipliers, statistics, and the solution between the steps."""
+"""Solution of a run: times, states, multipliers, statistics, and dense output."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -43,19 +43,19 @@ class Solution(DenseOutput, Tabular):
         problem: the mechanism or textbook problem.
         t: times of the accepted steps or of ``t_eval``, (n,).
         y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two, the second just after the first.
-        z_own: the method's own multipliers at t, (n, nz).
+        z_own: the method's multipliers at t, (n, nz).
         status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` are successes.
         message: one line.
         stats: counts of steps, rejections, evaluations, solves, and seconds.
         settings: method, tolerances and steps that were used.
-        steps: times, points and own multipliers of all steps, when ``t_eval`` asked for others.
+        steps: times, points and the method's multipliers of all steps, if ``t_eval`` requested other times.
         events: for each event function the times (k,) and points (k, ...) of its zeros.
-        singular: configurations on the way in which closures lose rank.
-        modes: where stops and contacts open and close: from which node on which states of ``mechanism.switches``.
-        impacts: those on the way.
-        carried: what the method carried to each node but the last, (n - 1, nc), and where it was found anew, of short
-            runs that were just computed.
-        in_use: where rows of closures depend on each other: from which node on which of them were solved for.
+        singular: configurations of the run in which closures lose rank.
+        modes: states of ``mechanism.switches`` (stops, contacts, ...), and the first node of each.
+        impacts: impacts of the run.
+        carried: the method's carry at each node except the last, (n - 1, nc), and the nodes where it was restarted; of
+            short runs that were just computed.
+        in_use: if rows of closures are redundant: the rows in use, and the first node of each set.
     """
 
     problem: Any
@@ -79,9 +79,9 @@ class Solution(DenseOutput, Tabular):
 
     @cached_property
     def system(self) -> Any:
-        """A workspace of the solution's own, for multipliers and dense output; its counts are not the run's.
+        """A separate workspace for multipliers and dense output; its counters are not the run's.
 
-        It is one of the compiled core where that computed the run and is there.
+        It uses the compiled core if that computed the run and is available.
         """
         native = backend.load() if self.stats.get("backend") == "native" else None
         if native:
@@ -91,17 +91,17 @@ class Solution(DenseOutput, Tabular):
 
     @property
     def success(self) -> bool:
-        """True when the run came to its end, and nothing speaks against it."""
+        """True if the run came to its end without accuracy warnings."""
         return self.status in ("finished", "event")
 
     @property
     def ended(self) -> bool:
-        """True when the run came to its end, whether it can be trusted or not."""
+        """True if the run came to its end, with or without accuracy warnings."""
         return self.success or self.status == "doubtful"
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism that moved.
+        """The mechanism.
 
         Raises:
             InputError: for a textbook problem.
@@ -132,14 +132,14 @@ class Solution(DenseOutput, Tabular):
 
     @property
     def lam_own(self) -> Array:
-        """The method's own multipliers, (n, ng): of minimum norm, finite in singular configurations, of lower order."""
+        """The method's multipliers, (n, ng): of minimum norm, finite in singular configurations, of lower order."""
         return self.z_own[:, : self.mechanism.ng]
 
     @cached_property
     def derivatives(self) -> tuple[Array, Array]:
         """Rates y' (n, ny) and multipliers (n, nz) from the hidden constraint at each t, of the order of y.
 
-        NaN where they cannot be found, for instance in the singular configuration that ended a run.
+        NaN where they cannot be computed, for instance in the singular configuration that ended a run.
         """
         return at_times(self)
 
@@ -157,8 +157,8 @@ class Solution(DenseOutput, Tabular):
     def lam(self) -> Array:
         """Multipliers from the hidden constraint 0 = G v' + gamma, (n, ng); of the order of v.
 
-        They act on the mechanism; rows in file order; of minimum norm where rows depend on each other. Those of grips
-        that slide, whose rows a mode leaves out, are their friction.
+        They act on the mechanism; rows in file order; of minimum norm for redundant rows. Those of sliding no-slip
+        rows, which are inactive, are their friction.
         """
         return self.z[:, : self.mechanism.ng]
 
@@ -166,16 +166,16 @@ class Solution(DenseOutput, Tabular):
         """Return force (N) and torque (N m) of a joint, a closure, or a driven distance, from `lam`.
 
         Raises:
-            UnknownNameError: for a name that does not exist.
+            UnknownNameError: for an unknown name.
             InputError: for a coupling or a driver of joints: see `effort`.
         """
         return reaction_of(self, name)
 
     def contact(self, name: str) -> Contact:
-        """Return the forces (N) on a rolling body and where they act, and the friction that they take, from `lam`.
+        """Return the contact forces (N) and contact points of a rolling body, and its required friction, from `lam`.
 
         Raises:
-            UnknownNameError: for a name that is not that of a rolling closure.
+            UnknownNameError: if the name is not that of a rolling closure.
         """
         return contact(self.mechanism, name, self.t, self.q, self.lam)
 
@@ -183,14 +183,14 @@ class Solution(DenseOutput, Tabular):
         """Return torque or force (N m, N) and power (W) of a coupling or a driver, from `lam`.
 
         Raises:
-            UnknownNameError: for a name that does not exist.
+            UnknownNameError: for an unknown name.
             InputError: for a closure between frames: see `reaction`.
         """
         return effort(self.mechanism, name, self.t, self.q, self.lam)
 
     @property
     def redundant(self) -> dict[str, int]:
-        """Closures whose reactions are not unique, and how many of their rows others keep as well, at the start."""
+        """Return closures with non-unique reactions, and the number of their redundant rows, at the start."""
         return redundant(self.mechanism, self.t[0], self.q[0])
 
     def __call__(self, t: float | Array) -> Sample:
@@ -207,10 +207,10 @@ class Solution(DenseOutput, Tabular):
         """Return extrema, means, RMS values and integrals of signals, from the solution between the steps.
 
         Args:
-            names: of `signals`, a name or several; the beginning of several names stands for all of them.
+            names: of `signals`, a name or several; a common prefix selects all of its names.
 
         Raises:
-            UnknownNameError: for a signal that does not exist.
+            UnknownNameError: for an unknown signal.
             InputError: for a textbook problem, or a solution without times.
         """
         return statistics(self, names)
@@ -228,18 +228,18 @@ class Solution(DenseOutput, Tabular):
         return Columns(self.signals(), known, "t")
 
     def plot(self, names: str | Sequence[str] = (), *, path: str | Path | None = None) -> "Figure":
-        """Draw signals by unit over time; written where a path is given.
+        """Draw signals over time, grouped by unit; saved if a path is given.
 
         Args:
-            names: of `signals`, a name or several, or the beginning of several: ``"q"``; coordinates, velocities,
-                residuals and energy when left out, y and z of a textbook problem.
-            path: a file to be written as well, .png, .svg or .pdf.
+            names: of `signals`, one name or several, or a prefix: ``"q"``; coordinates, velocities, residuals and
+                energy when left out, y and z of a textbook problem.
+            path: a file to save, .png, .svg or .pdf.
 
         Raises:
-            UnknownNameError: for a signal that does not exist.
+            UnknownNameError: for an unknown signal.
             InputError: for another format, or an unwritable path.
         """
-        figure = later("mbdae.studies.run.figure", "motion")(self, names)
+        figure = later("mbdae.studies.solve.figure", "motion")(self, names)
         return later("mbdae.studies.figures", "given")(figure, path)
 
     def save(self, path: str | Path) -> None:
@@ -252,14 +252,14 @@ class Solution(DenseOutput, Tabular):
 
     @classmethod
     def load(cls, path: str | Path, *, meshes: Sequence[str | Path] = ()) -> "Solution":
-        """Read the .npz file that `save` wrote; warns when another version of mbdae wrote it.
+        """Read the .npz file that `save` wrote; warns if another version of mbdae wrote it.
 
         Args:
             path: the file.
-            meshes: folders from which meshes are read, beside those below the file's own and installed packages.
+            meshes: folders from which meshes are read, besides those below the file's folder and installed packages.
 
         Raises:
-            InputError: for a missing or damaged file, and one that unfolds to more than it announces.
+            InputError: for a missing or damaged file, and one that unpacks to more than it announces.
         """
         return cls(**read(path, meshes))
 
@@ -277,7 +277,7 @@ class Solution(DenseOutput, Tabular):
         )
 
     def _repr_html_(self) -> str | None:
-        """How a notebook shows a motion."""
+        """HTML representation in notebooks."""
         seen = isinstance(self.problem, Mechanism) and len(self.t)
         return later("mbdae.studies.replay.replay", "notebook")(self) if seen else super()._repr_html_()
 
@@ -289,7 +289,7 @@ def uninterrupted(sol: Solution) -> Solution:
     """Return a run of a study.
 
     Raises:
-        KeyboardInterrupt: for one that the user stopped: it is the study that is to stop.
+        KeyboardInterrupt: if the user stopped the run, which stops the study.
     """
     if sol.status == "interrupted":
         raise KeyboardInterrupt

@@ -1,10 +1,10 @@
 """Extrema, means and integrals of signals over a run, from the solution between its steps.
 
-On each step a signal is smooth. It is sampled there at Chebyshev-Lobatto points theta_k = (1 - cos(pi k/n))/2 of the
-dense output, n = 4, 8, 16, 32 until the last coefficients of its Chebyshev series are small (Trefethen, Approximation
-Theory and Approximation Practice, chapters 3 and 19). Both ends are limits from within the step, so that a value just
-before an impact or a change of mode counts. Extrema are roots of the derivative of the series, evaluated once more by
-the signal itself; integrals are those of the series (Clenshaw-Curtis).
+Signals are smooth within a step. They are sampled there at Chebyshev-Lobatto points theta_k = (1 - cos(pi k/n))/2 of
+the dense output, n = 4, 8, 16, 32 until the last coefficients of the Chebyshev series are small (Trefethen,
+Approximation Theory and Approximation Practice, chapters 3 and 19). Both ends are limits from within the step, so that
+a value just before an impact or a mode change counts. Extrema are roots of the derivative of the series, re-evaluated
+by the signal itself; integrals are those of the series (Clenshaw-Curtis).
 """
 
 from collections.abc import Callable, Collection
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from .solution import Solution
 
 DEGREES = (4, 8, 16, 32)
-EXTREMUM_TOLERANCE = 1e-9  # of the range of a signal: last coefficients of a series that has extrema to rounding
-INTEGRAL_TOLERANCE = 1e-5  # likewise of one whose integral is right to some 1e-10: those left out oscillate
-UNRESOLVED = 0.05  # of the range: last coefficients that do not decay are rounding of a signal that is constant
-RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # taken at the ends of steps, to which they belong
-FINE = 64  # points at which a series is compared before its derivative's roots are found
+EXTREMUM_TOLERANCE = 1e-9  # of the range of a signal: last coefficients of a series with extrema accurate to rounding
+INTEGRAL_TOLERANCE = 1e-5  # the same for integrals accurate to about 1e-10: the omitted terms oscillate
+UNRESOLVED = 0.05  # of the range: last coefficients that do not decay are rounding of a constant signal
+RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # evaluated at the ends of steps only
+FINE = 64  # points at which a series is sampled before the roots of its derivative are computed
 
 
 class Extremum(NamedTuple):
-    """An extreme value and when it is taken, in s."""
+    """An extreme value and its time in s."""
 
     value: float
     t: float
@@ -64,11 +64,11 @@ class Statistics(Tabular):
     units: dict[str, str]
 
     def peak(self, name: str) -> Extremum:
-        """The value of largest magnitude of a signal, with its sign."""
+        """Return the value of largest magnitude of a signal, with its sign."""
         return max(self.minimum[name], self.maximum[name], key=lambda x: abs(x.value))
 
     def cells(self) -> list[list[str]]:
-        """A row for each signal."""
+        """Return a row for each signal."""
         heads = ["signal", "unit", "min", "at s", "max", "at s", "mean", "RMS", "integral"]
         return [heads] + [
             [name, self.units[name], *(f"{x:.7g}" for x in (*low, *self.maximum[name], *self.integrals[name]))]
@@ -81,7 +81,7 @@ class Statistics(Tabular):
         return "\n".join("  ".join(x.ljust(w) for x, w in zip(row, widths, strict=True)).rstrip() for row in rows)
 
     def to_dict(self) -> dict[str, dict[str, float | str]]:
-        """By signal: ``unit``, ``min``, ``t_min``, ``max``, ``t_max``, ``mean``, ``rms``, ``integral``."""
+        """Return by signal: ``unit``, ``min``, ``t_min``, ``max``, ``t_max``, ``mean``, ``rms``, ``integral``."""
         return {
             name: {"unit": self.units[name], "min": low.value, "t_min": low.t, "max": self.maximum[name].value,
                    "t_max": self.maximum[name].t, **self.integrals[name]._asdict()}
@@ -93,7 +93,7 @@ def statistics(sol: "Solution", names: str | Collection[str]) -> Statistics:
     """Return extrema, means and integrals of signals, see `mbdae.solution.signals.find` for their names.
 
     Raises:
-        UnknownNameError: for a signal that does not exist.
+        UnknownNameError: for an unknown signal.
         InputError: for a solution of a textbook problem, or one without times.
     """
     wanted, known = find(sol.mechanism, names), units(sol.mechanism)
@@ -103,10 +103,10 @@ def statistics(sol: "Solution", names: str | Collection[str]) -> Statistics:
 
 
 def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum, Extremum]]:
-    """Return the least and the largest value of signals over a run, located to rounding of the value.
+    """Return the smallest and the largest value of signals over a run, located to rounding of the value.
 
-    Residuals g and Gv, modes and impulses are those of the steps. Only steps that can hold an extremum are sampled:
-    those whose ends reach the extreme of all ends by the variation of the ends around.
+    Residuals g and Gv, modes and impulses are evaluated at steps. Only steps that may contain an extremum are sampled:
+    those whose end values come within the local variation of the extreme of all end values.
     """
     ends, t = _at_nodes(sol, names)
     out = {name: (_first(x, t, np.argmin), _first(x, t, np.argmax)) for name, x in ends.items()}
@@ -137,7 +137,7 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
 def integrals(sol: "Solution", names: Collection[str]) -> dict[str, Integrals]:
     """Return means, roots of mean squares and integrals of signals over a run, from its first time to its last.
 
-    Residuals g and Gv are integrated from step to step; impulses have no values in time, and give nan.
+    Residuals g and Gv are integrated from step to step; impulses have no values over time, and return nan.
     """
     ends, t = _at_nodes(sol, names)
     out = {name: _sums(name, x, t) for name, x in ends.items() if _at_steps(name)}
@@ -145,7 +145,7 @@ def integrals(sol: "Solution", names: Collection[str]) -> dict[str, Integrals]:
 
 
 def _integrals(sol: "Solution", ends: dict[str, Array], t: Array) -> dict[str, Integrals]:
-    """Integrals of smooth signals with these values at the ends of steps."""
+    """Return integrals of smooth signals with these values at the ends of steps."""
     if not ends:
         return {}
     run, length = _Steps(sol, ends), float(t[-1] - t[0])
@@ -172,7 +172,7 @@ def _integrals(sol: "Solution", ends: dict[str, Array], t: Array) -> dict[str, I
 
 
 class _Steps:
-    """The steps of a run that have a length, and signals on them."""
+    """Steps of a run with nonzero length, and signals on them."""
 
     def __init__(self, sol: "Solution", names: Collection[str]) -> None:
         self.sol, self.names = sol, list(names)
@@ -181,7 +181,7 @@ class _Steps:
         self.steps = np.flatnonzero(np.abs(self.h) > 8 * np.spacing(np.abs(self.t[1:])))
 
     def candidates(self, nodes: Array) -> Array:
-        """Steps that can hold an extremum of a signal with these values at the nodes, (names, n)."""
+        """Return steps that may contain an extremum of a signal with these values at the nodes, (names, n)."""
         around = np.pad(nodes, ((0, 0), (1, 1)), mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(around, 4, axis=1)
         variation, pairs = np.ptp(windows, axis=2), windows[..., 1:3]
@@ -191,7 +191,7 @@ class _Steps:
         return self.steps[possible[self.steps]]
 
     def sample(self, steps: Array, degree: int) -> tuple[Array, Array, Array]:
-        """Times (m, n + 1) and signals (names, m, n + 1) at the points of steps, and their Chebyshev series."""
+        """Return times (m, n + 1) and signals (names, m, n + 1) at the points of steps, and their Chebyshev series."""
         theta = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
         times = self.t[steps, None] + self.h[steps, None] * theta
         times[:, -1] = np.nextafter(self.t[steps + 1], self.t[steps])  # in the mode of the step
@@ -199,7 +199,7 @@ class _Steps:
         return times, values, values @ _to_series(degree)
 
     def at(self, times: Array) -> Array:
-        """The signals at times, (names, k)."""
+        """Return the signals at times, (names, k)."""
         if not len(times):
             return np.empty((len(self.names), 0))
         found = signals(self.sol.resampled(times), self.names)
@@ -207,7 +207,7 @@ class _Steps:
 
 
 def _at_nodes(sol: "Solution", names: Collection[str]) -> tuple[dict[str, Array], Array]:
-    """Signals at the ends of all steps, and their times."""
+    """Return signals at the ends of all steps, and their times."""
     if not len(sol.t):
         title = sol.mechanism.title
         raise InputError(f"the solution of {title!r} has no times: the run ended before the first of t_eval")
@@ -220,7 +220,7 @@ def _at_steps(name: str) -> bool:
 
 
 def _sums(name: str, x: Array, t: Array) -> Integrals:
-    """Integrals of what is known at the ends of steps only."""
+    """Return integrals of signals that are known at the ends of steps only."""
     length = float(t[-1] - t[0])
     if name.startswith("impulse") or not length:
         return Integrals(np.nan, np.nan, np.nan)
@@ -239,18 +239,18 @@ def _wider(found: tuple[Extremum, Extremum], x: Array, t: Array) -> tuple[Extrem
 
 @cache
 def _to_series(degree: int) -> Array:
-    """The matrix from values at the points of `_Steps.sample` to Chebyshev coefficients, from the right."""
+    """Return the matrix from values at the points of `_Steps.sample` to Chebyshev coefficients, from the right."""
     return np.linalg.inv(chebyshev.chebvander(-np.cos(np.pi * np.arange(degree + 1) / degree), degree)).T
 
 
 @cache
 def _grid(degree: int) -> Array:
-    """From coefficients to values at `FINE` points, from the right."""
+    """Return the matrix from coefficients to values at `FINE` points, from the right."""
     return chebyshev.chebvander(np.linspace(-1, 1, FINE), degree).T
 
 
 def _turning_points(series: Array, fine: Array, t: Array, h: Array) -> Array:
-    """Times of the extrema within the steps that come highest and lowest."""
+    """Return times of the largest and smallest extrema within the steps."""
     out = []
     for i in {int(fine.max(axis=1).argmax()), int(fine.min(axis=1).argmin())}:
         rate = np.trim_zeros(chebyshev.chebder(series[i]), "b")

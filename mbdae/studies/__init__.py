@@ -1,1 +1,1 @@
-"""What one concludes: order, drift, cards, figures, replay."""
+"""Studies: order, drift, cards, figures, replay and others."""

@@ -1,7 +1,7 @@
 """Figures drawn from results; the files ``figures*.py`` are the only ones that import matplotlib.
 
-Every figure uses the same colour and marker for a method, and the same line style for a formulation; axes carry units;
-legends stand beside the data. They are meant for a page 18 cm wide, and can be read in grey.
+Every figure uses the same colour and marker for a method, and the same line style for a formulation; axes have units;
+legends are next to the data. They are designed for a page 18 cm wide, and are readable in greyscale.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 FORMATS = (".png", ".svg", ".pdf")
 WIDTH = 7.1  # inches: two columns of a journal
-STYLE: Any = {  # of matplotlib's keys
+STYLE: Any = {  # matplotlib's keys
     "font.size": 8.5,
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
@@ -45,7 +45,7 @@ STYLE: Any = {  # of matplotlib's keys
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
     "lines.markeredgewidth": 0.9,
-    "figure.dpi": 200,  # the width of letters depends on it a little
+    "figure.dpi": 200,  # slightly affects the width of letters
     "savefig.dpi": 200,
     "svg.hashsalt": "mbdae",
     "pdf.fonttype": 42,
@@ -62,19 +62,19 @@ STYLES = {  # a hue for a family, a shade and a marker for a method
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 OTHER = ("#17becf", "d")
-NAMES = {  # what has a unit
+NAMES = {  # quantities with a unit
     "rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "turning rates", "m/s": "speeds", "J": "energies",
     "N": "forces", "N m": "torques", "W": "powers", "rad/s^2": "angular accelerations", "m/s^2": "accelerations",
     "kg m/s": "momentum", "kg m^2/s": "angular momentum", "m, rad": "gaps", "m/s, rad/s": "rates of gaps", "": "states",
 }  # fmt: skip
 PATTERNS = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
-FEW = 4.0  # an axis whose ends have a smaller ratio may have one multiple of a power of ten, or none
+FEW = 4.0  # an axis with a smaller ratio of limits may contain one multiple of a power of ten, or none
 LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-."}
 
 
 def line_style(name: str) -> dict[str, Any]:
-    """Colour, marker and line style of a method in a formulation, ``"pherk5"`` or ``"ggl:pherk5"``."""
+    """Return colour, marker and line style of a method in a formulation, ``"pherk5"`` or ``"ggl:pherk5"``."""
     prefix, _, method = name.rpartition(":")
     colour, marker = STYLES.get(method, OTHER)
     face = colour if not prefix else "white"
@@ -83,7 +83,7 @@ def line_style(name: str) -> dict[str, Any]:
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Draw with `STYLE` over matplotlib's own defaults, whatever the user's settings are."""
+    """Draw with `STYLE` over matplotlib's defaults, independent of the user's settings."""
 
     @wraps(draw)
     def inner(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -98,7 +98,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def settled(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
-    """`styled`, and the layout is fixed: a figure is the same however often it is written."""
+    """Like `styled`, with a fixed layout: a figure is the same however often it is written."""
 
     @wraps(draw)
     def inner(*args: P.args, **kwargs: P.kwargs) -> "Figure":
@@ -112,7 +112,7 @@ def settled(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
 
 
 def sheet(width: float, height: float) -> "Figure":
-    """An empty figure, in inches, that finds room for legends outside its axes, and that notebooks show."""
+    """Return an empty figure, in inches, with room for legends outside its axes and a notebook representation."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -124,16 +124,16 @@ def sheet(width: float, height: float) -> "Figure":
 
 
 def plain(text: str) -> str:
-    """A text of the user's, in which dollars are dollars and begin no formula."""
+    """Return a user's text with dollar signs escaped, so that they do not start a formula."""
     return text.replace("$", r"\$")
 
 
 def logarithmic(axis: "Axis", labels: int = 9) -> None:
-    """A logarithmic axis with at most so many labels, at powers of ten; at others where it spans about one or less."""
+    """Make an axis logarithmic with at most so many labels, at powers of ten, or others on a short axis."""
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator
 
     class Minor(LogLocator):
-        """Multiples of powers of ten; where these are too few, a few round numbers, whose labels have room."""
+        """Multiples of powers of ten; if there are too few, some round numbers, if their labels fit."""
 
         def tick_values(self, vmin: float, vmax: float) -> Any:
             few = vmin > 0 and vmax < FEW * vmin
@@ -148,18 +148,18 @@ def logarithmic(axis: "Axis", labels: int = 9) -> None:
 
 
 def own_style(i: int) -> dict[str, Any]:
-    """Colour and line style of the i-th of several curves."""
+    """Return colour and line style of the i-th of several curves."""
     colour = COLOURS[i % len(COLOURS)]
     return {"color": colour, "markerfacecolor": colour, "linestyle": PATTERNS[i % len(PATTERNS)]}
 
 
 def positive(values: np.ndarray) -> np.ndarray:
-    """Values for a logarithmic axis, with gaps at zero."""
+    """Return values for a logarithmic axis, with gaps at zero."""
     return np.where(values > 0, values, np.nan)
 
 
 def beside(ax: "Axes", **options: Any) -> None:
-    """A legend to the right of the axes, at its top."""
+    """Add a legend to the right of the axes, at the top."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), borderaxespad=0.0, **options)
 
 
@@ -176,7 +176,7 @@ def save(figure: "Figure", path: str | Path) -> None:
 
 
 def given(figure: "Figure", path: str | Path | None) -> "Figure":
-    """Return a figure, written where a path is given, see `save`."""
+    """Return a figure, saved if a path is given, see `save`."""
     if path is not None:
         save(figure, path)
     return figure
@@ -184,22 +184,22 @@ def given(figure: "Figure", path: str | Path | None) -> "Figure":
 
 @styled
 def svg(figure: "Figure") -> bytes:
-    """A figure as SVG."""
+    """Return a figure as SVG."""
     file = BytesIO()
     figure.savefig(file, format="svg", metadata=_undated(".svg"))
     return file.getvalue()
 
 
 def check(path: str | Path) -> None:
-    """Refuse a path that cannot hold a figure.
+    """Reject a path that is not a figure format.
 
     Raises:
-        InputError: naming the formats.
+        InputError: naming the valid formats.
     """
     if Path(path).suffix not in FORMATS:
         raise InputError(f"a figure is saved as {', '.join(FORMATS)}, got {str(path)!r}")
 
 
 def _undated(suffix: str) -> dict[str, None]:
-    """Meta data without a date: the same figure is the same file."""
+    """Return metadata without a date: the same figure gives the same file."""
     return {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})

@@ -1,8 +1,8 @@
-"""A method in a formulation: what one line of a comparison stands for, and how it is written.
+"""A method in a formulation, as a line of a comparison, and its notation.
 
-``pherk5`` keeps closures at velocity level (index 2); ``project:pherk5`` also brings the state back to g = 0, G v = 0
-after each step; ``ggl:radau5`` keeps closures at both levels; ``index1:dop853`` has accelerations stepped, by
-``index1:DOP853`` scipy does that, and ``baumgarte=20,20:dop853`` has Baumgarte's alpha and beta in 1/s besides.
+``pherk5`` enforces closures at velocity level (index 2); ``project:pherk5`` also projects the state onto g = 0, G v = 0
+after each step; ``ggl:radau5`` enforces closures at both levels; ``index1:dop853`` integrates accelerations,
+``index1:DOP853`` with scipy, and ``baumgarte=20,20:dop853`` with Baumgarte's alpha and beta in 1/s.
 """
 
 from collections.abc import Iterable
@@ -17,23 +17,23 @@ from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_of
 from ..solution.solution import Problem
 
-NEUTRAL = "pherk6"  # stands for any half-explicit method
+NEUTRAL = "pherk6"  # represents any half-explicit method
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A method in a formulation, see above.
+    """A method in a formulation, see the module.
 
     Attributes:
-        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``; a tableau of the user's.
+        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``; a custom tableau.
         formulation: ``"index2"``, ``"ggl"`` or ``"index1"``, as in `mbdae.solve`.
-        project: bring the state back after each step.
+        project: project the state after each step.
         baumgarte: alpha and beta in 1/s.
 
     Raises:
-        InputError: for a method and a formulation that do not belong together.
-        UnknownNameError: for a method that does not exist.
+        InputError: for an invalid combination of method and formulation.
+        UnknownNameError: for an unknown method.
     """
 
     method: Any
@@ -44,15 +44,15 @@ class Variant:
     def __post_init__(self) -> None:
         found = find(self.formulation, self.method)
         if isinstance(found, Tableau) and METHODS.get(found.name) is not found:
-            object.__setattr__(self, "method", found)  # a tableau, or what its file holds
+            object.__setattr__(self, "method", found)  # a tableau, or the contents of its file
 
     @classmethod
     def parse(cls, text: str) -> "Variant":
         """Read ``method`` or ``formulation:method``.
 
         Raises:
-            UnknownNameError: for a formulation or method that does not exist.
-            InputError: for numbers that are not.
+            UnknownNameError: for an unknown formulation or method.
+            InputError: for invalid numbers.
         """
         prefix, _, method = text.rpartition(":")
         if prefix in ("", "index2"):
@@ -67,7 +67,7 @@ class Variant:
 
     @property
     def prefix(self) -> str:
-        """The formulation as it is written before the colon; empty for index 2."""
+        """The formulation as written before the colon; empty for index 2."""
         if self.baumgarte:
             return f"baumgarte={self.baumgarte[0]:g},{self.baumgarte[1]:g}"
         return "project" if self.project else self.formulation.removeprefix("index2")
@@ -81,17 +81,17 @@ class Variant:
         return f"{self.prefix}:{self.name}" if self.prefix else self.name
 
     def arguments(self) -> dict[str, Any]:
-        """The arguments of `mbdae.solve` that it stands for."""
+        """The corresponding arguments of `mbdae.solve`."""
         rest = {"project": self.project, "baumgarte": self.baumgarte}
         return {"method": self.method, "formulation": self.formulation, **rest}
 
 
 def variants(methods: str | Iterable[str | Variant], formulations: str | Iterable[str] | None = None) -> list[Variant]:
-    """Read a list of methods, or one name; those without a formulation of their own take each of ``formulations``.
+    """Return variants from a list of methods, or one name; those without a formulation take each of ``formulations``.
 
     Raises:
-        InputError: for an empty list, or as `Variant`.
-        UnknownNameError: for a formulation or a method that does not exist.
+        InputError: for an empty list, or as for `Variant`.
+        UnknownNameError: for an unknown formulation or method.
     """
     out: list[Variant] = []
     before = as_list(formulations or "index2", "formulations is a list of names")
@@ -110,10 +110,10 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
 
 
 def default(problem: Problem, **given: Any) -> Variant:
-    """The variant that `mbdae.solve` takes with these settings: with none, that of ``mbdae run MODEL``.
+    """The variant that `mbdae.solve` takes with these settings: with none, that of ``mbdae solve MODEL``.
 
     Raises:
-        InputError, UnknownNameError: as `mbdae.solve`.
+        InputError, UnknownNameError: as for `mbdae.solve`.
     """
     c = completed(problem, given)
     tableau = find(c["formulation"], c["method"])
@@ -121,9 +121,9 @@ def default(problem: Problem, **given: Any) -> Variant:
 
 
 def usual(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
-    """What studies take where no method is named: the default with these settings, then those of a list.
+    """Return the default variants of a study: the default with these settings, then those of a list.
 
-    Left out are formulations that the problem does not have: textbook problems, stops, and what sticks have index 2.
+    Formulations that the problem does not support are omitted: textbook problems, stops and stiction require index 2.
     """
     every = isinstance(problem, Mechanism) and not problem.switches
     rest = (v for v in variants(names) if every or v.formulation == "index2")
@@ -131,7 +131,7 @@ def usual(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]
 
 
 def of(settings: dict[str, Any]) -> Variant:
-    """The variant that a solution was computed with, from its settings."""
+    """Return the variant of a solution, from its settings."""
     pair = settings.get("baumgarte")
     rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
     method = method_of(settings) if "tableau" in settings else settings["method"]

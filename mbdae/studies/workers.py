@@ -1,4 +1,4 @@
-"""Workers that make the runs of a study: threads, processes, or any executor of concurrent.futures."""
+"""Workers for the runs of a study: threads, processes, or any executor of concurrent.futures."""
 
 import os
 import pickle
@@ -17,31 +17,31 @@ from .. import backend
 from ..errors import InputError, MbdaeError, UnknownNameError
 
 KINDS = ("threads", "processes")
-AHEAD = 2  # runs under way for each worker, so that none waits for the next
+AHEAD = 2  # queued runs per worker, so that none is idle
 MOST = 10_000  # workers
-OTHER = 64  # workers of an executor that does not say how many it has
+OTHER = 64  # workers of an executor that does not report its number
 Stop = Callable[[], bool]
-Function = Callable[..., Any]  # (job, task, stop) -> result; stop is left out where it cannot be reached
-_here: dict[str, Any] = {}  # of a worker process: the function, what all runs share, and the flag that stops them
+Function = Callable[..., Any]  # (job, task, stop) -> result; stop is omitted where it is not available
+_here: dict[str, Any] = {}  # of a worker process: the function, the shared job, and the stop flag
 
 
 class Pool(NamedTuple):
-    """Makes runs.
+    """Interface for submitting runs.
 
     Attributes:
-        submit: gives a run away, and returns its future.
-        bound: how many may be under way.
+        submit: submits a run, and returns its future.
+        bound: largest number of submitted runs.
     """
 
     submit: Callable[[Any], Future]
     bound: int
 
     def work(self, tasks: Iterable[Any], keep: Callable[[Any, Any], None]) -> None:
-        """Make runs, a bounded number under way, and call ``keep(task, result)`` as they finish.
+        """Submit runs, a bounded number at a time, and call ``keep(task, result)`` as they finish.
 
         Raises:
-            KeyboardInterrupt: after Ctrl-C, when those that are finished are kept.
-            MbdaeError: when a run does not come back.
+            KeyboardInterrupt: after Ctrl-C, when finished results have been kept.
+            MbdaeError: if a run is lost.
         """
         waiting, under_way, finished = iter(tasks), dict[Future, Any](), SimpleQueue[Future]()
         try:
@@ -76,22 +76,22 @@ def _result(future: Future, task: Any) -> Any:
 def pool(
     executor: str | Executor | None, workers: int | None, function: Function, job: Any, instead: str
 ) -> Iterator[Pool]:
-    """Give a pool of workers; an executor of the user is left open.
+    """Yield a pool of workers; a user's executor is not shut down.
 
-    When the block is left by an exception, Ctrl-C among them, the runs under way give up at the end of their steps.
+    If the block ends by an exception, including Ctrl-C, running tasks stop at the end of their steps.
 
     Args:
         executor: ``"threads"``, ``"processes"``, or an executor; None for threads with the compiled core, which
-            computes without holding up other threads, and processes without it.
-        workers: how many; one for each processor when left out. An executor of the user has its own: it gets so many
-            runs at a time, twice.
-        function: makes a run, ``function(job, task, stop)``; gives up when ``stop()`` says so.
-        job: what the runs share; a process gets it once.
-        instead: the arguments that do without other processes, for a message.
+            releases the GIL, and processes without it.
+        workers: number of workers; one per processor when left out. For a user's executor: half the number of runs
+            submitted at a time.
+        function: makes a run, ``function(job, task, stop)``; stops when ``stop()`` is true.
+        job: data shared by all runs; sent to each process once.
+        instead: the arguments that avoid processes, for a message.
 
     Raises:
-        UnknownNameError: for another kind.
-        InputError: for a number of workers below 1 or above `MOST`, or what cannot be sent to another process.
+        UnknownNameError: for an unknown executor name.
+        InputError: for a number of workers below 1 or above `MOST`, or a job that cannot be sent to another process.
     """
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST):
         raise InputError(f"workers is a number of at least 1 and at most {MOST}, got {workers!r}")
@@ -128,7 +128,7 @@ def default() -> str:
 
 @contextmanager
 def _left(executor: Any, flag: Any) -> Iterator[Any]:
-    """An executor that is shut down; when the block is left by an exception its runs give up first."""
+    """Yield an executor and shut it down; if the block ends by an exception, its runs are stopped first."""
     try:
         yield executor
     except BaseException:
@@ -139,8 +139,8 @@ def _left(executor: Any, flag: Any) -> Iterator[Any]:
 
 
 def _deaf(processes: ProcessPoolExecutor, task: Any) -> Future:
-    """Give a run to worker processes; one that begins with it is born deaf to Ctrl-C: the parent sets the flag."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a child inherits what is blocked
+    """Submit a run to worker processes; a process started by it ignores Ctrl-C: the parent sets the flag."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by child processes
     try:
         return processes.submit(_run_here, task)
     finally:
@@ -152,15 +152,15 @@ def _processors() -> int:
 
 
 def _prepare(sent: bytes, event: Any) -> None:
-    """Begin as a worker process: what it computes is imported only when it knows how to end."""
+    """Initialise a worker process: imports happen after the exit handling is set up."""
     _leave_with_parent()
-    warnings.filterwarnings("ignore", backend.SLOW)  # said once, by the parent
+    warnings.filterwarnings("ignore", backend.SLOW)  # issued once, by the parent
     function, job = pickle.loads(sent)
     _here.update(function=function, job=job, stop=event.is_set)
 
 
 def _leave_with_parent() -> None:
-    """End this worker when the process that started it is gone, however that ended: nobody wants its results."""
+    """End this worker when its parent process has ended, for whatever reason, since nobody needs its results."""
     parent = parent_process()
     if parent is None:
         return

@@ -1,1 +1,1 @@
-"""Problems y' = f(t, y, z), 0 = g(t, y) of textbooks, on which methods are proven."""
+"""Textbook problems y' = f(t, y, z), 0 = g(t, y), used to verify methods."""

@@ -1,4 +1,4 @@
-"""Textbook problems: index-2 equations in Hessenberg form given by two functions."""
+"""Textbook problems: index-2 equations in Hessenberg form, defined by two functions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .implicit import HessenbergStages
 
 Function = Callable[..., Array]
 REMEMBERED = 8
-START = 1e-6  # of 1 + |y|: what 0 = g may leave open at the start
+START = 1e-6  # of 1 + |y|: largest violation of 0 = g at the start
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Hessenberg:
         g_t: g_t(t, y) -> (nz,); finite differences when left out.
         f_y: f_y(t, y, z) -> (ny, ny), for implicit methods; finite differences when left out.
         title: a name for tables.
-        exact: t -> (y, z), the solution where it is known; order studies compare with it.
-        name: of one in `mbdae.textbook.problems`, by which its runs are saved.
+        exact: t -> (y, z), the solution if known; order studies compare with it.
+        name: of one in `mbdae.textbook.problems`, under which its runs are saved.
         duration: default end time of a run in s.
 
     Raises:
@@ -53,10 +53,10 @@ class Hessenberg:
     drivers: ClassVar[tuple[()]] = ()
 
     def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> "HessenbergSystem":
-        """Bind the problem to a workspace of its own.
+        """Bind the problem to a new workspace.
 
         Raises:
-            InputError: for a formulation other than ``"index2"``: the others belong to mechanisms.
+            InputError: for a formulation other than ``"index2"``: the others need mechanisms.
         """
         if formulation != "index2" or baumgarte is not None:
             raise InputError(f"a textbook problem has the formulation 'index2' only, got {formulation!r}")
@@ -65,7 +65,7 @@ class Hessenberg:
     def point(
         self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = 0.0
     ) -> Array:
-        """Return the start y0 at time t, (ny,); ``gap`` belongs to closures of mechanisms.
+        """Return the start y0 at time t, (ny,); ``gap`` applies to closures of mechanisms only.
 
         Raises:
             InputError: if q, v or s is given, or 0 = g(t, y0) does not hold.
@@ -80,7 +80,7 @@ class Hessenberg:
 
 
 class HessenbergSystem(System):
-    """`mbdae.system.System` of a textbook problem; stages are solved by Newton's method for z."""
+    """`mbdae.system.System` of a textbook problem; stages are solved for z by Newton's method."""
 
     def __init__(self, problem: Hessenberg) -> None:
         self.problem = problem
@@ -103,11 +103,11 @@ class HessenbergSystem(System):
         return HessenbergChart(self, t, y, self.near(y))
 
     def near(self, y: Array) -> Array:
-        """Return z found before at y, or else the last one found: a rejected step must not choose the root."""
+        """Return z computed before at y, or else the last one: a rejected step must not select the root."""
         return self._roots.get(y.tobytes(), next(reversed(self._roots.values())))
 
     def remember(self, y: Array, z: Array) -> None:
-        """Keep z at y, and at a few points before it."""
+        """Store z at y, and keep it at a few points before."""
         self._roots.pop(y.tobytes(), None)
         self._roots[y.tobytes()] = z
         if len(self._roots) > REMEMBERED:
@@ -134,7 +134,7 @@ class HessenbergSystem(System):
         return y1 - y0
 
     def hold(self, rows: tuple[int, ...]) -> None:
-        """All constraints are solved for."""
+        """Always solves for all constraints."""
 
     def size(self, y: Array) -> Array:  # noqa: D102
         return np.abs(y)
@@ -145,7 +145,7 @@ class HessenbergSystem(System):
     def interpolant(
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
     ) -> Callable[[float], Array]:
-        """Cubic Hermite interpolation, order 3, refined by collocation of y' for higher orders."""
+        """Return cubic Hermite interpolation, order 3, refined by collocation of y' for higher orders."""
 
         def rate(theta: float, c: Array) -> Array:
             return h * self.derivative(t + theta * h, powers(theta, len(c) - 1) @ c)[0]
@@ -154,7 +154,7 @@ class HessenbergSystem(System):
         return lambda theta: powers(theta, len(c) - 1) @ c
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
-        """Norm of (g_y f_z)^-1: the change of z per unit residual of g_y y'."""
+        """Return the norm of (g_y f_z)^-1: the change of z per unit residual of g_y y'."""
         return float(np.linalg.norm(np.linalg.inv(self.g_y(t, y) @ self.f_z(t, y, z)), 2))
 
     def f(self, t: float, y: Array, z: Array) -> Array:
@@ -166,7 +166,7 @@ class HessenbergSystem(System):
         return F
 
     def solve(self, t: float, y: Array, residual: Function, slope: Function, factor: float, start: Array) -> Array:
-        """Newton's method for z in 0 = residual(f(t, y, z)), d residual/dF = slope, from a start to rounding."""
+        """Solve 0 = residual(f(t, y, z)) for z by Newton's method, d residual/dF = slope, from a start to rounding."""
         z, last = start.copy(), np.inf
         for _ in range(30):
             F = self.f(t, y, z)
@@ -196,7 +196,7 @@ class HessenbergSystem(System):
         return _jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
 
     def hidden(self, t: float, y: Array, z: Array) -> Array:
-        """Evaluate what is left of the hidden constraint, g_t + g_y f(t, y, z), (nz,)."""
+        """Evaluate the residual of the hidden constraint, g_t + g_y f(t, y, z), (nz,)."""
         return self.g_t(t, y) + self.g_y(t, y) @ self.f(t, y, z)
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
@@ -209,7 +209,7 @@ class HessenbergSystem(System):
 
 
 class HessenbergChart(HessenbergStages):
-    """A step of a textbook problem; coordinates are x = y - y_n."""
+    """Step of a textbook problem; coordinates are x = y - y_n."""
 
     def __init__(self, system: HessenbergSystem, t: float, y: Array, z: Array) -> None:
         self.system, self.t, self.y, self.z = system, t, y, z
@@ -246,7 +246,7 @@ class HessenbergChart(HessenbergStages):
 
 
 def _jacobian(function: Function, u: Array) -> Array:
-    """Central differences of order four, (m, n)."""
+    """Return central differences of order four, (m, n)."""
     columns = []
     for i in range(len(u)):
         d = np.zeros(len(u))

@@ -1,4 +1,4 @@
-"""What implicit methods need of a textbook problem."""
+"""Implicit stages of a textbook problem."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class HessenbergStages:
-    """The part of a textbook problem's chart that serves implicit methods; E is the identity."""
+    """Implicit stages of a step of a textbook problem; E is the identity."""
 
     system: "HessenbergSystem"
     t: float
@@ -31,7 +31,7 @@ class HessenbergStages:
         return LinearizedHessenberg(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y, and z after one iteration more, of x' = f(t, y, z) alone with f_z of the end."""
+        """Return y, and z after one more iteration, of x' = f(t, y, z) alone with f_z at the end."""
         s, y = self.system, self.y + x
         z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
         self.system.remember(y, z)
@@ -39,7 +39,7 @@ class HessenbergStages:
 
 
 class LinearizedHessenberg(NamedTuple):
-    """Slopes f_y (ny, ny), f_z (ny, nz) and g_y (nz, ny) at a point: `mbdae.system.Linearization`."""
+    """Partial derivatives f_y (ny, ny), f_z (ny, nz) and g_y (nz, ny) at a point: `mbdae.system.Linearization`."""
 
     f_y: Array
     f_z: Array

@@ -10,7 +10,7 @@ PLACE, SPEED = (0.6, 0.0), (0.0, 0.5)  # of the ball's centre, in m and m/s
 
 
 def mechanism(rate: float = 3.0, tilt: Annotated[float, Field(ge=-1.5, le=1.5)] = 0.0) -> dict:
-    """Return the tables, for a table at so many rad/s, tilted by an angle in rad: down along x."""
+    """Return the tables, for a turntable rate in rad/s, tilted by an angle in rad: down along x."""
     x, y = PLACE
     u, v = SPEED
     spin = [(rate * x - v) / RADIUS, (rate * y + u) / RADIUS, 0.0]

@@ -14,7 +14,7 @@ FRONT = {"radius": 0.35, "mass": 3.0, "across": 0.1405, "along": 0.28}
 FRAME = {"mass": 85.0, "at": (0.3, 0.9), "inertia": [9.2, 11.0, 2.8, 0.0, -2.4, 0.0]}
 FORK = {"mass": 4.0, "at": (0.9, 0.7), "inertia": [0.05892, 0.06, 0.00708, 0.0, 0.00756, 0.0]}
 STEER_AXIS = [-sin(TILT), 0.0, cos(TILT)]  # it meets the ground the trail ahead of the front wheel's contact
-HEAD = (WHEELBASE + TRAIL - 0.8 * sin(TILT) / cos(TILT), 0.8)  # where the fork turns: x and z of a point on the axis
+HEAD = (WHEELBASE + TRAIL - 0.8 * sin(TILT) / cos(TILT), 0.8)  # x and z of a point on the steer axis
 
 
 def mechanism(speed: Annotated[float, Field(ge=-50, le=50)] = 5.0) -> dict:
@@ -48,12 +48,12 @@ def mechanism(speed: Annotated[float, Field(ge=-50, le=50)] = 5.0) -> dict:
 
 
 def between(a: tuple, b: tuple) -> list:
-    """The way from one point (x, z) to another."""
+    """The vector from one point (x, z) to another."""
     return [b[0] - a[0], 0.0, b[1] - a[1]]
 
 
 def body(part: dict, origin: tuple) -> dict:
-    """Mass, centre of mass and inertia of a part in axes at an origin (x, z)."""
+    """Mass, centre of mass and inertia of a body in axes at an origin (x, z)."""
     return {"mass": part["mass"], "com": between(origin, part["at"]), "inertia": part["inertia"]}
 
 

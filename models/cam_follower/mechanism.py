@@ -1,4 +1,4 @@
-"""An eccentric disc lifts a follower, with a roller, with a flat face, or by the law of its motion."""
+"""An eccentric disc lifts a follower, with a roller, with a flat face, or by a motion law."""
 
 from math import pi, sqrt
 from typing import Literal

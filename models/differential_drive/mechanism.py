@@ -1,6 +1,6 @@
 """A robot on two driven wheels pulls a trailer."""
 
-TRACK, RADIUS, HITCH, LENGTH = 0.4, 0.1, 0.2, 1.5  # m; the trailer's axle is so far behind its hitch
+TRACK, RADIUS, HITCH, LENGTH = 0.4, 0.1, 0.2, 1.5  # m; the distance of the trailer's axle behind the hitch
 
 
 def wheel(name: str, y: float) -> dict:
@@ -12,7 +12,7 @@ def wheel(name: str, y: float) -> dict:
 
 
 def mechanism(left: float = 6.0, right: float = 9.0, angle: float = 0.0) -> dict:
-    """Return the tables, for wheels at so many rad/s and a hitch that starts at an angle in rad."""
+    """Return the tables, for wheel speeds in rad/s and an initial hitch angle in rad."""
     speeds = {"left_wheel": left, "right_wheel": right}
     return {
         "title": "Differential drive with trailer",

@@ -34,7 +34,7 @@ def mechanism(legs: Annotated[int, Field(ge=1, le=8)] = 8) -> dict:
 
 
 def leg(n: int, phase: float) -> dict:
-    """Bodies, frames and closures of leg n, whose crank pin stands at the angle ``phase`` at the start."""
+    """Bodies, frames and closures of leg n, whose crank pin is at the angle ``phase`` at the start."""
     side, y = (1.0 if n % 2 == 0 else -1.0), SPACING * n
     a, b, c, d, e, f, g, h, i, j, k, drop, m = (CM * x for x in HOLY.values())
     hip = (-side * a, -drop)
@@ -98,7 +98,7 @@ def leg(n: int, phase: float) -> dict:
 
 
 def meet(a: Point, r: float, b: Point, s: float, prefer) -> Point:
-    """The point at distances r from a and s from b; of the two, the one that ``prefer`` puts higher."""
+    """The point at distances r from a and s from b; of the two, the one preferred by ``prefer``."""
     d, phi = distance(a, b), angle(a, b)
     turn = acos((r * r + d * d - s * s) / (2 * r * d))
     return max(((a[0] + r * cos(phi + t), a[1] + r * sin(phi + t)) for t in (turn, -turn)), key=prefer)
@@ -115,7 +115,7 @@ def angle(a: Point, b: Point) -> float:
 
 
 def turned(a: Point, b: Point, phi: float) -> Point:
-    """B seen from a, in axes that are turned by phi."""
+    """The vector from a to b, in axes rotated by phi."""
     r, psi = distance(a, b), angle(a, b) - phi
     return r * cos(psi), r * sin(psi)
 

@@ -1,15 +1,15 @@
-"""A platform on four mecanum wheels, whose rollers stand at 45 degrees: it drives ahead, sideways, and turns."""
+"""A platform on four mecanum wheels, whose rollers are at 45 degrees: it drives ahead, sideways, and turns."""
 
 from math import pi
 
-RADIUS, LENGTH, WIDTH = 0.05, 0.2, 0.15  # m; the wheels stand at (+-LENGTH, +-WIDTH)
+RADIUS, LENGTH, WIDTH = 0.05, 0.2, 0.15  # m; the wheels are at (+-LENGTH, +-WIDTH)
 WHEELS = {"front_left": (1, 1), "front_right": (1, -1), "rear_left": (-1, 1), "rear_right": (-1, -1)}
 
 
 def mechanism(ahead: float = 0.3, left: float = 0.2, turn: float = 0.4) -> dict:
-    """Return the tables for a platform that is driven at velocities in m/s and rad/s, in its own axes.
+    """Return the tables for a platform that is driven at velocities in m/s and rad/s, in its axes.
 
-    A roller at an angle c to the wheel's heading grips along it: 0 = (v_x - w y - r w_i) cos c + (v_y + w x) sin c.
+    No slip along a roller at an angle c to the wheel's heading: 0 = (v_x - w y - r w_i) cos c + (v_y + w x) sin c.
     """
     bodies, closures, speeds = [], [], {}
     for name, (i, j) in WHEELS.items():

@@ -1,4 +1,4 @@
-"""A planetary gear: a sun, planets on a carrier, and a ring that stands still."""
+"""A planetary gear: a sun, planets on a carrier, and a fixed ring."""
 
 from math import cos, pi, sin
 from typing import Annotated

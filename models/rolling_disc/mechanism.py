@@ -21,7 +21,8 @@ def mechanism(
         inclination: angle in rad between disc and ground; pi/2 is upright.
         precession: rate of the heading, rad/s, to the left.
         nod: rate of the inclination, rad/s.
-        spin: turn of the disc about its axle, that of the heading included, rad/s; of the steady circle when left out.
+        spin: rotation rate of the disc about its axle, including that of the heading, rad/s; by default of the steady
+            circle.
     """
     n = steady(inclination, precession) if spin is None else spin
     massless = {"mass": 0.0}
@@ -30,7 +31,7 @@ def mechanism(
         "gravity": [0.0, 0.0, -GRAVITY],
         "duration": 5.0,
         "order": {
-            "T": 2.0, "steps": 10, "q": {"lean": pi / 2 - 1.0},  # it nods: the steady circle is no test of methods
+            "T": 2.0, "steps": 10, "q": {"lean": pi / 2 - 1.0},  # nodding: a steady circle tests no method
             "v": {"heading": 2.0, "lean": -0.5, "disc": -6.0 - 2.0 * cos(1.0)},
         },
         "body": [

@@ -9,7 +9,7 @@ Spin = Annotated[float, Field(ge=-1000, le=1000)]
 
 
 def mechanism(spin: Spin = 150.0) -> dict:
-    """Return the tables of the top of `heavy_top`, asleep at ``spin`` rad/s about its axis."""
+    """Return the tables of the top of `heavy_top`, upright with ``spin`` rad/s about its axis."""
     upright = [0.0, 0.0, 1.0, sqrt(0.5), 0.0, 0.0, sqrt(0.5)]
     return {
         "title": f"Sleeping top at {spin:g} rad/s",

@@ -1,4 +1,4 @@
-"""A crank that turns across the rail of its slider: one degree of freedom, a rod that moves in space."""
+"""A crank that turns across the rail of its slider: one degree of freedom, a rod with spatial motion."""
 
 from math import asin, atan
 from typing import Annotated
@@ -7,7 +7,7 @@ from pydantic import Field
 
 
 def mechanism(centre: Annotated[float, Field(ge=0, le=0.08)] = 0.04) -> dict:
-    """Return the tables, with the crank's centre of mass so many metres from its axle: 0.04 is its middle."""
+    """Return the tables, with the distance of the crank's centre of mass from its axle in m: 0.04 is its middle."""
     return {
         "title": "Spatial slider-crank",
         "gravity": [0.0, 0.0, -9.81],

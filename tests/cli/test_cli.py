@@ -21,20 +21,23 @@ PIN = 'title = "t"\n[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ncom = [0
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["run", "nosuch"], 2, ["unknown model 'nosuch'", "four_bar", "slider_crank"]),
-        (["run", "four_bar", "-m", "herk9"], 2, ["unknown method 'herk9'", "pherk5"]),
-        (["run", "four_bar", "--step", "-1"], 2, ["step must be a positive number, got -1.0"]),
-        (["run", "four_bar", "--rtol", "0"], 2, ["rtol = 0.0 cannot be met"]),
-        (["run", "four_bar", "--rtol", "nan"], 2, ["rtol = nan"]),
-        (["run", "four_bar", "--until", "q.crunk = 1"], 2, ["unknown signal 'q.crunk' (did you mean 'q.crank'?)"]),
-        (["run", "four_bar", "-t", "-1"], 2, ["end time must be positive"]),
-        (["run", "four_bar", "-o", "run.txt"], 2, ["run.txt", ".npz"]),
-        (["run", "four_bar", "-o", "nowhere/run.npz"], 2, ["nowhere", "no such folder"]),
+        (["solve", "nosuch"], 2, ["unknown model 'nosuch'", "four_bar", "slider_crank"]),
+        (["solve", "four_bar", "-m", "herk9"], 2, ["unknown method 'herk9'", "pherk5"]),
+        (["solve", "four_bar", "--step", "-1"], 2, ["step must be a positive number, got -1.0"]),
+        (["solve", "four_bar", "--rtol", "0"], 2, ["rtol = 0.0 cannot be met"]),
+        (["solve", "four_bar", "--rtol", "nan"], 2, ["rtol = nan"]),
+        (["solve", "four_bar", "--until", "q.crunk = 1"], 2, ["unknown signal 'q.crunk' (did you mean 'q.crank'?)"]),
+        (["solve", "four_bar", "-t", "-1"], 2, ["end time must be positive"]),
+        (["solve", "four_bar", "-t", "1,x"], 2, ["expected an end in s, or start,end", "1,x"]),
+        (["solve", "four_bar", "-t", "1,1"], 2, ["t_span must be finite and not empty"]),
+        (["equilibria", "four_bar", "--drive", "crank", "--to", "1"], 2, ["both --from and --to"]),
+        (["solve", "four_bar", "-o", "run.txt"], 2, ["run.txt", ".npz"]),
+        (["solve", "four_bar", "-o", "nowhere/run.npz"], 2, ["nowhere", "no such folder"]),
         (["order", "four_bar", "-m", "rk5"], 2, ["unknown method 'rk5'"]),
         (["order", "four_bar", "--steps", "7"], 2, ["at least 10", "steps = 7"]),
         (["drift", "missing.npz"], 2, ["no such file: missing.npz"]),
         (["animate", "missing.npz", "-o", "a.html"], 2, ["no such file: missing.npz"]),
-        (["run", "--nosuch"], 2, ["--nosuch"]),
+        (["solve", "--nosuch"], 2, ["--nosuch"]),
         (["nosuch"], 2, ["nosuch"]),
     ],
 )
@@ -51,7 +54,7 @@ def test_the_program_is_a_program(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=300)
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout)
-    done = subprocess.run([*command[:3], "run", "nosuch"], capture_output=True, text=True, cwd=tmp_path, timeout=300)
+    done = subprocess.run([*command[:3], "solve", "nosuch"], capture_output=True, text=True, cwd=tmp_path, timeout=300)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("mbdae: unknown model 'nosuch'")
     assert done.stderr.count("\n") == 1
@@ -76,7 +79,7 @@ def test_the_program_is_a_program(tmp_path):
 )  # fmt: skip
 def test_wrong_files_are_one_line(text, code, words, tmp_path):
     (tmp_path / "m.toml").write_text(text)
-    returned, out, err = call("run", "m.toml", "-t", "0.1", cwd=tmp_path)
+    returned, out, err = call("solve", "m.toml", "-t", "0.1", cwd=tmp_path)
     assert returned == code, (out, err)
     assert err.count("\n") == 1, err
     for word in words:
@@ -84,7 +87,7 @@ def test_wrong_files_are_one_line(text, code, words, tmp_path):
 
 
 def test_what_is_said_is_one_line(capsys):
-    """Warnings, and what is said of a run, may hold names from files; those of errors are cleaned by the errors."""
+    """Warnings and run messages may contain names from files; those of errors are cleaned by the errors."""
     mbdae.__main__._say("warning: 'a\nb', and\x1b[31m red")
     assert capsys.readouterr().err == "mbdae: warning: 'a b', and\\x1b[31m red\n"
 
@@ -94,10 +97,11 @@ EVERY = (
     "methods",
     "methods --check herk3",
     "info four_bar",
-    "run four_bar -t 0.5 -o run.npz",
+    "solve four_bar -t 0.5 -o run.npz",
     "drift run.npz",
     "drift run.npz run.npz",
     "order hessenberg_a -m herk1",
+    "check-gradients pendulum -m herk2 -t 0.2 --steps 10",
     "compare pendulum -t 0.1 -m pherk5,herk3 --rtol 1e-3 --repeats 1",
     "report pendulum -t 0.2 -m ggl:herk3 --rtol 1e-4 --repeats 1 -o report.html",
     "animate run.npz -o run.html",
@@ -109,7 +113,7 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
     every = [*EVERY, *found()]
     assert {arguments.split()[0] for arguments in every} == set(cli.commands)
     (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
-    monkeypatch.setenv("FORCE_COLOR", "1")  # as machines that run tests set it
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as on machines that run tests
     for arguments in every:
         for more in ([], ["--json"]):
             code, out, err = call(*arguments.split(), *more, cwd=tmp_path)
@@ -143,7 +147,7 @@ def test_no_option_of_drift_is_passed_over(arguments, words):
 
 
 def test_events_of_a_run(tmp_path):
-    arguments = ("run", "slider_crank", "-t", "2", "--event", "v.slider", "--until", "q.crank > 4")
+    arguments = ("solve", "slider_crank", "-t", "2", "--event", "v.slider", "--until", "q.crank > 4")
     code, out, err = call(*arguments, cwd=tmp_path)
     assert (code, err) == (0, "")
     data = json.loads(call(*arguments, "--json", cwd=tmp_path)[1])
@@ -182,7 +186,7 @@ mbdae.__main__.main()
 
 
 def test_a_stopped_run_is_written(tmp_path):
-    arguments = ["run", "four_bar", "-t", "100000", "-o", "run.npz", "--html", "run.html"]
+    arguments = ["solve", "four_bar", "-t", "100000", "-o", "run.npz", "--html", "run.html"]
     process = subprocess.Popen(
         [sys.executable, "-c", TELLING, *arguments], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
@@ -201,7 +205,7 @@ def test_a_stopped_run_is_written(tmp_path):
     ("module", "arguments"),
     [
         *((name, "models") for name in ("pinocchio", "scipy", "click")),
-        ("matplotlib", "run pendulum -t 0.1 --plot a.png"),
+        ("matplotlib", "solve pendulum -t 0.1 --plot a.png"),
     ],
 )
 def test_ctrl_c_during_the_imports_is_one_line(module, arguments, tmp_path):
@@ -213,7 +217,7 @@ def test_ctrl_c_during_the_imports_is_one_line(module, arguments, tmp_path):
 
 
 def test_nothing_that_takes_time_comes_before_ctrl_c_is_caught():
-    """Except for what Python imports before it comes to mbdae."""
+    """Except for the modules that Python imports before mbdae."""
     program = """
 import signal, sys
 sys.orig_argv = ["python", "-m", "mbdae"]
@@ -247,7 +251,7 @@ def test_a_damaged_tableau_is_refuted(monkeypatch):
     from mbdae import METHODS
 
     rows = [list(r) for r in METHODS["herk3"].A]
-    rows[2][0], rows[2][1] = "-9/10", "19/10"  # the nodes stay, the order does not
+    rows[2][0], rows[2][1] = "-9/10", "19/10"  # the nodes are unchanged, the order is not
     monkeypatch.setitem(METHODS, "herk3", replace(METHODS["herk3"], A=tuple(tuple(r) for r in rows)))
     code, out, _ = call("order", "four_bar", "-m", "herk3")
     assert code == 1

@@ -1,4 +1,4 @@
-"""Options of all commands that take a model: where it starts, its parameters; and the replay that a run writes."""
+"""Options of all commands that take a model: its start, its parameters; and the replay of a run."""
 
 import json
 
@@ -16,14 +16,14 @@ def test_models_start_and_are_made_as_the_command_line_says(tmp_path):
     found = json.loads(out.output)
     assert (found["nq"], found["v"][0]) == (7, 0.5)
     path = tmp_path / "run.npz"
-    run(cli, ["run", "four_bar", "-t", "0.01", "--start", "q.crank=0.9", "-o", str(path)])
+    run(cli, ["solve", "four_bar", "-t", "0.01", "--start", "q.crank=0.9", "-o", str(path)])
     assert mbdae.Solution.load(path).q[0, 0] == pytest.approx(0.9)
     out = run(cli, ["kinematics", "four_bar", "--start", "q.crank=1.3", "--drive", "crank", "--points", "5", "--json"])
     assert json.loads(out.output)["table"]["u"][0] == pytest.approx(1.3)
     for words, said in (
         (["info", "n_four_bar", "--set", "M=3"], "unknown parameter of n_four_bar 'M'"),
         (["info", "four_bar", "--start", "q.crnk=1"], "unknown joint 'crnk'"),
-        (["run", "four_bar", "--start", "x.crank=1"], "unknown entry of start 'x'"),
+        (["solve", "four_bar", "--start", "x.crank=1"], "unknown entry of start 'x'"),
         (["drift", "four_bar", "--set", "N"], "--set takes name=value"),
     ):
         assert said in str(run(cli, words).exception), words
@@ -34,10 +34,10 @@ def test_a_run_writes_the_replay_that_it_is_asked_for(tmp_path, monkeypatch):
     monkeypatch.setattr(replay, "animate", lambda sol, path, **options: asked.append((path, options)))
     words = ["--trace", "coupler_tip", "--arrows", "--plots", "q.crank,q.rocker", "--speed", "0.5"]
     files = [str(tmp_path / "run.html"), str(tmp_path / "run.mp4")]
-    out = CliRunner().invoke(cli, ["run", "four_bar", "-t", "0.1", "--html", files[0], "--video", files[1], *words])
+    out = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "0.1", "--html", files[0], "--video", files[1], *words])
     assert out.exit_code == 0, out.output
     options = {"speed": 0.5, "plots": [("q.crank", "q.rocker")], "traces": ("coupler_tip",), "arrows": True}
     options |= {"camera": None, "follow": None, "closures": False}
     assert asked == [(path, options) for path in files]
-    out = CliRunner().invoke(cli, ["run", "four_bar", "-t", "0.1", "--arrows"])
+    out = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "0.1", "--arrows"])
     assert "belong to a replay" in str(out.exception)

@@ -1,4 +1,4 @@
-"""Bad input is refused in one line that names the thing and what would be valid."""
+"""Invalid input is rejected in one line that names it and lists valid values."""
 
 import numpy as np
 import pinocchio as pin
@@ -108,7 +108,7 @@ def test_a_start_that_leaves_closures_open(four_bar):
     gap = refused(InputError, lambda: mbdae.solve(four_bar, (0, 1), q + [0.1, 0, 0], v))
     size = np.linalg.norm(four_bar.residual(q + [0.1, 0, 0], v)[0])
     assert f"{size:.3g}" in str(gap)
-    again = four_bar.assemble(q + [1e-3, 0, 0], v + [0, 1e-3, 0])  # what the message advises
+    again = four_bar.assemble(q + [1e-3, 0, 0], v + [0, 1e-3, 0])  # the remedy of the message
     assert mbdae.solve(four_bar, (0, 0.1), *again).success
 
 
@@ -200,7 +200,7 @@ def test_a_massless_chain_is_assembled_but_does_not_move():
     assert "joint 'a'" in sol.message
 
 
-@pytest.mark.parametrize("call", [mbdae.drift, mbdae.check_order, mbdae.compare, mbdae.card, mbdae.report])
+@pytest.mark.parametrize("call", [mbdae.drift, mbdae.order, mbdae.compare, mbdae.info, mbdae.report])
 def test_studies_say_what_they_take(call):
     refused(InputError, lambda: call(3), f"{call.__name__} takes a", "got 3")
 
@@ -230,7 +230,7 @@ def test_lists_of_names_say_what_they_take(four_bar):
     refused(UnknownNameError, compare(reference=[four_bar, "radau9"]), "unknown method", "valid: arnold4")
     refused(InputError, compare(rtol=1e-3), "rtol is a list of numbers, got 0.001")
     refused(InputError, compare(rtol=None, steps=10), "steps is a list of whole numbers, got 10")
-    refused(InputError, lambda: mbdae.check_order(four_bar, 3), "methods is a list of names, got 3")  # type: ignore[arg-type]
+    refused(InputError, lambda: mbdae.order(four_bar, 3), "methods is a list of names, got 3")  # type: ignore[arg-type]
     assert [p.method for p in compare(methods="herk3", formulations="ggl")().points] == ["ggl:herk3"]
 
 

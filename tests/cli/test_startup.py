@@ -1,4 +1,4 @@
-"""What stands between a key and an answer: words are completed, versions and help told, without numpy or Pinocchio."""
+"""Startup time: completion, versions and help come without numpy or Pinocchio."""
 
 import os
 import re
@@ -16,7 +16,7 @@ from mbdae.cli import completion
 from mbdae.mechanism.mechanism import SYSTEMS
 from mbdae.methods import EXPLICIT, METHODS
 from mbdae.studies.method_variant import FORMULATIONS
-from mbdae.studies.schema.json_schema import FILES
+from mbdae.studies.schema.schema import FILES
 from mbdae.studies.statics import equilibrium
 from mbdae.textbook.problems import TEXTBOOK
 
@@ -33,7 +33,7 @@ finally:
 
 
 def imported(*arguments, **environment):
-    """What a call of mbdae prints, and the packages that it imports."""
+    """The output of a call of mbdae, and the packages that it imports."""
     command = [sys.executable, "-c", PROGRAM, *arguments]
     done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=60)
     return done.stdout, set(done.stderr.split())
@@ -41,7 +41,7 @@ def imported(*arguments, **environment):
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [(["--version"], mbdae.__version__), (["--help"], "Simulate a model"), (["run", "-h"], "--rtol")],
+    [(["--version"], mbdae.__version__), (["--help"], "Simulate a model"), (["solve", "-h"], "--rtol")],
 )
 def test_help_and_version_import_no_numbers(arguments, word):
     out, packages = imported(*arguments)
@@ -59,10 +59,10 @@ def test_mechanisms_without_curves_import_no_splines():
 @pytest.mark.parametrize(
     ("typed", "words"),
     [
-        ("ru", ["run"]),
-        ("run slid", ["slider_crank"]),
-        ("run --for", ["--formulation"]),
-        ("run --formulation in", ["index1", "index2"]),
+        ("sol", ["solve"]),
+        ("solve slid", ["slider_crank"]),
+        ("solve --for", ["--formulation"]),
+        ("solve --formulation in", ["index1", "index2"]),
         ("order pendulum -m herk", ["herk1", "herk2", "herk3", "herk4", "herk5"]),
         ("drift fek", ["fekete"]),
     ],
@@ -78,34 +78,34 @@ def test_completion_imports_no_numbers(typed, words):
 
 
 def suggested(*words):
-    """Names that the last of some words is completed to; files are left to the shell."""
+    """Completions of the last of some words; files are left to the shell."""
     found = ShellComplete(cli, {}, "mbdae", "_MBDAE_COMPLETE").get_completions(list(words[:-1]), words[-1])
     return [item.value for item in found if item.type == "plain"]
 
 
 def test_every_name_is_completed():
     assert completion.methods() == sorted({*METHODS, *EXPLICIT})
-    assert suggested("run", "-m", "") == suggested("compare", "pendulum", "-m", "") == completion.methods()
+    assert suggested("solve", "-m", "") == suggested("compare", "pendulum", "-m", "") == completion.methods()
     assert suggested("view", "") == mbdae.model_names()
-    assert suggested("info", "") == suggested("run", "")
-    assert suggested("run", "") == suggested("drift", "") == [*mbdae.model_names(), *sorted(TEXTBOOK)]
-    assert set(suggested("run", "--formulation", "")) == set(SYSTEMS)
+    assert suggested("info", "") == suggested("solve", "")
+    assert suggested("solve", "") == suggested("drift", "") == [*mbdae.model_names(), *sorted(TEXTBOOK)]
+    assert set(suggested("solve", "--formulation", "")) == set(SYSTEMS)
     assert set(suggested("compare", "--formulation", "")) < set(FORMULATIONS)
     assert suggested("schema", "") == list(FILES)
-    assert suggested("statics", "pendulum", "--find", "") == list(equilibrium.FIND)
+    assert suggested("equilibrium", "pendulum", "--find", "") == list(equilibrium.FIND)
 
 
-def test_words_in_lists_and_behind_formulations_are_completed():
+def test_words_in_lists_and_after_formulations_are_completed():
     assert suggested("compare", "pendulum", "-m", "herk5,arn") == ["herk5,arnold4"]
     assert suggested("compare", "pendulum", "-m", "ggl:rad") == ["ggl:radau1", "ggl:radau3", "ggl:radau5"]
 
 
 def test_a_model_may_be_a_file():
-    found = ShellComplete(cli, {}, "mbdae", "_MBDAE_COMPLETE").get_completions(["run"], "./mod")
+    found = ShellComplete(cli, {}, "mbdae", "_MBDAE_COMPLETE").get_completions(["solve"], "./mod")
     assert [(item.type, item.value) for item in found] == [("file", "./mod")]
 
 
-@pytest.mark.parametrize(("typed", "word"), [("run four_", "four_bar"), ("order pendulum -m arn", "arnold4")])
+@pytest.mark.parametrize(("typed", "word"), [("solve four_", "four_bar"), ("order pendulum -m arn", "arnold4")])
 def test_bash_itself_completes_names_where_files_may_stand(typed, word, tmp_path):
     bash = shutil.which("bash") or pytest.skip("no bash found")
     program = tmp_path / "mbdae"

@@ -1,4 +1,4 @@
-"""Steps that are walked again have the same bits, and cost little memory."""
+"""Recomputed steps have the same bits, and cost little memory."""
 
 import tracemalloc
 from dataclasses import replace
@@ -18,7 +18,7 @@ def short(monkeypatch):
     monkeypatch.setattr(checkpoints, "SHORT", 5)
 
 
-def test_states_are_found_anew(short):
+def test_states_are_recomputed(short):
     calls = []
 
     def walk(i, j, x):
@@ -28,7 +28,7 @@ def test_states_are_found_anew(short):
     walked = Checkpoints(23, [], walk)
     assert calls == list(range(22))
     assert [walked[i] for i in reversed(range(23))] == [list(range(i)) for i in reversed(range(23))]
-    assert len(calls) == 22 + 20  # the last segment stood already, and each of the others is walked along once more
+    assert len(calls) == 22 + 20  # the last segment was stored, and each of the others is recomputed once
     assert walked.segment(1)[:5] == [list(range(i)) for i in range(5, 10)]
 
 
@@ -40,8 +40,8 @@ def test_states_are_found_anew(short):
         ("bricard", 6.0, {"method": "pherk5", "step": 0.1}),
     ],
 )
-def test_the_same_bits(model, T, options, monkeypatch):
-    """Backwards and in pieces as all at once; Bricard's rows change on the way. A short run has kept them all."""
+def test_recomputed_steps_have_the_same_bits(model, T, options, monkeypatch):
+    """Backwards and in segments as all at once; Bricard's rows change in between. A short run stores all of them."""
     run = mbdae.solve(mbdae.load(model), (0.0, T), **options)
     sol = replace(run, carried=None)
     at_once = Trajectory(sol, bound(sol, [], None)[1])
@@ -67,7 +67,7 @@ def test_long_runs_keep_nothing():
 
 
 def test_memory_of_an_adjoint(short):
-    """It grows by less than the run itself, so that a million steps of the pendulum stay far below 1 GB."""
+    """It grows by less than the run itself, so that a million steps of the pendulum need far less than 1 GB."""
     peaks = []
     for n in (30, 180):
         sol = mbdae.solve(mbdae.load("pendulum"), (0.0, 1e-3 * n), step=1e-3, method="pherk3")

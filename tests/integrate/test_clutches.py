@@ -26,8 +26,8 @@ def wheels(forces=(), joint=pin.JointModelRZ, **more):
 
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("direction", "joint"), [(1, pin.JointModelRZ), (-1, pin.JointModelRUBZ)])
-def test_a_free_wheel_lets_go_and_catches(direction, joint):
-    """The wheel under load T follows A sin wt while that speeds it up more than -T/J; then it runs ahead."""
+def test_a_one_way_clutch_overruns_and_engages(direction, joint):
+    """The wheel under load T follows A sin wt while its acceleration is above -T/J; then it overruns."""
     A, w, T = 10.0, 3.0, 1.5
     drive = Driver(joint="input", speed=Harmonic(amplitude=direction * A, omega=w))
     clutch = Clutch(joints=("wheel", "input"), direction=direction)
@@ -55,7 +55,7 @@ def test_a_clutch_that_closes_on_wheels_at_different_speeds_is_an_impact():
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_ratchet_runs_back_to_its_last_tooth(direction):
-    """J v' + c v = T cos wt: ahead from rest until v = 0, back to the tooth, where it waits for the torque to turn."""
+    """J v' + c v = T cos wt: ahead from rest until v = 0, back to the tooth, at rest until the torque reverses."""
     T, w, c, pitch = 1.0, 3.0, 0.5, 0.1
     push = JointTorque(joint="wheel", torque=Harmonic(amplitude=direction * T, omega=w, phase=np.pi / 2))
     ratchet = Clutch(joint="wheel", direction=direction, pitch=pitch)
@@ -93,7 +93,7 @@ def test_a_file_with_clutches_is_saved_and_loaded(tmp_path):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("swapped", [False, True])
 def test_two_opposed_clutches_lock_both_ways(swapped):
-    """Whatever the load, and however it turns: (J_i + r^2 J_w) v_i' = T sin wt, from momentum kept at the start."""
+    """For any load of any sign: (J_i + r^2 J_w) v_i' = T sin wt, from momentum conserved at the start."""
     T, w, r = 3.0, 40.0, 2.0
     push = JointTorque(joint="input", torque=Harmonic(amplitude=T, omega=w))
     first = Clutch(joints=("wheel", "input"), ratio=r, name="first")
@@ -139,8 +139,8 @@ LAWS = {"sin": lambda t: np.sin(4 * t), "linear": lambda t: 3 * t, "square": lam
 @pytest.mark.parametrize("method", ["pherk6", "radau5"])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_clutch_at_rest_under_a_torque_that_grows_from_nothing(law, sign, method):
-    """It locks or runs free by the first derivative of the torque that is not 0; J x'' = T(t) is integrated twice."""
+def test_a_clutch_at_rest_under_a_torque_that_grows_from_zero(law, sign, method):
+    """It locks or overruns by the first nonzero derivative of the torque; J x'' = T(t) is integrated twice."""
     torque = LAWS[law]
     push = [lambda t, q, v: np.array([sign * torque(t), 0.0])]
     mech = wheels(push, pin.JointModelRUBZ, clutches=[Clutch(joints=("wheel", "input"))])
@@ -152,8 +152,8 @@ def test_a_clutch_at_rest_under_a_torque_that_grows_from_nothing(law, sign, meth
 
 
 @pytest.mark.usefixtures("back_end")
-def test_a_clutch_at_rest_locks_and_lets_go_of_a_wheel_with_drag():
-    """2 J v' + c v = T sin wt while it locks; the wheel runs ahead from where its drag alone slows it down as much."""
+def test_a_clutch_at_rest_locks_and_releases_a_wheel_with_drag():
+    """2 J v' + c v = T sin wt while it locks; the wheel overruns when its drag alone decelerates it as much."""
     T, w, c = 1.0, 4.0, 0.1
     push = JointTorque(joint="input", torque=Harmonic(amplitude=T, omega=w))
     forces = [push, JointDamping(joint="wheel", damping=c)]
@@ -168,8 +168,8 @@ def test_a_clutch_at_rest_locks_and_lets_go_of_a_wheel_with_drag():
     assert sol.t[sol.modes[1][0]] == pytest.approx(brentq(load, 0.5, 1.2, xtol=1e-15), abs=1e-12)
 
 
-def test_stops_at_rest_are_pressed_one_by_one():
-    """Of two stops that touch at rest the one closes towards which the torque grows."""
+def test_stops_at_rest_become_active_one_by_one():
+    """Of two active stops the one in the direction of the growing torque closes."""
     stops = [mbdae.Stop(joint="input", lower=0.0, upper=1.0, name="a"), mbdae.Stop(joint="wheel", upper=0.0, name="b")]
     mech = wheels([lambda t, q, v: np.array([-t, -(t**3)])], stops=stops)
     sol = mbdae.solve(mech, (0, 1), np.zeros(2), np.zeros(2), rtol=1e-9)

@@ -1,7 +1,7 @@
-"""What keeps a run from crossing a singular configuration where it does not know where to: parallelograms that fall.
+"""Guards against a wrong crossing of a singular configuration: falling parallelograms.
 
-Their cranks turn together, and one along x loses rank. The balance of energy, which no crossing computes, and all rows
-at all nodes say whether the point behind is the right one.
+Their cranks rotate together, and one along x loses rank. The balance of energy, which no crossing computes, and all
+rows at all nodes verify the point after the crossing.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from mbdae.mechanism.time_functions import Harmonic
 
 
 def shaken(omega):
-    """One whose crank is driven by a torque that swings several times on the way to the singular configuration."""
+    """A parallelogram whose driving torque oscillates several times before the singular configuration."""
     force = JointTorque(joint="crank_0", torque=Harmonic(amplitude=20.0, omega=omega, phase=0.3))
     return mbdae.load("n_four_bar", N=1, forces=[force])
 
@@ -27,18 +27,18 @@ def crossed(mech, **options):
 
 
 @pytest.mark.parametrize(("omega", "rtol", "lost"), [(150.0, 1e-3, 3e-3), (400.0, 1e-3, 3e-3)])
-def test_at_loose_tolerances_the_place_is_known_before_it_is_crossed(omega, rtol, lost):
-    """Polynomials through states that far apart miss the swings, by less than such a tolerance and more than 1e-5."""
+def test_at_loose_tolerances_the_singularity_is_located_before_it_is_crossed(omega, rtol, lost):
+    """Polynomials through such distant states miss the oscillations, by less than the tolerance and more than 1e-5."""
     assert mbdae.drift(crossed(shaken(omega), method="herk3", rtol=rtol)).energy_relative < lost
 
 
 @pytest.mark.parametrize("method", ["pherk5", "radau5"])
-def test_a_crossing_is_as_sharp_as_the_tolerance(method):
+def test_a_crossing_is_located_to_the_tolerance(method):
     assert mbdae.drift(crossed(shaken(60.0), method=method, rtol=1e-7)).energy_relative < 1e-6
 
 
 @pytest.mark.parametrize("loops", [1, 2])
-def test_the_point_behind_meets_all_rows(loops):
+def test_the_point_after_a_crossing_satisfies_all_rows(loops):
     mech = mbdae.load("n_four_bar", N=loops)
     system = mech.system()
     for rtol in (1e-4, 1e-6, 1e-9):
@@ -48,8 +48,8 @@ def test_the_point_behind_meets_all_rows(loops):
         assert max(np.abs(rate).max() for _, rate in rows) < 1e-13
 
 
-def test_an_end_far_beside_where_the_way_led_is_not_taken(monkeypatch):
-    """Bringing the point behind onto the closures may lead elsewhere: here a thousandth of a second on."""
+def test_a_crossing_projected_too_far_is_rejected(monkeypatch):
+    """Projection of the point after the crossing may lead elsewhere: here a thousandth of a second further."""
     mech, honest, tried = mbdae.load("n_four_bar", N=1), singularity_monitor.cross_singularity, []
 
     def counted(system, *args):

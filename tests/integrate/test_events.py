@@ -19,7 +19,7 @@ def run(T=6, **options):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
 def test_turning_points(method):
-    turning = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes its sign
+    turning = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes sign
     lowest = mbdae.Event(lambda t, q, v: q[0])
     sol = run(T=2.5, method=method, events=[turning, lowest])
     n = int(2.5 / (2 * QUARTER))
@@ -69,7 +69,7 @@ def test_functions_with_attributes_as_in_scipy():
 @pytest.mark.parametrize("name", SMOOTH)
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
 def test_closures_hold_in_a_terminal_event(name, options):
-    """The event: the fastest coordinate passes the place that it has at three fifths of the span."""
+    """The event: the fastest coordinate passes its value at three fifths of the span."""
     mech, options = mbdae.load(name), {"rtol": 1e-4, **options}
     system, end = mech.system(), min(mech.duration, 0.15)
     plain = mbdae.solve(mech, (0, end), **options)
@@ -84,7 +84,7 @@ def test_closures_hold_in_a_terminal_event(name, options):
 
     after = int(np.searchsorted(plain.t, sol.t[-1]))
     usual = 2 * np.maximum(open_by(plain, after - 1), open_by(plain, after))
-    usual[1] *= sum(sol.redundant.values()) > 0  # positions drift, and where they do rows depend only nearly
+    usual[1] *= sum(sol.redundant.values()) > 0  # positions drift, and then rows depend only approximately
     met = np.array([1e-13, 1e-12 * (1 + np.abs(sol.v[-1]).max())])
     assert (open_by(sol, -1) <= met + (usual if len(options) == 1 else 0)).all()
     assert mbdae.solve(mech, (sol.t[-1], end), sol.q[-1], sol.v[-1], sol.s[-1], **options).success
@@ -129,7 +129,7 @@ def torque(t, q=None, v=None):
 @pytest.mark.parametrize("direction", [0, 1, -1])
 @pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"step": 0.05, "method": "herk3"}], ids=str)
 def test_functions_and_signals_see_a_jump(direction, options):
-    """A torque changes its sign, or goes to zero, at given times; the time itself passes one of them."""
+    """A torque changes sign, or drops to zero, at given times; the time itself crosses one of them."""
     push = mbdae.JointTorque(joint="arm", torque=Steps(points=((0.0, 1.0), *JUMPS.items())), name="push")
     rising, falling, passed = [0.5], [0.31, 0.9], [0.31] if direction >= 0 else []
     expected = {0: [0.31, 0.5, 0.9], 1: rising, -1: falling}[direction]

@@ -1,4 +1,4 @@
-"""Events at the instant of a terminal one: they are found too, whichever of them ends the run."""
+"""Events at the instant of a terminal one: they are located too, whichever of them ends the run."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ CRANKS = ["crank_0", "crank_1", "crank_2"]
 @pytest.mark.parametrize("terminal", CRANKS)
 @pytest.mark.parametrize("method", ["pherk5", "radau5"])
 def test_parallel_cranks_pass_an_angle_at_once(method, terminal):
-    """Three cranks of a parallelogram linkage; those behind the terminal one come later by less than rounding shows."""
+    """Three cranks of a parallelogram linkage; those after the terminal one are later by less than rounding."""
     mech = mbdae.load("n_four_bar", N=2)
     for levels in ([1.0] * 3, [1.0, 1.0 + 2e-14, 1.0 - 3e-14], [1.0 + 4e-14, 1.0, 1.0 + 2e-14]):
         events = [Event(f"q.{c} = {x!r}", terminal=c == terminal) for c, x in zip(CRANKS, levels, strict=True)]

@@ -1,4 +1,4 @@
-"""Balls and wheels that slide and grip by a coefficient of friction: closed forms."""
+"""Balls and wheels that slide and stick with Coulomb friction: closed forms."""
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +13,7 @@ R, M, MU, GRAVITY = 0.1, 1.5, 0.3, 9.81
 
 
 def ball(angle=0.0, **friction):
-    """A ball on a plane that slopes down along x."""
+    """A ball on a plane inclined down along x."""
     model = pin.Model()
     model.gravity.linear = GRAVITY * np.array([np.sin(angle), 0, -np.cos(angle)])
     j = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
@@ -28,7 +28,7 @@ START = np.array([0, 0, R, 0, 0, 0, 1.0])
 
 @pytest.mark.parametrize(("heading", "backend"), [(0.0, "native"), (0.7, "native"), (0.7, "python")])
 def test_a_ball_slides_until_it_rolls(heading, backend):
-    """v = v_0 - mu g t and R w = 5/2 mu g t meet at 2 v_0/(7 mu g), where v = 5/7 v_0."""
+    """v = v_0 - mu g t and R w = 5/2 mu g t become equal at 2 v_0/(7 mu g), where v = 5/7 v_0."""
     speed = 2.0
     v = speed * np.array([np.cos(heading), np.sin(heading), 0, 0, 0, 0])
     sol = mbdae.solve(ball(exact=True), (0, 0.4), START, v, rtol=1e-10, backend=backend)
@@ -49,8 +49,8 @@ def test_a_ball_on_a_slope_rolls_up_to_seven_halves_of_mu(tangent, mode, acceler
     assert sol.q[-1, 0] == pytest.approx(a * 0.3**2 / 2, rel=1e-11)
 
 
-def test_a_driven_wheel_spins_where_the_torque_asks_for_more_than_its_grip():
-    """lam = torque m R/(I + m R^2) reaches mu_s m g; then the wheel turns by (torque - mu m g R)/I."""
+def test_a_driven_wheel_slips_above_its_friction_limit():
+    """lam = torque m R/(I + m R^2) reaches mu_s m g; then the angular acceleration is (torque - mu m g R)/I."""
     inertia, ramp, static = 0.02, 3.0, 0.5
     model = pin.Model()
     model.gravity.linear = np.array([0, 0, -GRAVITY])

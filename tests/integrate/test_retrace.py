@@ -1,4 +1,4 @@
-"""Steps back to the states from which a crossing begins."""
+"""Backward steps to the states before a crossing."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ import mbdae
 
 
 @pytest.mark.parametrize("method", ["herk3", "herk5", "pherk6"])
-def test_a_crossing_costs_hundreds_of_evaluations_whatever_the_method(method):
-    """A way back by sharp steps of a low order would take thousands."""
+def test_a_crossing_costs_hundreds_of_evaluations_for_any_method(method):
+    """Backward steps of a low order to tight tolerance would take thousands."""
     model, times = mbdae.load("n_four_bar", N=1), []
 
     def watched(t, q, v):

@@ -1,4 +1,4 @@
-"""Settings of runs in a mechanism file: who says what counts."""
+"""Settings of runs in a mechanism file: precedence."""
 
 import numpy as np
 import pytest
@@ -27,20 +27,20 @@ def bob(folder, table):
 
 
 
-def test_the_file_counts_where_nothing_is_given(tmp_path):
+def test_settings_of_the_file_are_the_defaults(tmp_path):
     mech = bob(tmp_path, 'method = "herk3"\nstep = 0.01')
     sol = mbdae.solve(mech, (0, 0.2))
     assert (sol.settings["method"], sol.stats["steps"]) == ("herk3", 20)
     np.testing.assert_array_equal(sol.q, mbdae.solve(mech, (0, 0.2), method="herk3", step=0.01).q)
     assert mbdae.solve(mech, (0, 0.2), step=0.02).stats["steps"] == 10
-    assert mbdae.solve(mech, (0, 0.2), rtol=1e-4).stats["steps"] < 15  # a tolerance that is given: no fixed step
+    assert mbdae.solve(mech, (0, 0.2), rtol=1e-4).stats["steps"] < 15  # a given tolerance: no fixed step
     assert mbdae.solve(mech, (0, 0.2), method="pherk5").stats["steps"] == 20
-    assert mbdae.card(mech).solve == {"method": "herk3", "step": 0.01}
-    assert "solve     method = herk3, step = 0.01" in str(mbdae.card(mech))
+    assert mbdae.info(mech).solve == {"method": "herk3", "step": 0.01}
+    assert "solve     method = herk3, step = 0.01" in str(mbdae.info(mech))
     assert restore(describe(mech), []).settings == mech.settings
 
 
-def test_a_method_that_is_given_stands_without_the_formulation_of_the_file(tmp_path):
+def test_a_given_method_ignores_the_formulation_of_the_file(tmp_path):
     mech = bob(tmp_path, 'method = "dop853"\nformulation = "index1"\nrtol = 1e-5')
     assert mbdae.solve(mech, (0, 0.1)).settings["formulation"] == "index1"
     assert mbdae.solve(mech, (0, 0.1), method="herk5").settings["formulation"] == "index2"
@@ -61,12 +61,12 @@ def test_wrong_settings_are_refused(tmp_path, table, error, words):
         bob(tmp_path, table)
 
 
-def test_a_method_that_does_not_exist_is_said_when_it_runs_or_is_described(tmp_path):
+def test_an_unknown_method_is_reported_by_run_and_info(tmp_path):
     mech = bob(tmp_path, 'method = "herk9"')
     with pytest.raises(UnknownNameError, match=r"unknown solve\.method 'herk9' \(did you mean 'herk5'\?\)"):
         mbdae.solve(mech, (0, 0.1))
     with pytest.raises(UnknownNameError, match=r"unknown solve\.method 'herk9'"):
-        mbdae.card(mech)
+        mbdae.info(mech)
     assert mbdae.solve(mech, (0, 0.1), method="herk3").success
 
 

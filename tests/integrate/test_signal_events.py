@@ -1,4 +1,4 @@
-"""Events named by signals: found in the core and in Python alike, with the order of the method, on known motions."""
+"""Events named by signals: located in the core and in Python, with the order of the method, on known motions."""
 
 import numpy as np
 import pinocchio as pin
@@ -43,7 +43,7 @@ def test_the_time_has_the_order_of_the_method(method):
 
 @pytest.mark.native
 def test_both_back_ends_find_every_signal():
-    """All signals of a model are watched at once, each at a level that it passes."""
+    """All signals of a model are monitored at once, each at a level that it crosses."""
     for name in ("slider_crank", "stewart_platform", "heavy_top", "flyball_governor", "dual_arm"):
         mech = mbdae.load(name)
         span, options = (0, min(mech.duration, 0.05)), {"rtol": 1e-6, "method": "pherk5"}
@@ -57,7 +57,7 @@ def test_both_back_ends_find_every_signal():
                 texts.append(f"{signal} = {low / 3 + high / 1.5!r}")
         assert len(texts) > mech.nv
         native, python = (mbdae.solve(mech, span, events=texts, backend=b, **options) for b in ("native", "python"))
-        np.testing.assert_array_equal(native.y, plain.y)  # a look changes nothing
+        np.testing.assert_array_equal(native.y, plain.y)  # event detection changes nothing
         assert (native.stats["events"], python.stats["events"]) == ("native", "python")
         assert native.stats["steps"] == python.stats["steps"]
         for text, (t, y), (u, z) in zip(texts, native.events, python.events, strict=True):
@@ -126,7 +126,7 @@ def test_a_terminal_event_ends_where_closures_hold(name, options):
 
 @pytest.mark.usefixtures("back_end")
 def test_a_held_torque_passes_a_level_at_an_instant():
-    """The torque of a sampled controller jumps: the event is at the first instant behind which it is there."""
+    """The torque of a sampled controller jumps: the event is at the first instant after the crossing."""
     brake = mbdae.JointPID(joint="arm", kp=-20.0, reference=0.0, rate=16.0, name="brake")
     mech = Mechanism(tree(["revolute"], [0]), forces=[brake.model_copy(update={"joint": "revolute_0"})])
     torque = next(n for n in signal_values(mech) if n.startswith("s."))
@@ -149,7 +149,7 @@ def test_a_held_torque_passes_a_level_at_an_instant():
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"step": 0.013, "project": True}], ids=str)
 def test_signals_near_singular_configurations(options):
-    """Where a parallelogram lies in a line, and a run leaps or steps over: bars turn on through half a turn."""
+    """Where a parallelogram is in line, and a run crosses or steps over it: bars continue through half a turn."""
     mech = mbdae.load("n_four_bar", N=1)
     plain = mbdae.solve(mech, (0, 2), **options)
     joint = next(n for n in signal_values(mech) if n.startswith("q."))
@@ -208,7 +208,7 @@ def test_a_textbook_problem_has_no_signals():
 @pytest.mark.native
 @pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"step": 0.011}, {"rtol": 1e-6, "method": "radau5"}], ids=str)
 def test_the_core_stays_at_work(options, monkeypatch):
-    """Sampled controllers, functions of time that step and signals: Python is not asked, and finds the same."""
+    """Sampled controllers, stepping functions of time, and signals: Python is not called, and gives the same."""
     lag = {"kind": "harmonic", "amplitude": 0.3, "omega": 5.0}
     kicks = Steps(points=tuple((0.03 * k, 0.2 * (-1) ** k) for k in range(40)))
     forces = [
@@ -220,7 +220,7 @@ def test_the_core_stays_at_work(options, monkeypatch):
     mech = mbdae.load("four_bar", forces=forces)
     options = {**options, "events": ["v.crank", "q.crank > 0.5"], "jumps": [0.123, 0.5]}
     expected = mbdae.solve(mech, (0, 1), backend="python", **options)
-    monkeypatch.setattr(core_stepper, "SECONDS", 1e9)  # a look at the clock may come just before a jump
+    monkeypatch.setattr(core_stepper, "SECONDS", 1e9)  # the clock may be read just before a jump
     monkeypatch.setattr(RunState, "cross", None)
     monkeypatch.setattr(PythonStepper, "advance", None)
     sol = mbdae.solve(mech, (0, 1), backend="native", **options)

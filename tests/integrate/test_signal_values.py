@@ -1,4 +1,4 @@
-"""What events look at: the columns of a solution at a point, found once for all events, without a trace in the run."""
+"""Signals for events: the columns of a solution at a point, computed once for all events, without effect on the run."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from mbdae.solution.signal_value import signal_values, value
 
 
 @pytest.mark.native
-def test_a_look_leaves_a_run_as_it_is():
-    """To the last bit, where other rows come into use on the way and points are near to one another."""
+def test_evaluating_signals_does_not_change_a_run():
+    """To the last bit, with changes of rows in use and points close to one another."""
     mech = mbdae.load("bricard")
     lam = next(n for n in signal_values(mech) if n.startswith("lam."))
     for options in ({"formulation": "ggl"}, {"method": "radau5"}, {"step": 0.01}):
@@ -34,7 +34,7 @@ def test_forces_at_a_point_are_found_once_for_all_events():
 
 @pytest.mark.usefixtures("back_end")
 def test_multipliers_are_those_of_the_hidden_constraint():
-    """Without what Baumgarte's terms add to those of the steps: as `Solution.lam` has them."""
+    """Without the contribution of Baumgarte's terms to those of the steps: as in `Solution.lam`."""
     mech, options = mbdae.load("four_bar"), {"formulation": "index1", "method": "dop853", "baumgarte": (20.0, 20.0)}
     lam = mbdae.solve(mech, (0, 1), rtol=1e-4, **options).signals()["lam.pin.1"]
     level = float(lam[0] + lam.max()) / 2
@@ -61,7 +61,7 @@ def test_values_are_those_of_the_columns(name):
         assert x == pytest.approx(float(expected), abs=1e-9 * size, nan_ok=True), signal
 
 
-def test_a_signal_that_the_core_does_not_have_is_looked_at_in_python():
+def test_a_signal_missing_in_the_core_is_monitored_in_python():
     mech = mbdae.load("rolling_disc")
     text = next(n for n in signal_values(mech) if n.startswith("contact.") and n.endswith(".x"))
     plain = mbdae.solve(mech, (0, 0.2))
@@ -75,7 +75,7 @@ def test_a_signal_that_the_core_does_not_have_is_looked_at_in_python():
 
 
 def test_accelerations_and_loads_of_joints_are_signals():
-    """Accelerations in the core, what joints carry in Python, which the statistics say."""
+    """Accelerations in the core, joint reactions in Python, as the statistics report."""
     mech = mbdae.load("four_bar")
     plain = mbdae.solve(mech, (0, 0.2))
     known = {"a.crank": True, "force.crank": False, "force.rocker.z": False, "force.pin.x": False}

@@ -1,4 +1,4 @@
-"""Configurations that lose rank on the way: found, reported, passed where positions are kept, never in silence."""
+"""Rank loss during a run: detected, reported, crossed where positions are projected, never silently."""
 
 import json
 import pickle
@@ -22,10 +22,10 @@ def cranks(sol):
 
 
 def fall():
-    """When the cranks lie along x, by the quadrature of energy, for one four-bar with equal bars."""
+    """The time at which the cranks lie along x, by the quadrature of energy, for one four-bar with equal bars."""
     from scipy.integrate import quad
 
-    # N = 1: J = 2/3 + 1 kg m^2 (two cranks, a coupler that does not turn), weight arm 2/2 + 1 m
+    # N = 1: J = 2/3 + 1 kg m^2 (two cranks, a coupler that does not rotate), weight arm 2/2 + 1 m
     inertia, arm = 2 / 3 + 1, 2.0
     energy = inertia / 2 + 9.81 * arm
     rate = lambda a: 1 / np.sqrt(2 * (energy - 9.81 * arm * np.cos(a)) / inertia)  # noqa: E731
@@ -45,7 +45,7 @@ def test_passed_and_reported_where_positions_are_kept(options):
         np.testing.assert_allclose(x.v[0], sol(x.t).v[0], rtol=1e-6)
 
 
-def test_a_leap_takes_nodes_of_the_run_where_none_steps_back_from_it(monkeypatch):
+def test_a_crossing_uses_nodes_of_the_run_when_no_backward_step_succeeds(monkeypatch):
     asked = []
 
     def refused(run, *_):
@@ -63,7 +63,7 @@ def test_a_leap_takes_nodes_of_the_run_where_none_steps_back_from_it(monkeypatch
 
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
-def test_loops_that_drift_open_are_closed_where_they_would_fold(rtol):
+def test_drifted_loops_are_closed_before_a_singular_configuration(rtol):
     sol = mbdae.solve(mbdae.load("n_four_bar", N=2), (0, 5), rtol=rtol, project=False)
     assert sol.success, sol.message
     assert np.ptp(cranks(sol), axis=1).max() < max(1e-6, 2 * rtol)
@@ -73,7 +73,7 @@ def test_loops_that_drift_open_are_closed_where_they_would_fold(rtol):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"method": "DOP853", "formulation": "index1"}, {"step": 0.011}])
 def test_loops_that_have_drifted_open_stop_before(options):
-    """Open by 1e-12 m and more they may go on folded, whatever the energy says; nearer to closed they pass."""
+    """Open by 1e-12 m and more they may continue folded, whatever the energy; closer to closed they pass."""
     sol = mbdae.solve(mbdae.load("n_four_bar", N=2), (0, 10), **options)
     assert sol.status == "rank"
     assert "rank 4 falls to 2" in sol.message
@@ -92,7 +92,7 @@ def test_tiny_implicit_steps_do_not_go_astray_in_silence(rtol):
 
 
 def test_nor_do_runs_that_stay_near_singular_configurations():
-    """Such a run folds the row and goes on with one crank at rest, where every configuration is singular."""
+    """Such a run folds the row and continues with one crank at rest, where every configuration is singular."""
     sol = mbdae.solve(mbdae.load("n_four_bar", N=3), (0, 2), rtol=1e-7, method="radau9", project=False)
     assert sol.success or (sol.status == "rank" and "singular configuration" in sol.message)
     assert np.ptp(cranks(sol), axis=1).max() < 1e-4
@@ -104,18 +104,18 @@ def later():
 
 
 def test_a_run_that_leaves_its_branch_in_a_singular_configuration_ends(monkeypatch):
-    """One crank rests and the other bars turn on: loops stay closed, and energy is kept."""
-    from mbdae.mechanism.formulations.index2 import Index2System
+    """One crank is at rest and the other bars rotate: loops stay closed, and energy is conserved."""
+    from mbdae.integrate.steppers import stepper
 
-    honest, jumped = Index2System.restore, []
+    projected, jumped = stepper.project_end, []
 
-    def jumping(self, t, y, *tight):
+    def jumping(run, t, state):
         if t > fall()[0] + 0.004 and not jumped:
             jumped.append(t)
-            y = np.array([0.0, -0.05, -0.05, 0.0, -7.0, -7.0, 0.0])
-        return honest(self, t, y, *tight)
+            state = state._replace(y=np.array([0.0, -0.05, -0.05, 0.0, -7.0, -7.0, 0.0]))
+        return projected(run, t, state)
 
-    monkeypatch.setattr(Index2System, "restore", jumping)
+    monkeypatch.setattr(stepper, "project_end", jumping)
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.001, project=True, backend="python")
     assert sol.status == "rank"
     assert "went over to another branch" in sol.message
@@ -124,13 +124,13 @@ def test_a_run_that_leaves_its_branch_in_a_singular_configuration_ends(monkeypat
 
 def test_commands_and_files(tmp_path):
     path = str(tmp_path / "run.npz")
-    run = CliRunner().invoke(cli, ["run", "n_four_bar", "-t", "1", "--project", "-o", path])
+    run = CliRunner().invoke(cli, ["solve", "n_four_bar", "-t", "1", "--project", "-o", path])
     assert run.exit_code == 0
     assert "singular configuration: rank 4 falls to 2 at t = 0.71435" in run.output
     sol = mbdae.Solution.load(path)
     assert abs(sol.singular[0].t - HORIZONTAL[0]) < 1e-6
     assert sol.singular[0].closures == ("pin_1", "pin_2")
-    stopped = CliRunner().invoke(cli, ["run", "n_four_bar", "-t", "4", "--step", "0.011", "--json"])
+    stopped = CliRunner().invoke(cli, ["solve", "n_four_bar", "-t", "4", "--step", "0.011", "--json"])
     assert stopped.exit_code == 1
     assert json.loads(stopped.stdout)["singular"][0]["rank_there"] == 2
 
@@ -179,7 +179,7 @@ def test_backwards():
 
 
 def test_comparisons_pass_singular_configurations():
-    """Their reference keeps positions where loops would drift open, and errors are those of the steps."""
+    """Their reference projects positions where loops would drift open, and errors are those of the steps."""
     mech = mbdae.load("n_four_bar", N=1)
     study = mbdae.compare(mech, (0, 1), methods=["project:pherk5", "pherk5"], rtol=[1e-5], repeats=1)
     kept, drifted = study.points
@@ -188,7 +188,7 @@ def test_comparisons_pass_singular_configurations():
     assert drifted.status in ("rank", "finished")
 
 
-def test_errors_come_home_from_other_processes():
+def test_errors_are_passed_on_from_other_processes():
     for error in (StepError("rank", "text"), UnknownNameError("model", "x", ["y"]), AssemblyError("open", "pin", 0.1)):
         again = pickle.loads(pickle.dumps(error))
         assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
@@ -197,8 +197,8 @@ def test_errors_come_home_from_other_processes():
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["herk3", "herk5", "pherk5", "radau5"])
 @pytest.mark.parametrize("step", [0.25, 0.1])
-def test_fixed_steps_that_would_land_there_step_over(method, step):
-    """Without gravity a crank turns a quarter per second: the bars lie in a line at 1 s and 3 s, on the grid."""
+def test_fixed_steps_that_would_end_there_cross(method, step):
+    """Without gravity a crank rotates a quarter turn per second: the bars are in line at 1 s and 3 s, on the grid."""
     mech = mbdae.load("n_four_bar", N=1)
     mech.model.gravity.linear = np.zeros(3)
     q, v = mech.assemble({"crank_0": np.pi / 2}, {"crank_0": -np.pi / 2})
@@ -279,8 +279,8 @@ def test_bars_with_a_gap_turn_round_the_corner(gap):
         np.testing.assert_allclose(sol.q[-1], exact.q[-1], atol=1e-5)
 
 
-def test_an_interrupt_within_a_leap_is_one():
-    """The force is called on the way back, too, from where a leap begins."""
+def test_an_interrupt_during_a_crossing_is_passed_on():
+    """The force is called in the backward steps of a crossing, too."""
     times = []
 
     def watched(t, q, v):

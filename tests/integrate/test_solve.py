@@ -1,4 +1,4 @@
-"""The time loop: what a run reports at steps and between them, backwards, in threads, from files."""
+"""The time loop: results at steps and between them, backwards, in threads, from files."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -100,7 +100,7 @@ def test_a_run_that_is_cut_in_two_is_the_same_run(four_bar, exact):
 
 @pytest.mark.usefixtures("back_end")
 def test_fixed_steps_end_at_the_end(four_bar):
-    """Over a tenth of a second, where steps of any length stay near the closures."""
+    """Over a tenth of a second, where steps of any size stay near the closures."""
     sol = mbdae.solve(four_bar, (0, 0.1), method="herk2", step=0.03)
     np.testing.assert_allclose(sol.t, [0, 0.03, 0.06, 0.09, 0.1], rtol=1e-15)
     for step, nodes in ((0.03, 5), (0.01, 11), (5.0, 2)):

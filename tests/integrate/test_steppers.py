@@ -1,4 +1,4 @@
-"""Sizes of steps and what is measured of them, one call at a time: by formulas, on a problem without a mechanism."""
+"""Step sizes and error norms, one call at a time: by formulas, on a problem without a mechanism."""
 
 from math import nan, ulp
 from types import SimpleNamespace
@@ -40,7 +40,7 @@ class Rates:
 
 
 def at(t, stop, end=None, sign=1.0, y=(1.0, 1.0, 1.0), system=None, t1=None):
-    """A run at time t, on a leg."""
+    """A run at time t, in a smooth interval."""
     leg = SmoothInterval(stop, stop if end is None else end, None)
     run = SimpleNamespace(t=t, t1=leg.end if t1 is None else t1, leg=leg, sign=sign, state=State(np.array(y)))
     run.system, run.tableau, run.singular = system or Rates(), SimpleNamespace(noise=0.5, blend=1.0), None
@@ -60,12 +60,12 @@ def test_a_step_ends_where_it_is_long(sign):
 
 @pytest.mark.parametrize("h", [0.25, 0.25 * (1 - 1e-12), 0.3, 7.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_last_step_of_a_leg_ends_at_its_end(h, sign):
+def test_the_last_step_of_an_interval_ends_at_its_end(h, sign):
     stepper, stop = adaptive(h), 2.0 + 0.25 * sign
     assert stepper.propose(at(2.0, stop, stop + 8 * sign * ulp(2), sign)) == (0.25, stop + 8 * sign * ulp(2))
 
 
-def test_a_step_that_leaves_a_little_of_its_leg_is_not_made_longer():
+def test_a_step_that_leaves_a_little_of_its_interval_is_not_extended():
     h, end = adaptive(0.2499).propose(at(2.0, 2.25))
     assert (h, end) == (0.2499, pytest.approx(2.2499))
 
@@ -85,22 +85,22 @@ def test_a_step_size_below_the_rounding_of_time_is_no_step():
 
 
 @pytest.mark.parametrize("largest", [np.inf, 0.05])
-def test_behind_a_step_that_its_leg_cut_short_the_step_is_as_long_as_before(largest):
-    """The error of a short step says little: h = 0.9 h err^(0.03 - 1/k) err_last^0.04 would have to grow anew."""
+def test_after_a_truncated_step_the_previous_size_returns(largest):
+    """The error of a short step is no guide: h = 0.9 h err^(0.03 - 1/k) err_last^0.04 would have to grow again."""
     run, stepper = at(2.0, 2.01), adaptive(0.1, largest=largest)
     h, _ = stepper.propose(run)
     assert stepper.judge(run, h, 0.5)
     assert stepper.h == 0.1 > Controller(4).next_step(0.01, 0.5)
 
 
-def test_behind_a_step_that_its_leg_cut_a_little_the_step_may_grow():
+def test_after_a_slightly_truncated_step_the_size_may_grow():
     run, stepper = at(2.0, 2.09), adaptive(0.1)
     assert stepper.judge(run, stepper.propose(run)[0], 1e-6)
     assert stepper.h == pytest.approx(Controller(4).next_step(0.09, 1e-6))
     assert stepper.h > 0.1
 
 
-def test_a_step_in_the_middle_of_its_leg_may_shrink():
+def test_a_step_in_the_middle_of_its_interval_may_shrink():
     run, stepper = at(2.0, 3.0), adaptive(0.1)
     assert stepper.judge(run, stepper.propose(run)[0], 0.99)
     assert stepper.h == Controller(4).next_step(0.1, 0.99) < 0.1
@@ -113,7 +113,7 @@ def test_a_step_that_was_cut_short_and_rejected_shrinks():
 
 
 def test_largest_steps_are_not_cut():
-    """What the user bounds comes back to the size the error asked for, not the other way round."""
+    """After a bound by the user the size from the error returns, not the bound."""
     run, stepper = at(2.0, 3.0), adaptive(0.5, largest=0.1)
     assert stepper.judge(run, stepper.propose(run)[0], 0.5)
     assert stepper.h == Controller(4).next_step(0.1, 0.5)
@@ -148,7 +148,7 @@ def test_the_reason_of_a_step_that_was_not_taken_is_forgotten_two_steps_later():
 
 
 def test_errors_are_measured_in_the_larger_of_both_ends():
-    """err^2 = mean (e_i / (atol_i + rtol max(|y_n|, |y_n+1|)))^2 over what is measured, rounding of v added."""
+    """err^2 = mean (e_i / (atol_i + rtol max(|y_n|, |y_n+1|)))^2 over measured components, with rounding of v added."""
     run = at(0.0, 1.0, y=(3.0, -1.0, 9.0))
     errors, ends = np.array([[0.3, 0.08, 1e9]]), State(np.array([-2.0, 4.0, 0.0]))
     scale = np.array([0.01 + 0.1 * 3, 0.02 + 0.1 * 4])
@@ -172,7 +172,7 @@ def test_atol_is_a_hundredth_of_rtol_where_it_is_left_out():
 
 
 def first_step(f, y, k, scale, left=1e3):
-    """Hairer, Noersett, Wanner I, II.4, (a) to (f), with k - 1 the order that is assumed."""
+    """Hairer, Noersett, Wanner I, II.4, (a) to (f), with k - 1 the assumed order."""
 
     def norm(x):
         return np.sqrt(np.mean((np.asarray(x, float)[:2] / scale) ** 2))
@@ -191,7 +191,7 @@ def first_step(f, y, k, scale, left=1e3):
         (lambda y: -20 * y, (0.01 * 0.101 / 400) ** 0.25),  # the second derivative is the steepest: d2 = 400 / scale
         (lambda y: -0.1 * y, (0.01 * 0.101 / 0.1) ** 0.25),  # the first one: d1 = 0.1 / scale
         (lambda y: np.full(3, 1e3), 1e-3),  # a hundred times h0 = 0.01 |y| / |y'|
-        (lambda y: 0 * y, 1e-6),  # nothing moves
+        (lambda y: 0 * y, 1e-6),  # nothing changes
         (lambda y: np.array([-8.0, 0.5, 1e5]) * y, None),
     ],
 )
@@ -205,7 +205,7 @@ def test_the_first_step_is_that_of_the_book(f, by_hand, sign):
 
 
 def grid(stepper, t, stop, end=None, t1=1.0):
-    """Steps of a run to the end of its leg: their sizes and the times where they end."""
+    """Steps of a run to the end of its interval: their sizes and their end times."""
     out, sign = [], 1.0 if t1 > 0 else -1.0
     while not out or out[-1][1] != (stop if end is None else end):
         h, t = stepper.propose(at(t, stop, end, sign, t1=t1))
@@ -232,14 +232,14 @@ def test_a_grid_that_misses_the_end_by_rounding_has_no_step_more(step):
     assert Fixed(0.1 * (1 - 1e-9), 0.0, 1.0).n == 11
 
 
-def test_fixed_steps_leave_the_grid_for_the_end_of_a_leg_and_come_back():
+def test_fixed_steps_leave_the_grid_for_the_end_of_an_interval_and_return():
     stepper = Fixed(0.25, 0.0, 1.0)
     assert grid(stepper, 0.0, 0.4, 0.4 + 1e-14) == pytest.approx([0.25, 0.25, 0.15, 0.4], abs=1e-13)
     assert grid(stepper, 0.4, 1.0) == pytest.approx([0.1, 0.5, 0.25, 0.75, 0.25, 1.0])
 
 
 @pytest.mark.parametrize("off", [-1e-12, 0.0, 1e-12])
-def test_a_leg_that_ends_on_the_grid_has_no_crumb(off):
+def test_an_interval_that_ends_on_the_grid_has_no_remainder_step(off):
     stepper, stop = Fixed(0.25, 0.0, 1.0), 0.5 + off
     first = grid(stepper, 0.0, stop, stop + 1e-15)
     assert first == pytest.approx([0.25, 0.25, 0.25, 0.5])
@@ -248,12 +248,12 @@ def test_a_leg_that_ends_on_the_grid_has_no_crumb(off):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_leg_ends_a_few_roundings_before_a_jump_and_the_next_begins_at_it(sign):
+def test_an_interval_ends_a_few_roundings_before_a_jump_and_the_next_begins_at_it(sign):
     ahead = Jumps(Rates(jumps=[sign * 0.5]), [], sign, sign)
     first = ahead.leg(0.0)
     margin = MARGIN * ulp(1.0)
     assert first.stop == first.end == sign * (0.5 - margin)
-    # a point belongs to what comes after the jump in time: backwards, the next leg begins before it
+    # a point belongs to the interval after the jump in time: backwards, the next interval begins before it
     assert first.restart == (0.5 if sign > 0 else -0.5 - margin)
     assert ahead.leg(first.restart) == SmoothInterval(sign, sign, None)
 

@@ -24,7 +24,7 @@ def block(*forces, source=None, **more):
 
 
 def words(sol):
-    """What the switches do from each transition on."""
+    """The states of the switches from each transition on."""
     return [tuple(s.states[k] for s, k in zip(sol.mechanism.switches, mode, strict=True)) for _, mode in sol.modes]
 
 
@@ -59,7 +59,7 @@ def test_a_slider_crank_with_two_joints_that_stick(back_end):
 
 
 @pytest.mark.usefixtures("back_end")
-def test_what_sticks_does_not_creep():
+def test_sticking_joints_do_not_creep():
     for force in (0.99, Harmonic(amplitude=0.99, omega=7.0)):
         sol = mbdae.solve(block(JointTorque(joint="x", torque=force), JointFriction(friction=1.0, exact=True)), (0, 10))
         assert sol.success
@@ -70,7 +70,7 @@ def test_what_sticks_does_not_creep():
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 @pytest.mark.usefixtures("back_end")
 def test_two_joints_of_a_loop_that_stick_do_not_creep(scale):
-    """Crank and slider hold together 99 % of what they can; steps are seconds long, as often is v their rounding."""
+    """Crank and slider together at 99 % of their limits; steps are seconds long, and v is rounding as often."""
     source, p = mbdae.load("stick_slip_slider"), 0.6
     crank, slider, (*_, gravity, way) = 0.40 * scale, 2.0 * scale, SliderCrank().terms(p)
     push = JointTorque(joint="crank", torque=0.99 * (crank + slider * abs(way)) - gravity)
@@ -80,7 +80,7 @@ def test_two_joints_of_a_loop_that_stick_do_not_creep(scale):
     model.appendBodyToJoint(spins, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
     mech = Mechanism(model, source.closures, forces=[push, *holds])
     q, v = source.start
-    for spin in (0.0, 1000.0):  # of a wheel beside them
+    for spin in (0.0, 1000.0):  # of a wheel besides them
         sol = mbdae.solve(mech, (0, 10), np.append(q, 0.0), np.append(v, spin))
         assert sol.success
         assert len(sol.modes) == 1
@@ -109,8 +109,8 @@ def test_a_load_that_jumps_above_the_limit_starts_a_slip():
 
 
 @pytest.mark.usefixtures("back_end")
-def test_what_sticks_on_a_stop_leaves_it_where_the_load_does():
-    """m x'' = A sin wt - F between stops: the stop is not pressed any more where friction lets go, to rounding."""
+def test_a_sticking_block_leaves_its_stop_with_the_load():
+    """m x'' = A sin wt - F between stops: the stop becomes inactive where slip begins, to rounding."""
     A, w, F, end = 5.0, 3.0, 2.0, 0.01
     push = JointTorque(joint="x", torque=Harmonic(amplitude=A, omega=w))
     stop = Stop(joint="x", lower=0.0, upper=end)
@@ -123,7 +123,7 @@ def test_what_sticks_on_a_stop_leaves_it_where_the_load_does():
         return A * (np.cos(w * slips) * d / w - (np.sin(w * t) - np.sin(w * slips)) / w**2) - F * d**2 / 2
 
     strikes = brentq(lambda t: way(t) - end, slips, 0.5, xtol=1e-15)
-    turns = [t + k * np.pi / w for k in range(3) for t in (slips, strikes)]  # ahead, back and ahead alike
+    turns = [t + k * np.pi / w for k in range(3) for t in (slips, strikes)]  # ahead, back and ahead with equal strokes
     assert sol.success
     slides = [mode[2] for _, mode in sol.modes]
     found = [sol.t[sol.modes[k][0]] for k in range(1, len(slides)) if slides[k] != slides[k - 1]]

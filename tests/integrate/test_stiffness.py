@@ -1,4 +1,4 @@
-"""Stiff runs of half-explicit methods are told, and no others: on both back ends, from the step sizes that come out."""
+"""Stiff runs of half-explicit methods are reported, and no others: in both back ends, from the step sizes."""
 
 import json
 import warnings
@@ -23,7 +23,7 @@ def governor():
 
 
 def crank_on_rubber(stiffness, damping, stretch=0.0):
-    """A slider-crank whose wrist pin is a bushing, stretched at the start by so many metres."""
+    """A slider-crank whose wrist pin is a bushing, stretched at the start by an offset in m."""
     base = mbdae.load("slider_crank")
     rubber = Bushing(
         frames=("rod_tip", "slider_pin"), stiffness=(stiffness,) * 3 + (0,) * 3, damping=(damping,) * 3 + (0,) * 3
@@ -46,12 +46,12 @@ STIFF = {
 
 @pytest.fixture
 def early(monkeypatch):
-    """Look early: Python takes its time for steps."""
+    """Detect early: Python is slow per step."""
     monkeypatch.setattr(stiffness_detection, "FIRST", EARLY)
 
 
 def told(problem, **options):
-    """Return the solution and the warnings that it gave."""
+    """Return the solution and its warnings."""
     mech, q, v = problem
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
@@ -61,7 +61,7 @@ def told(problem, **options):
 
 @pytest.mark.usefixtures("back_end", "early")
 @pytest.mark.parametrize("name", STIFF)
-def test_stiff_runs_are_told_once_and_go_on(name):
+def test_stiff_runs_are_reported_once_and_continue(name):
     sol, found = told(STIFF[name](), max_steps=EARLY + 100)
     assert len(found) == 1
     assert found[0].filename == __file__
@@ -91,7 +91,7 @@ def test_other_models_are_not_stiff(name, options):
     assert "stiff" not in sol.stats  # nor was there a warning: those are errors here
 
 
-def test_nor_are_passes_of_singular_configurations():
+def test_nor_are_crossings_of_singular_configurations():
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 20), rtol=1e-8, method="herk5", project=True)
     assert sol.success
     assert sol.singular
@@ -121,7 +121,7 @@ def test_no_window_reaches_across_a_jump():
 
 
 def test_the_command_line_and_its_json_tell(tmp_path):
-    arguments = ["run", "flyball_governor", "-m", "pherk5", "-t", "1.5", "-o", str(tmp_path / "run.npz")]
+    arguments = ["solve", "flyball_governor", "-m", "pherk5", "-t", "1.5", "-o", str(tmp_path / "run.npz")]
     for more in ([], ["--json"]):
         with pytest.warns(UserWarning, match="^stiff: at t = .* try -m radau5"):
             result = CliRunner().invoke(cli, [*arguments, *more], catch_exceptions=False)

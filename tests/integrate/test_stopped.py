@@ -1,4 +1,4 @@
-"""Runs that stop in the middle keep what was computed: failing forces, limits, and interrupts at any moment."""
+"""Runs that stop early keep what was computed: failing forces, limits, and interrupts at any moment."""
 
 import sys
 
@@ -20,7 +20,7 @@ def four_bar():
 
 
 def consistent(sol):
-    """The arrays of a solution fit together, and it can be read, measured and saved whatever its status."""
+    """The arrays of a solution are consistent, and it can be read, measured and saved with any status."""
     n = len(sol.t)
     assert sol.q.shape == (n, sol.mechanism.nq)
     assert sol.v.shape == (n, sol.mechanism.nv)
@@ -51,8 +51,8 @@ def test_a_force_that_becomes_nan(options, times):
     assert len(sol.t) > 5
 
 
-def test_nan_behind_the_last_stage_of_a_step():
-    # herk2 has no stage at the end of a step: what lies there is first seen when the run is read
+def test_nan_after_the_last_stage_of_a_step():
+    # herk2 has no stage at the end of a step: a NaN there is first noticed when the run is read
     def broken(t, q, v):
         return np.full(3, np.nan if t > 0.5075 else 0.0)
 
@@ -131,7 +131,7 @@ def test_interrupt_within_the_progress_bar(four_bar, times):
 
 @pytest.mark.native
 def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
-    """They come by the hundred, several times a second: all of them are kept."""
+    """Nodes arrive by the hundred, several times a second: all of them are kept."""
 
     def press(done):
         seen.append(done)
@@ -150,7 +150,7 @@ def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
 def test_interrupt_at_any_line_of_the_loop(four_bar, backend, lines):
     files = {module.__file__ for module in (loop, native, stepper, run)}
     statuses = set()
-    for line in lines:  # the line at which the interrupt falls, counted in the loop and the record
+    for line in lines:  # the line of the interrupt, counted in the loop and the record
         seen = 0
 
         def trace(frame, event, arg, line=line):
@@ -186,7 +186,7 @@ def test_progress_rises_to_one(four_bar):
 
 @pytest.mark.parametrize("method", ["herk3", "herk5", "pherk5", "radau5"])
 def test_steps_never_fall_below_the_rounding_of_time(method):
-    """The speed grows without bound at a finite time: steps shrink towards it, each accepted."""
+    """The speed grows without bound at a finite time: steps decrease towards it, each accepted."""
     plain = mbdae.load("four_bar")
     _, v = plain.assemble(v={"crank": 3.0})
     mech = mbdae.load("four_bar", forces=[lambda t, q, v: 1e3 * v**3])
@@ -219,8 +219,8 @@ def test_an_event_that_fails_loses_nothing(event, status, said):
     ("model", "options"),
     [("double_pendulum", {"method": "herk1", "step": 1.0}), ("flyball_governor", {"step": 0.05})],
 )
-def test_a_run_that_explodes_says_so_once(model, options):
-    """Numbers overflow on the way: the status tells, not warnings of numpy."""
+def test_a_run_that_overflows_reports_it_once(model, options):
+    """Numbers overflow: the status reports it, without numpy warnings."""
     sol = consistent(mbdae.solve(mbdae.load(model), (0, 50), **options))
     assert sol.status == "nonfinite"
 

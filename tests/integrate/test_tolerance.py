@@ -9,7 +9,7 @@ CASES = {"four_bar": 1.0, "pendulum": 2.0, "slider_crank": 0.5, "heavy_top": 0.1
 
 
 def tolerances(method):
-    """Low orders are not asked for tight tolerances: it would take a hundred thousand steps."""
+    """Low orders are not tested at tight tolerances: it would take a hundred thousand steps."""
     if method.order < 3:
         return [1e-3, 1e-4, 1e-5]
     return [1e-4, 1e-6, 1e-8, 1e-10]

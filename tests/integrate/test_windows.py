@@ -1,4 +1,4 @@
-"""Closures that are there within windows of a joint's way: a Geneva drive against its geometry."""
+"""Closures that are active within windows of a joint: a Geneva drive against its geometry."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ RATIO = np.sqrt(0.5)  # of the pin's radius to the distance of the centres
 
 
 def wheel(crank):
-    """Angle of the wheel: it follows the pin's direction within an eighth of a turn, and waits elsewhere."""
+    """Angle of the wheel: it follows the pin's direction within an eighth of a turn, and dwells elsewhere."""
     turns = np.floor((crank + np.pi) / (2 * np.pi))
     near = np.clip(crank - 2 * np.pi * turns, -np.pi / 4, np.pi / 4)
     return -(np.pi / 2) * turns - np.pi / 4 + np.arctan2(-RATIO * np.sin(near), 1 - RATIO * np.cos(near))
@@ -30,7 +30,7 @@ def test_a_geneva_drive_turns_its_wheel_by_quarters(back_end):
 
 
 def test_windows_are_among_the_signals():
-    """The pin comes into the first slot an eighth of a turn before its middle. Several rows have no one impulse."""
+    """The pin enters the first slot an eighth of a turn before its middle. Several rows have no single impulse."""
     sol = mbdae.solve(mbdae.load("geneva_drive"), (0, 0.1))
     known = sol.signals()
     at = int(np.argmax(known["mode.slot 1"]))
@@ -41,8 +41,8 @@ def test_windows_are_among_the_signals():
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9])
-def test_a_window_that_begins_takes_speeds_away_that_do_not_fit(rtol):
-    """Without projection the wheel drifts, and is not quite at rest where its dwell begins: no step could mend that."""
+def test_a_window_that_begins_removes_inconsistent_speeds(rtol):
+    """Without projection the wheel drifts, and is not quite at rest when its dwell begins: no step can correct that."""
     sol = mbdae.solve(mbdae.load("geneva_drive"), (0, 5), rtol=rtol, project=False)
     assert sol.success, sol.message
     assert len(sol.modes) == 11

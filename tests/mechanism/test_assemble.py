@@ -1,4 +1,4 @@
-"""Assembly: from bad guesses, near the guess, with held coordinates, and what it says when it fails."""
+"""Assembly: from poor initial estimates, near the estimate, with held coordinates, and its error messages."""
 
 import numpy as np
 import pinocchio as pin
@@ -9,7 +9,7 @@ from linkages import bar, point
 import mbdae
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.closures.closure_error import largest_error
-from mbdae.studies.card.card import card
+from mbdae.studies.info.info import info
 
 CLOSED = 1e-10
 
@@ -48,7 +48,7 @@ def test_held_coordinates_keep_their_values():
 
 
 def test_the_branch_of_the_guess_is_kept():
-    """Near either of the two ways to close the loop, that one is found, also from 20 degrees away."""
+    """Near either of the two configurations of the loop, that one is found, also from 20 degrees away."""
     mech = four_bar()
     for elbow in (1, -1):
         reach = np.linspace(0.3, 2.5, 12)
@@ -66,7 +66,7 @@ def test_assembly_is_repeatable():
     np.testing.assert_array_equal(first, again)
 
 
-def test_a_guess_where_newton_stands_still_is_left():
+def test_an_estimate_where_newton_stalls_is_left():
     """Coupler and rocker point away from each other along one line: no direction closes the gap to first order."""
     mech = four_bar(1.0, 1.0, 1.0, 2.0)
     guess = {"coupler": np.pi, "rocker": 0.0}
@@ -79,7 +79,7 @@ def test_a_guess_where_newton_stands_still_is_left():
 
 
 def test_random_loops_in_space_close():
-    """Six random revolute joints and a ball in a loop that exists: from guesses half a radian off."""
+    """Six random revolute joints and a ball in a loop that exists: from estimates half a radian off."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         model = tree(["revolute"] * 3 + ["spherical"] + ["revolute"] * 2, [0, 1, 2, 3, 0, 5], seed)
@@ -136,7 +136,7 @@ def test_velocities_that_contradict_a_loop_are_refused():
         mech.assemble(q={"crank": 1.0}, v={"crank": 1.0, "coupler": 1.0, "rocker": 0.0})
 
 
-def test_lengths_and_angles_are_told_apart():
+def test_lengths_and_angles_are_distinguished():
     model = tree(["rx", "py", "free"], [0, 1, 0])
     mech = mbdae.Mechanism(
         model,
@@ -153,8 +153,8 @@ def test_lengths_and_angles_are_told_apart():
     assert largest_error(mech, np.array([0, 0, 0, 0, 0, 0, 2.0, 3.0])).text == "3 rad"
 
 
-def test_a_frame_that_is_turned_over_is_not_closed():
-    """The axes of a revolute pair may close the wrong way round; the right way is found from there."""
+def test_a_flipped_frame_is_not_closed():
+    """The axes of a revolute pair may close antiparallel; the right configuration is found from there."""
     model = tree(["free"], [0])
     mech = mbdae.Mechanism(model, closures=[mbdae.Closure.revolute("ground", "tip_0", name="hinge")])
     data = model.createData()
@@ -168,7 +168,7 @@ def test_a_frame_that_is_turned_over_is_not_closed():
     assert axes[0] @ axes[1] == pytest.approx(1.0)
 
 
-def test_a_start_that_shall_not_be_assembled_is_refused(tmp_path):
+def test_an_open_start_with_assemble_false_is_rejected(tmp_path):
     text = """
         [[body]]
         name = "bob"
@@ -191,7 +191,7 @@ def test_a_start_that_shall_not_be_assembled_is_refused(tmp_path):
     path.write_text(text.replace("q = {", "guess = {"))
     mech = mbdae.load(path)
     assert mech.start[0] == pytest.approx([1, 0, 0])
-    shown = card(mech)
+    shown = info(mech)
     assert shown.g_loaded == pytest.approx(0.25)
     assert "'string' open by 0.25 m" in str(shown)
     path.write_text(text.replace("q = {", "assemble = false\nguess = {"))
@@ -214,7 +214,7 @@ def test_massless_bodies_are_named():
 
 @pytest.mark.parametrize("kind", ["frame", "prismatic", "revolute"])
 def test_two_free_bodies_are_joined_from_any_pose(kind):
-    """Nothing is in the way; but from one guess in seven plain Gauss-Newton steps turn a whole frame over."""
+    """There are no obstacles; but from one estimate in seven undamped Gauss-Newton steps end with a flipped frame."""
     model = pin.Model()
     for name in "ab":
         joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)

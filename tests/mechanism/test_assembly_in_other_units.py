@@ -1,4 +1,4 @@
-"""Assembly of five mechanisms in (mm, t, s), (km, g, h), Ms and us: from guesses far and near, with velocities."""
+"""Assembly of five mechanisms in (mm, t, s), (km, g, h), Ms and us: distant and close estimates, with velocities."""
 
 import numpy as np
 import pytest
@@ -40,8 +40,8 @@ def assembled(mech, start, move, v):
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_starts_are_refused_alike(name):
-    """What a start leaves open counts by the mechanism's size."""
+def test_starts_are_rejected_in_all_units(name):
+    """The gap of a start is relative to the mechanism's size."""
     mech = mbdae.load(name)
     q, v = mech.start
     for units in UNIT_SYSTEMS:

@@ -1,4 +1,4 @@
-"""The characteristic length of a mechanism: a distance in it, that goes with the unit and not with the place."""
+"""The characteristic length of a mechanism: a distance in it, scaled with the unit and translation invariant."""
 
 import numpy as np
 import pinocchio as pin
@@ -34,7 +34,7 @@ def test_it_goes_with_the_unit(scale):
     assert four_bar(scale).characteristic_length == pytest.approx(0.4 * scale, abs=0)
 
 
-def test_where_the_mechanism_stands_does_not_matter():
+def test_the_position_of_the_mechanism_does_not_matter():
     assert four_bar(at=(1e5, -2e5)).characteristic_length == pytest.approx(0.4)
 
 

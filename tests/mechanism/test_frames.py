@@ -1,4 +1,4 @@
-"""Frames by name: links before joints that share their names; bases that nothing moves, and those that are freed."""
+"""Frames by name: links before joints of the same name; fixed bases, and freed ones."""
 
 import re
 
@@ -31,7 +31,7 @@ def test_a_link_and_a_joint_of_one_name_are_both_found(arm, tmp_path):
     assert mech.start[0].shape == (2,)
     sol = mbdae.solve(mech, (0, 0.05), mech.start[0], [0.3], step=0.01)
     assert {"q.arm", "position.arm.z"} <= sol.signals().keys()
-    code, _, err = call("run", arm, "-t", "0.05", "-o", tmp_path / "run.csv")
+    code, _, err = call("solve", arm, "-t", "0.05", "-o", tmp_path / "run.csv")
     assert (code, err) == (0, "")
     assert "position.arm.z" in (tmp_path / "run.csv").read_text().splitlines()[0]
     assert call("report", arm, "-t", "0.05", "-o", tmp_path / "report.html")[0] == 0
@@ -39,13 +39,13 @@ def test_a_link_and_a_joint_of_one_name_are_both_found(arm, tmp_path):
         mech.frame(mech.start[0], "leg")
 
 
-def test_a_base_that_nothing_moves_is_said_and_flies_where_that_is_asked_for(tmp_path):
+def test_a_fixed_base_is_reported_and_free_on_request(tmp_path):
     path = tmp_path / "heavy.urdf"
     path.write_text(HEAVY)
     assert re.search(r"^  fixed base base$", call("info", path)[1], re.MULTILINE)
     free = mbdae.load(path, free_flyer=True)
     assert free.joint_names == ["root_joint", "arm"]
-    assert "fixed base" not in str(mbdae.card(free))
+    assert "fixed base" not in str(mbdae.info(free))
     sol = mbdae.solve(free, (0, 0.2), step=0.01)  # both links fall freely
     assert sol.q[-1, 2] == pytest.approx(-0.5 * 9.81 * 0.2**2, rel=1e-10)
     with pytest.raises(InputError, match=r"free_flyer belongs to a source; a \[\[body\]\] says joint = \"free\""):

@@ -1,4 +1,4 @@
-"""Forces in joints where closures rub, grip or slide, joints stick or rest on stops, and clutches are engaged."""
+"""Joint forces with closure friction, sticking and sliding contacts, stiction, stops, and engaged clutches."""
 
 import numpy as np
 import pinocchio as pin
@@ -88,9 +88,9 @@ RUNS = {
 
 
 def given(sol, i):
-    """What forces and rows of joints do along the axes of the joints less what turns their rotors, (nv,)."""
+    """Joint forces and rows along the joint axes minus the torques of the rotors, (nv,)."""
     system, (q, v) = sol.at(i), (sol.q[i], sol.v[i])
-    pin.forwardKinematics(system.model, system.data, q, v)
+    pin.forwardKinematics(system.model, system.workspace, q, v)
     G = system.jacobian(q)
     tau = np.array(system.torque(sol.t[i], q, v, sol.s[i])[0], float)
     for part in system.constraints.joint_parts:
@@ -99,8 +99,8 @@ def given(sol, i):
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_joints_carry_along_their_axes_what_acts_in_them(name):
-    """S_j^T f_j of the signals, of joints without motors 0; and Newton and Euler of each body, from signals alone."""
+def test_joint_forces_along_their_axes_are_the_applied_ones(name):
+    """S_j^T f_j of the signals, 0 for joints without motors; and Newton and Euler of each body, from signals alone."""
     sol = RUNS[name]()
     assert sol.success, sol.message
     mech, signals = sol.mechanism, sol.signals()
@@ -135,7 +135,7 @@ def rates(sol, i):
 
 
 def acting(sol, i, wrench):
-    """Wrenches on each body at the world's origin, (nj, 6): its weight, its joints', and those of closures."""
+    """Wrenches on each body at the world's origin, (nj, 6): weight, joints, and closures."""
     mech = sol.mechanism
     model, data = mech.model, mech.model.createData()
     pin.forwardKinematics(model, data, sol.q[i])
@@ -158,7 +158,7 @@ def acting(sol, i, wrench):
 
 
 def test_a_bearing_has_the_torque_of_its_friction():
-    """mu r |F| tanh(w/width) against the turn, in the signal and in the reaction."""
+    """mu r |F| tanh(w/width) against the rotation, in the signal and in the reaction."""
     sol = bearing("revolute")
     signals, found = sol.signals(), sol.reaction("pin")
     load = MU * 0.2 * np.linalg.norm(found.force, axis=1) * np.tanh(sol.v[:, 2] / 0.5)
@@ -166,8 +166,8 @@ def test_a_bearing_has_the_torque_of_its_friction():
     np.testing.assert_allclose(found.torque[:, 2], -load, rtol=1e-9, atol=1e-12)
 
 
-def test_a_ball_that_slides_is_rubbed_by_the_whole_coefficient():
-    """And by nothing when it rolls; what the force is, contact, closure and the ball's acceleration say alike."""
+def test_a_sliding_ball_has_full_friction():
+    """And zero friction when it rolls; contact, closure and the ball's acceleration give the same force."""
     sol = ball()
     signals, contact = sol.signals(), sol.contact("pin")
     slides = signals["mode.pin grip"] == 2

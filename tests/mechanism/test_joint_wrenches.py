@@ -37,7 +37,7 @@ def momenta(model, q, v):
 
 
 def balance(mech, system, state, wrenches):
-    """Rates of momenta, by differences of order six along the motion, less all forces that act on each body."""
+    """Rates of momenta, by differences of order six along the motion, minus all forces on each body."""
     t, q, v, vdot, lam = state
     model, h, weights = mech.model, 1e-3, {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
@@ -92,7 +92,7 @@ def test_forces_between_frames_and_every_kind_of_joint():
     wrenches = joint_wrenches(system, 0.0, q, v, vdot, np.empty(0))
     data = model.createData()
     pin.rnea(model, data, q, v, vdot)
-    missing = data.tau - tau  # what joints would have to do
+    missing = data.tau - tau  # required joint forces
     pin.computeJointJacobians(model, data, q)
     for j in range(1, model.njoints):
         s = slice(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
@@ -124,7 +124,7 @@ def test_another_cut_of_the_loop():
     for mech in (first, second):
         system, (t, q, *_, lam), wrenches = at_end(mech, 0.3)
         closure = mbdae.mechanism.reaction(mech, "pin", np.array([t]), q[None], lam[None]).force_world[0]
-        forces = {n: system.data.oMi[j + 1].rotation @ wrenches[j, :3] for j, n in enumerate(mech.joint_names)}
+        forces = {n: system.workspace.oMi[j + 1].rotation @ wrenches[j, :3] for j, n in enumerate(mech.joint_names)}
         found[mech] = {"crank": forces["crank"], "rocker": forces["rocker"]} | (
             {"start": forces["coupler"], "end": closure}
             if mech is first
@@ -134,8 +134,8 @@ def test_another_cut_of_the_loop():
         np.testing.assert_allclose(found[second][name], force, atol=1e-6, err_msg=name)  # two runs at rtol 1e-8
 
 
-def test_signals_and_reactions_say_the_same():
-    """Columns of forces by name: those of `joint_wrenches`, which balance, and of closures; sizes and both axes."""
+def test_signals_and_reactions_agree():
+    """Columns of forces by name: those of `joint_wrenches`, in balance, and of closures; magnitudes and both axes."""
     mech = mbdae.load("panda_handle")
     sol = mbdae.solve(mech, (0, 0.2), rtol=1e-8)
     system, _, wrenches = at_end(mech)
@@ -145,7 +145,7 @@ def test_signals_and_reactions_say_the_same():
             columns = np.array([signals[f"{word}.{name}.{k}"][-1] for k in "123"])
             np.testing.assert_allclose(columns, own, rtol=0, atol=1e-9)
             world = np.array([signals[f"{word}.{name}.{k}"][-1] for k in "xyz"])
-            np.testing.assert_allclose(world, system.data.oMi[j + 1].rotation @ own, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(world, system.workspace.oMi[j + 1].rotation @ own, rtol=0, atol=1e-9)
             assert signals[f"{word}.{name}"][-1] == pytest.approx(np.linalg.norm(own))
     hand, joint = sol.reaction("hand on handle"), sol.reaction("panda_joint4")
     np.testing.assert_allclose(signals["force.hand on handle.1"], hand.force[:, 0], atol=1e-10)
@@ -156,6 +156,6 @@ def test_signals_and_reactions_say_the_same():
     np.testing.assert_allclose(signals["a.handle"], sol.vdot[:, at], atol=0)
 
 
-def test_what_a_planar_loop_does_not_determine_is_told():
+def test_components_undetermined_by_a_planar_loop_are_reported():
     sol = mbdae.solve(mbdae.load("slider_crank"), (0, 0.2), rtol=1e-6)
     assert sol.reaction("crank").unique == (True, False, True, False, True, False)  # along y, and torques about x and z

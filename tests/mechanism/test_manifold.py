@@ -23,7 +23,7 @@ def single(kind):
 
 
 def increment(model, angle, rng):
-    """A tangent vector in which the joint turns by the angle and moves by some 0.5 m."""
+    """A tangent vector that rotates the joint by the angle and moves it by some 0.5 m."""
     x = 0.5 * rng.standard_normal(model.nv)
     turn = {"spherical": slice(0, 3), "free": slice(3, 6), "planar": slice(2, 3), "composite": slice(1, 4)}
     s = turn[model.names[1]]
@@ -79,7 +79,7 @@ def test_tangent_is_the_derivative_of_difference(kind, angle):
         rate = finite_differences.numerical_derivative(
             lambda s, q=q, moved=moved, v=v: manifold.difference(q, manifold.integrate(moved, s * v)), 2e-3
         )
-        # Pinocchio's logarithm of the plane loses half its digits at small angles
+        # Pinocchio's logarithm on SE(2) loses half its digits at small angles
         noise = 1e-6 if kind == "planar" else 2e-9
         np.testing.assert_allclose(manifold.tangent(x, v), rate, rtol=0, atol=noise)
 
@@ -155,7 +155,7 @@ def test_full_order_on_a_flying_chain_with_a_loop(flight, method, order, monkeyp
     )
     assert (np.log2(errors[:-1] / errors[1:]) > order - 0.25).all(), errors
 
-    monkeypatch.setattr(Manifold, "tangent", lambda self, x, v: v)  # q (+) h sum a V, as one might write it
+    monkeypatch.setattr(Manifold, "tangent", lambda self, x, v: v)  # q (+) h sum a V, the obvious formula
     python = {"method": method, "backend": "python"}
     without = distances(mech, [mbdae.solve(mech, (0, 0.8), q, v, step=0.8 / n, **python) for n in steps], reference)
     assert (np.log2(without[:-1] / without[1:]) < 3.5).all(), without
@@ -204,7 +204,7 @@ def _composite(*parts):
 @pytest.mark.parametrize("joint", CIRCLES)
 @pytest.mark.parametrize("w", [1e-12, 1e-9, 1e-8, 1e-4, 3.0])
 def test_no_small_turn_is_lost(joint, w):
-    """Where rounding puts the cosine between two points above 1, Pinocchio sees one point: one time in thirty."""
+    """Where rounding puts the cosine between two points above 1, Pinocchio treats them as equal: one time in thirty."""
     model = pin.Model()
     j = model.addJoint(0, joint(), pin.SE3.Identity(), "turns")
     model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
@@ -218,8 +218,8 @@ def test_no_small_turn_is_lost(joint, w):
 
 
 @pytest.mark.usefixtures("back_end")
-def test_steps_do_not_depend_on_where_a_joint_stands():
-    """Errors of steps that are taken twice are small turns; here they alone count."""
+def test_steps_do_not_depend_on_joint_positions():
+    """Errors of step doubling are small rotations; here they alone count."""
     model = pin.Model()
     j = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "turns")
     model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())

@@ -1,4 +1,4 @@
-"""M, G, bias and frames of a mechanism at a point, against energies, differences and poses."""
+"""M, G, bias and frames of a mechanism at a configuration, against energies, differences and poses."""
 
 from typing import get_args
 
@@ -10,7 +10,7 @@ import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.schema import JointKind
 from mbdae.mechanism.joints import kind_of
-from mbdae.studies.card.card import card
+from mbdae.studies.info.info import info
 
 
 @pytest.mark.parametrize("name", ["four_bar", "bricard", "humanoid_stance"])
@@ -53,5 +53,5 @@ def test_a_card_calls_the_joints_of_a_file_as_the_file_does(tmp_path):
     bodies = [f'[[body]]\nname = "{k}"\nparent = "world"\njoint = "{k}"\n' for k in kinds]
     bodies = [f"{body}mass = 1.0\ninertia = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n" for body in bodies]
     (tmp_path / "all.toml").write_text("\n".join(bodies))
-    found = dict(card(mbdae.load(tmp_path / "all.toml")).joints)
+    found = dict(info(mbdae.load(tmp_path / "all.toml")).joints)
     assert found == {k: k for k in kinds}

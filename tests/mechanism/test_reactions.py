@@ -24,7 +24,7 @@ def acceleration(sol, t, h=1e-3):
 
 
 def balance(sol, i, frames, efforts):
-    """Generalised force left over at step i: inertia and gravity, less reactions at bodies, less efforts on joints."""
+    """Residual generalised force at step i: inertia and gravity, minus reactions at bodies, minus efforts on joints."""
     model = sol.mechanism.model
     data = model.createData()
     pin.forwardKinematics(model, data, sol.q[i])
@@ -48,7 +48,7 @@ def balance(sol, i, frames, efforts):
 
 @pytest.mark.parametrize("kind", CLOSURES)
 def test_every_kind_balances_the_bodies(kind, monkeypatch):
-    monkeypatch.setattr(assembly, "refuse_unfit", lambda mech, q: None)  # frames are anywhere, whatever rows assume
+    monkeypatch.setattr(assembly, "refuse_unfit", lambda mech, q: None)  # arbitrary frames
     rng, closure = np.random.default_rng(11), CLOSURES[kind]
     mech = Mechanism(tree(JOINTS, PARENTS, seed=3), [closure])
     q, v = mech.assemble(random_q(mech.model, rng, 0.7), 0.5 * rng.standard_normal(mech.nv))
@@ -76,7 +76,7 @@ def test_drivers_balance_the_bodies_and_do_the_work(name):
 
 
 def hung(turn, kind="revolute"):
-    """A bar of 2 kg, free but for a closure to the world's frame ``hook`` at one end, 0.4 m from its centre."""
+    """A bar of 2 kg, free except for a closure to the world's frame ``hook`` at one end, 0.4 m from its centre."""
     model = pin.Model()
     body = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "bar")
     model.appendBodyToJoint(body, pin.Inertia.FromBox(2.0, 0.1, 0.1, 0.8), pin.SE3.Identity())
@@ -116,7 +116,7 @@ def test_a_weld_carries_the_weights_moment():
     )
 
 
-def test_gears_share_a_torque_as_their_inertias_say():
+def test_gears_split_a_torque_by_their_inertias():
     model = pin.Model()
     for name, inertia in (("motor", 0.02), ("drum", 0.5)):
         joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
@@ -142,14 +142,14 @@ def test_a_hoist_lifts_with_weight_and_acceleration():
     mech = Mechanism(model, drivers=[hoist], start=Start(guess={"load": -1.0}))
     sol = mbdae.solve(mech, (0, 1), rtol=1e-9)
     e, r = sol.effort("hoist"), sol.reaction("hoist")
-    pull = 3.0 * (9.81 - 1.4)  # the rope lets down with 1.4 m/s^2
+    pull = 3.0 * (9.81 - 1.4)  # the rope is paid out with 1.4 m/s^2
     assert e.effort == pytest.approx(np.full(len(sol.t), -pull))
     assert e.power == pytest.approx(-pull * (0.5 + 1.4 * sol.t))
     assert e.position == pytest.approx(1 + 0.5 * sol.t + 0.7 * sol.t**2)
     assert r.force_world == pytest.approx(np.tile([0, 0, pull], (len(sol.t), 1)))
 
 
-def test_what_the_motion_does_not_determine_is_said():
+def test_undetermined_reactions_are_reported():
     mech = mbdae.load("four_bar")
     sol = mbdae.solve(mech, (0, 0.5), rtol=1e-8)
     r = sol.reaction("pin")
@@ -172,7 +172,7 @@ def test_names_and_sorts_are_checked():
 
 
 def test_multipliers_of_all_rows_have_the_smallest_norm():
-    """Whatever the masses are, and also where the rows in use are singular to rounding."""
+    """For any masses, and also where the rows in use are singular to rounding."""
     rng = np.random.default_rng(0)
     used, C, X = rng.normal(size=(3, 6)), rng.normal(size=(2, 3)), rng.normal(size=(6, 6))
     U, lam, in_use = np.linalg.cholesky(X @ X.T + np.eye(6)).T, rng.normal(size=3), np.array([4, 0, 2])
@@ -187,8 +187,8 @@ def test_multipliers_of_all_rows_have_the_smallest_norm():
 
 
 def test_minimum_norm_in_a_singular_configuration():
-    """Of the rank before, one singular value vanishes: what it divides is no force, 0 / 0."""
+    """Of the previous rank, one singular value vanishes: its quotient is no force, 0 / 0."""
     G = np.array([[1.0, 0, 0], [2.0, 0, 0], [1.0, 0, 0]])
     np.testing.assert_allclose(rows.minimum_norm(G, 2, np.array([6.0, 0, 0])), [1.0, 2.0, 1.0], atol=1e-14)
-    G[2, 1] = 1e-12  # near it: still told apart
+    G[2, 1] = 1e-12  # near it: still distinguishable
     np.testing.assert_allclose(rows.minimum_norm(G, 2, G.T @ [1.0, 2.0, 1.0]), [1.0, 2.0, 1.0], atol=1e-3)

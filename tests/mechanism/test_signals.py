@@ -1,4 +1,4 @@
-"""Functions of time: derivatives, ends of tables, jumps."""
+"""Functions of time: derivatives, continuation of tables, jumps."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Step-size control by its formulas, and how a stepper uses it: the numbers, not what comes of them."""
+"""Step-size control by its formulas, and its use by a stepper: the computed values, not their effect."""
 
 import numpy as np
 import pytest

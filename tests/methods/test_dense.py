@@ -1,4 +1,4 @@
-"""Dense output: polynomials of any order exist, and reach it."""
+"""Dense output: polynomials of any order exist, and have that order."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_each_sweep_raises_the_order_by_one(sweeps):
 
 @pytest.mark.parametrize("order", [4, 5, 6, 7])
 def test_a_step_of_a_mechanism_is_read_at_the_wanted_order(order):
-    """Errors of v fall as h^(order + 1), those of q by one more, between points and rates of a tight reference."""
+    """Errors of v decrease as h^(order + 1), those of q by one more, between points and rates of a tight reference."""
     mech, t, errors = mbdae.load("pendulum"), 0.3, []
     for h in (0.1, 0.05):
         times = [t, t + 0.4 * h, t + h]
@@ -74,7 +74,7 @@ def test_problems_offer_every_order(order):
 @pytest.mark.parametrize("span", [(0.0, 0.3), (0.3, 0.0)])
 def test_points_at_once_are_points_one_by_one(model, span):
     forces = [mbdae.JointDamping(joint="crank", damping=0.1)] if model == "slider_crank" else []
-    mech = mbdae.load(model, forces=forces)  # with work of damping, and of the walker's driver; a platform is not flat
+    mech = mbdae.load(model, forces=forces)  # work of damping, of the walker's driver; a platform on a curved manifold
     sol = mbdae.solve(mech, span, rtol=1e-6)
     times = np.concatenate([np.linspace(*span, 23), sol.t[3:5]])
     together = np.array(list(sol.points(times)))

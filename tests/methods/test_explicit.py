@@ -42,7 +42,7 @@ def chain():
 
 @pytest.mark.usefixtures("back_end")
 def test_a_step_is_that_of_the_published_program():
-    """State and error norm, and the size of the next step but for its bounds, are those of scipy's port."""
+    """State and error norm, and the unlimited size of the next step, are those of scipy's port."""
     mech, y = chain()
     system, plain, h = mech.system(), mech.system("index1"), 0.02
     system = type(plain)(mech) if system.native is None else mech.system("index1", native=system.native)
@@ -59,7 +59,7 @@ def test_a_step_is_that_of_the_published_program():
 
 
 def test_step_sizes_change_as_in_the_published_program():
-    """h_new = h min(6, max(1/3, 0.9 err^(-1/8))), and not above h behind a rejected step."""
+    """h_new = h min(6, max(1/3, 0.9 err^(-1/8))), and not above h after a rejected step."""
     m = EXPLICIT["dop853"]
     for error, factor in ((0.5, 0.9 * 0.5 ** (-1 / 8)), (1e-9, 6.0), (3.0, 0.9 * 3.0 ** (-1 / 8)), (1e9, 1 / 3)):
         assert Controller(m.error_power, m.control).next_step(0.1, error) == pytest.approx(0.1 * factor, rel=1e-14)
@@ -95,7 +95,7 @@ def test_controlled_runs_agree_with_index2(name):
 
 
 def test_work_is_fewer_evaluations_than_scipys_for_the_same_steps():
-    """The evaluation at the end of a step serves the next one."""
+    """The evaluation at the end of a step is reused by the next one."""
     mech = mbdae.load("four_bar")
     sol = run(mech, 1.0, method="dop853", formulation="index1", step=0.05)
     assert sol.stats["solves"] == 12 * sol.stats["steps"] + 1

@@ -1,4 +1,4 @@
-"""Tableaus of the user's: as numbers, fractions and text, in files, in runs that are saved, and in studies."""
+"""User tableaus: as numbers, fractions and text, in files, in saved runs, and in studies."""
 
 from fractions import Fraction
 
@@ -54,7 +54,7 @@ def test_a_run_with_it_is_saved_whole(ralston, back, tmp_path):
 def test_studies_take_it(ralston, tmp_path):
     (tmp_path / "mine.toml").write_text(RALSTON)
     mech = mbdae.load("four_bar")
-    study = mbdae.check_order(mech, [ralston])
+    study = mbdae.order(mech, [ralston])
     assert study.holds
     assert list(study.slopes) == ["ralston3"]
     options = {"steps": [100, 200], "repeats": 0}
@@ -95,6 +95,6 @@ def test_wrong_ones_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"^\S*mine.toml: a name is a text of one line"):
         read_tableau(tmp_path / "mine.toml")
     with pytest.raises(InputError, match="cannot read"):
-        mbdae.check_order(mbdae.load("pendulum"), ["gone.toml"])
+        mbdae.order(mbdae.load("pendulum"), ["gone.toml"])
     with pytest.raises(UnknownNameError, match="unknown method"):
-        mbdae.check_order(mbdae.load("pendulum"), ["gone"])
+        mbdae.order(mbdae.load("pendulum"), ["gone"])

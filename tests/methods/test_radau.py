@@ -8,7 +8,7 @@ import pytest
 from chains import random_q, tree
 
 import mbdae
-from mbdae import Closure, DCMotor, Driver, Hessenberg, JointDamping, Mechanism, SpringDamper, check_order
+from mbdae import Closure, DCMotor, Driver, Hessenberg, JointDamping, Mechanism, SpringDamper, order
 from mbdae.methods import method
 from mbdae.methods.collocation import StageMemory
 from mbdae.methods.radau import RadauIIA
@@ -98,7 +98,7 @@ def test_observed_orders(problem, name, counts):
 
 
 def test_order_study():
-    study = check_order(mbdae.load("pendulum"), NAMES[1:])
+    study = order(mbdae.load("pendulum"), NAMES[1:])
     assert study.holds, study
 
 
@@ -248,7 +248,7 @@ def test_memory_is_kept_only_where_it_fits():
         np.testing.assert_allclose(other.y, plain.y, rtol=0, atol=2e-15)
 
 
-def test_slopes_are_reused():
+def test_partials_are_reused():
     mech = mbdae.load("pendulum")
     sol = mbdae.solve(mech, (0, 1), method="radau5", step=1e-3)
     linearized = sol.stats["M"] - sol.stats["steps"]
@@ -259,7 +259,7 @@ def test_slopes_are_reused():
 
 @pytest.mark.parametrize(("name", "T", "n"), [("andrews_squeezer", 0.03, 400), ("rolling_disc", 1.0, 10)])
 def test_a_second_change_as_large_as_the_first_does_not_end_an_iteration(name, T, n):
-    """The first brings positions where they belong, and so velocities off their rows: the second brings them back."""
+    """The first one corrects positions, and so moves velocities off their rows: the second corrects these."""
     mech = mbdae.load(name)
     sol, fine = (mbdae.solve(mech, (0, T), method="radau5", step=T / m) for m in (n, 4 * n))
     assert (sol.status, sol.stats["steps"]) == ("finished", n)

@@ -1,4 +1,4 @@
-"""Steps of Radau IIA in which bodies turn far."""
+"""Steps of Radau IIA with large rotations."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from mbdae.system import State
 
 
 def test_steps_in_which_bodies_turn_far_are_solved():
-    """A chain whirls by 0.8 rad in a step behind its impacts: slopes of one point do not serve all stages."""
+    """A chain whirls by 0.8 rad in a step after its impacts: partials at one point are not enough for all stages."""
     mech = mbdae.load("bouncing_chain")
     coarse, fine = (mbdae.solve(mech, (0, 0.3), method="radau5", step=h) for h in (0.025, 0.0015))
     assert coarse.success, coarse.message
@@ -18,8 +18,8 @@ def test_steps_in_which_bodies_turn_far_are_solved():
     assert mbdae.drift(coarse).energy_relative < 1e-5
 
 
-def test_a_start_takes_slopes_from_the_middle_of_what_is_foreseen():
-    """Those of the start itself let the iteration shrink by 0.9 where these do by 0.4."""
+def test_a_start_takes_partials_from_the_middle_of_the_predicted_step():
+    """Those of the start itself give a contraction of 0.9 where these give 0.4."""
     mech = mbdae.load("bouncing_chain")
     y = np.concatenate([[0.09, 0.17, 0.56, -0.6, -0.045, -1.26, -4.78, -11.6, 6.4, 6.7, 0.0]])
     system = mech.system()

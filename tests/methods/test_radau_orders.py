@@ -1,4 +1,7 @@
-"""Orders of radau1 to radau9 in q, v, hidden and own lam, on both back ends, on flat joints and with quaternions.
+"""Orders of radau1 to radau9 in q, v, hidden lam and lam of the method, on both back ends, on flat joints and with
+quaternions.
+
+The reference is pherk6. q, v and lam of the highest orders soon reach rounding; lam of the method needs finer steps.
 
 The reference is pherk6. q, v and lam of the highest orders soon meet rounding; the own lam needs finer steps.
 """
@@ -12,17 +15,17 @@ import mbdae
 from mbdae.methods import method
 
 SPANS = {"four_bar": 0.44, "heavy_top": 0.04}  # s; revolute joints, and a free one
-STEPS = {  # by stages: for q, v and lam, and for the own lam
+STEPS = {  # by stages: for q, v and lam, and for lam of the method
     "four_bar": {1: (128, 128), 2: (32, 128), 3: (16, 64), 4: (16, 64), 5: (8, 32)},
     "heavy_top": {1: (128, 128), 2: (32, 32), 3: (16, 16), 4: (8, 8), 5: (4, 4)},
 }
-MARGIN = {5: 0.5}  # steps at which order 9 shows to 0.2 leave errors of rounding alone; 0.2 for the others
+MARGIN = {5: 0.5}  # steps that show order 9 to 0.2 leave errors of rounding alone; 0.2 for the others
 ENDS = 4  # common times
 BACKENDS = [pytest.param("native", marks=pytest.mark.native), "python"]
 
 
 def sample(name, n, run):
-    """q, v, own and hidden lam at common times."""
+    """q, v, both lam at common times."""
     sol = mbdae.solve(mbdae.load(name), (0, SPANS[name]), step=SPANS[name] / n, **run)
     assert sol.ended, sol.message
     at = np.arange(1, ENDS + 1) * (n // ENDS)

@@ -2,8 +2,8 @@
 
     r' = u + r w,   u' = r + u w + e z^2 + r z,   w' = u + z,   0 = w - r^2        (e = 1, or 0: linear in z)
 
-The constrained point needs r alone and r' does not contain z, so that z_i follows explicitly; r' contains u
-and w, so that the errors of all stages come back into the constraint.
+The constrained point needs r alone and r' does not contain z, so that z_i follows explicitly; r' contains u and w, so
+that the errors of all stages enter the constraint.
 """
 
 from fractions import Fraction
@@ -19,7 +19,7 @@ START = (Fraction(1, 2), Fraction(1, 3), Fraction(1, 4))  # r, u, w = r^2
 
 
 class Series:
-    """A power series in h cut off after a fixed number of terms."""
+    """A power series in h truncated after a fixed number of terms."""
 
     def __init__(self, terms):
         self.terms = list(terms)
@@ -42,7 +42,7 @@ class Series:
         return Series([Fraction(0), *self.terms[:-1]])
 
     def over_h(self):
-        """Divide by h; the last term is then unknown and never reaches a result that is compared."""
+        """Divide by h; the last term is then unknown and never enters a result that is compared."""
         assert abs(float(self.terms[0])) < 1e-25
         return Series([*self.terms[1:], Fraction(0)])
 

@@ -18,7 +18,7 @@ every = pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=TABLEAUS.keys(
 
 
 class Probe(System):
-    """A problem whose i-th stage has the derivative e_i, so that every point shows the coefficients it is made of."""
+    """A problem whose i-th stage has the derivative e_i, so that every point shows its coefficients."""
 
     def __init__(self, n):
         self.ny, self.nz, self.counts, self.measured = n, 1, Counts(), slice(None)
@@ -95,7 +95,7 @@ def test_cost_is_what_the_tableau_says(tableau):
 
 
 def observed(method, steps):
-    """Errors of y and own z at t = 1 on problem (a), whose solution is known."""
+    """Errors of y and z of the method at t = 1 on problem (a), whose solution is known."""
     out = []
     for n in steps:
         sol = mbdae.solve(hessenberg_a(), (0, 1), method=method, step=1 / n)
@@ -183,7 +183,7 @@ def test_the_error_estimate_has_the_order_it_is_used_with(name):
 
 
 class Sum(Probe):
-    """q' = 1 in one stage or more: what is lost of a step is known."""
+    """q' = 1 in one stage or more: the rounding error of a step is known."""
 
     def stage(self, t, x, that, xhat, factor):
         return np.ones(self.ny), np.zeros(1)
@@ -196,7 +196,7 @@ class Sum(Probe):
 
 
 @every
-def test_a_step_takes_over_what_was_lost_and_hands_on_what_it_loses(tableau):
+def test_a_step_adds_the_previous_rounding_error_and_returns_its_own(tableau):
     """Kahan's sum: x = h sum b_i F_i + c, y_1 = y (+) x in floating point, c_1 = x - (y_1 - y)."""
     y, lost, eps = np.ones(2), np.array([0.4, -0.3]), np.finfo(float).eps
     step = tableau.step(Sum(2), 0.0, 0.3 * eps, State(y, np.ones(2), eps * lost))
@@ -206,7 +206,7 @@ def test_a_step_takes_over_what_was_lost_and_hands_on_what_it_loses(tableau):
     np.testing.assert_allclose(first.state.compensation, 0.3 * eps, rtol=1e-14)
 
 
-def test_two_half_steps_lose_nothing_either():
+def test_step_doubling_keeps_the_rounding_error():
     eps = np.finfo(float).eps
     state = State(np.ones(1), np.ones(1), np.array([0.1 * eps]))
     step = step_doubling(METHODS["herk1"].step, 1, Sum(1), 0.0, 0.8 * eps, state)
@@ -214,8 +214,8 @@ def test_two_half_steps_lose_nothing_either():
     np.testing.assert_allclose(step.state.compensation, -0.1 * eps, rtol=1e-14)
 
 
-def test_the_difference_of_half_steps_and_a_whole_one_is_2_to_the_p_less_one_errors():
-    """q' = 2 t by a step that errs by h^3, p = 2: both halves err by 2 (h/2)^3."""
+def test_step_doubling_estimates_2_to_the_p_minus_1_errors():
+    """q' = 2 t by a step with the error h^3, p = 2: both halves have 2 (h/2)^3."""
 
     def step(system, t, h, state):
         return Step(State(state.y + (t + h) ** 2 - t**2 + h**3), np.full(1, t), np.zeros((1, 1)))
@@ -235,7 +235,7 @@ def one_body(joint):
     return mbdae.Mechanism(model)
 
 
-def test_what_is_lost_of_a_sum_is_what_the_difference_of_the_points_lacks():
+def test_the_rounding_error_of_a_sum_is_computed_exactly():
     """All of 0.3 eps where 1 + 0.3 eps = 1; of coordinates only where the tangent is a vector space."""
     x = 0.3 * np.finfo(float).eps
     for system in (hessenberg_a().system(), one_body(pin.JointModelPX()).system()):
@@ -250,8 +250,8 @@ def test_what_is_lost_of_a_sum_is_what_the_difference_of_the_points_lacks():
 
 
 @pytest.mark.usefixtures("back_end")
-def test_what_rounding_loses_is_added_to_the_next_step():
-    """Without forces q grows by the same small amount in every step, of which rounding takes the same part."""
+def test_rounding_errors_are_added_to_the_next_step():
+    """Without forces q grows by the same small amount in every step, with the same rounding error."""
     mech = one_body(pin.JointModelPX())
     sol = mbdae.solve(mech, (0, 1), np.full(1, 1e6), np.full(1, 0.1), step=1e-3, method="herk1")
     assert sol.q[-1, 0] == pytest.approx(1e6 + 0.1, abs=2e-10)
@@ -269,7 +269,7 @@ def test_rejected_steps_leave_no_trace():
 
 
 @pytest.mark.usefixtures("back_end")
-def test_own_multipliers_of_a_mechanism_have_their_order():
+def test_multipliers_of_the_method_have_their_order():
     mech, end = mbdae.load("pendulum"), 0.5
     exact_end = mbdae.solve(mech, (0, end), method="pherk6", step=end / 400)
     for method, claim in (("herk3", 2), ("pherk4", 4), ("pherk5", 4)):

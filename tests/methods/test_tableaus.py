@@ -133,7 +133,7 @@ def test_every_coefficient_of_pherk4_matters():
 
 
 def plain_order(A, b, highest):
-    """Order for y' = f(y) by nested lists of sons, independent of the trees under test."""
+    """Order for y' = f(y) by nested lists of children, independent of the trees under test."""
 
     def trees(order):
         if order == 1:

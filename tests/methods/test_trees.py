@@ -60,7 +60,7 @@ def test_every_tree_is_allowed_and_listed_once(order):
 
 
 def vertices(name):
-    """Order of a tree from its name: meagre less fat vertices."""
+    """Order of a tree from its name: meagre minus fat vertices."""
     return name.count("t") + name.count("_y") - name.count("_z")
 
 

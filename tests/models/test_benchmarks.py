@@ -20,16 +20,16 @@ DIGITS = example("digits")
 
 PAGE = DIGITS.PAGE.read_text().split("| problem |")[1].split("\n\n")[0].splitlines()[2:]
 ROWS = [[cell.strip() for cell in row.strip("|").split("|")] for row in PAGE]
-AT = {row[0]: i for i, row in enumerate(ROWS) if row[0]}  # where each problem begins
+AT = {row[0]: i for i, row in enumerate(ROWS) if row[0]}  # start of each problem
 
 
-def test_every_problem_stands_on_the_page():
+def test_every_problem_is_on_the_page():
     assert list(AT) == [p.__doc__.rstrip(".") for p in DIGITS.PROBLEMS.values()]
 
 
 @pytest.mark.parametrize("name", DIGITS.PROBLEMS)
 def test_digits(name):
-    """The references are those of the page, and what is reached is no more than three times what the page says."""
+    """The references are those of the page, and errors are no more than three times those of the page."""
     found = DIGITS.main([name])[name]
     at = AT[DIGITS.PROBLEMS[name].__doc__.rstrip(".")]
     for digits, (_, what, reference, error) in zip(found, ROWS[at : at + len(found)], strict=True):
@@ -59,11 +59,11 @@ def test_a02_moves_like_one_crank():
 
 
 def test_bricard_has_one_freedom():
-    assert mbdae.card(mbdae.load("bricard")).freedom == 1
+    assert mbdae.info(mbdae.load("bricard")).freedom == 1
 
 
 def test_bricard_moves_as_known():
-    """The alternate angles of the orthogonal linkage obey cos a + cos b + cos a cos b = 0, a and b from folded flat."""
+    """Alternate angles of the orthogonal linkage satisfy cos a + cos b + cos a cos b = 0, a and b from folded flat."""
     sol = mbdae.solve(mbdae.load("bricard"), (0, 4), rtol=1e-9)
     one, two, three, four, five = sol.q.T
     np.testing.assert_allclose([three, five], [one, -one], atol=1e-7)
@@ -76,7 +76,7 @@ def test_bricard_moves_as_known():
 
 
 def cross(p, r, q, s, side):
-    """Where circles about p and q meet, in the complex plane; side +1: to the left of the way from p to q."""
+    """Intersections of circles about p and q, in the complex plane; side +1: to the left of the line from p to q."""
     d = abs(q - p)
     x = (r * r - s * s + d * d) / (2 * d)
     return p + (q - p) / d * complex(x, side * np.sqrt(r * r - x * x))
@@ -120,7 +120,7 @@ def test_jansen_walks_as_published():
 @pytest.mark.parametrize("legs", range(1, 9))
 def test_jansen_is_driven(legs):
     mech = mbdae.load("jansen_walker", legs=legs)
-    card = mbdae.card(mech)
+    card = mbdae.info(mech)
     assert (card.nv, card.ng, card.freedom) == (6 * legs + 1, 9 * legs + 1, 0)
     assert card.g_loaded < 1e-12
     mass = sum(mech.model.inertias[i].mass for i in range(1, mech.model.njoints))
@@ -130,7 +130,7 @@ def test_jansen_is_driven(legs):
 
 
 def test_jansen_with_eight_legs():
-    """The run of 60 s of the passport, shortened."""
+    """The run of 60 s of the model's page, shortened."""
     sol = mbdae.solve(mbdae.load("jansen_walker"), (0, 2.5), rtol=1e-9, project=True)
     found = mbdae.drift(sol)
     assert found.g_max < 1e-9
@@ -153,7 +153,7 @@ def test_double_pendulum_against_its_equation():
     def rate(t, s):
         a, b = s[0], s[0] + s[1]
         ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
-        r1 = np.array([y1 * ca - z1 * sa, y1 * sa + z1 * ca])  # (y, z), turned by a about x
+        r1 = np.array([y1 * ca - z1 * sa, y1 * sa + z1 * ca])  # (y, z), rotated by a about x
         r2 = np.array([y2 * cb - z2 * sb, y2 * sb + z2 * cb])
         arm = length * np.array([-sa, ca])
         turn = np.array([[0, -1], [1, 0]])
@@ -172,13 +172,14 @@ def test_double_pendulum_against_its_equation():
 
 COMMANDS = [
     "info double_pendulum",
-    "run double_pendulum -t 0.3 -o run.npz --html run.html --plot run.png",
-    "run double_pendulum -t 0.3 --project -o run.csv",
-    "run double_pendulum -t 0.3 --formulation ggl",
-    "run double_pendulum -t 0.3 -m radau5",
-    "run double_pendulum -t 0.3 --formulation index1 -m DOP853",
+    "solve double_pendulum -t 0.3 -o run.npz --html run.html --plot run.png",
+    "solve double_pendulum -t 0.3 --project -o run.csv",
+    "solve double_pendulum -t 0.3 --formulation ggl",
+    "solve double_pendulum -t 0.3 -m radau5",
+    "solve double_pendulum -t 0.3 --formulation index1 -m DOP853",
     "drift run.npz --max 1e-5 --plot drift.png",
     "order double_pendulum -m herk2 -t 0.1 --steps 10 --plot order.png",
+    "check-gradients double_pendulum -m herk2 -t 0.1",
     "compare double_pendulum -t 0.2 -m pherk5 -m ggl:herk3 --rtol 1e-4,1e-6 --repeats 1 -o c.csv --plot c.png",
     "animate run.npz -o again.html",
     "report double_pendulum -t 0.2 -m pherk5 --repeats 1 -o report.html",

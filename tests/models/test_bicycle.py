@@ -33,7 +33,7 @@ AT_REST = (3.13164324790656, 5.53094371765393)
 
 
 def roots(speed, mech=None):
-    """Eigenvalues of the straight motion, (5,): place, heading and the turns of the wheels divided out; one is 0."""
+    """Eigenvalues of the straight motion, (5,), without position, heading and wheel angles; one is 0."""
     mech = mech or mbdae.load("bicycle", speed=speed)
     (q, v), s, nv = mech.start, mech.system(), mech.nv
     F, lam = s.derivative(0.0, mech.point())
@@ -63,7 +63,7 @@ def published(speed):
 
 
 def farthest(found, expected):
-    """The largest distance between two sets of numbers."""
+    """The largest distance between two sets of values."""
     return max(max(np.abs(found - x).min() for x in expected), max(np.abs(expected - x).min() for x in found))
 
 
@@ -77,7 +77,7 @@ def test_weave_and_capsize_speeds():
         return max(x.real for x in roots(speed) if abs(x.imag) > 1)
 
     def capsize(speed):
-        return np.poly(roots(speed))[-2].real  # the product of all roots but the one that is 0
+        return np.poly(roots(speed))[-2].real  # the product of all roots except the one that is 0
 
     assert brentq(weave, 4.2, 4.4, xtol=1e-13) == pytest.approx(4.29238253634111, abs=1e-12)
     assert brentq(capsize, 6.0, 6.1, xtol=1e-13) == pytest.approx(6.02426201538837, abs=1e-11)
@@ -102,7 +102,7 @@ def turn(axis, angle):
 
 
 def state(mech):
-    """q and v, and what turns them back: the frame's axes, those of the three angles and their rates."""
+    """q and v, and the inverse maps: the frame's axes, those of the three angles and their rates."""
     third = turn(0, PSI) @ FIRST
     axes = np.column_stack([FIRST, SECOND, third])
     moving = [0 * FIRST, RATES[3] * np.cross(FIRST, SECOND), np.cross(RATES[3] * FIRST + RATES[4] * SECOND, third)]
@@ -131,14 +131,14 @@ def test_published_accelerations():
 
 
 @pytest.mark.parametrize("wrong", [lambda t: t._replace(dp=0 * t.dp), lambda t: t._replace(p=t.p + 0.003 * t.n)])
-def test_accelerations_tell_where_the_wheel_touches(monkeypatch, wrong):
+def test_accelerations_depend_on_the_contact_point_of_the_wheel(monkeypatch, wrong):
     touch = ConvexBody.touch
     monkeypatch.setattr(ConvexBody, "touch", lambda shape, pair: wrong(touch(shape, pair)))
     assert np.abs(accelerations(mbdae.load("bicycle")) - ACCELERATIONS).max() > 1e-3
 
 
 def test_a_disturbed_motion():
-    """After 5 s, from two methods with another program: speed, steer, roll, place of the hub."""
+    """After 5 s, from two methods with another program: speed, steer, roll, position of the hub."""
     mech = mbdae.load("bicycle", speed=4.6)
     q, v = mech.start
     v = v.copy()
@@ -154,7 +154,7 @@ def test_a_disturbed_motion():
 
 
 def test_a_circle_without_hands():
-    """Leaned by 0.2 to the right; the turn of the steered wheel and the yaw rate leave one speed: place for place."""
+    """Leaned by 0.2 to the right; the rotation of the steered wheel and the yaw rate determine the speed."""
     mech = mbdae.load("bicycle")
     steer, yaw = -0.0601573845698, -0.338549938489
 

@@ -1,6 +1,6 @@
-"""Trajectories against those of other programs: MuJoCo and Exudyn, with the machines typed again in their languages.
+"""Trajectories against those of other programs: MuJoCo and Exudyn, with the machines modelled independently.
 
-``pip install ".[crosscheck]"`` brings both; without one, its tests are skipped by name.
+``pip install ".[crosscheck]"`` installs both; without one, its tests are skipped by name.
 """
 
 import importlib
@@ -14,12 +14,12 @@ import mbdae
 from mbdae.mechanism.formats.model_library import robots_directory
 
 URDF = "double_pendulum_description/urdf/double_pendulum_simple.urdf"
-ACCURACY = {"mujoco": 1e-7, "exudyn": 1e-8}  # what they reach: rad, m
+ACCURACY = {"mujoco": 1e-7, "exudyn": 1e-8}  # achieved accuracy: rad, m
 
 
 @pytest.fixture(scope="module", params=ACCURACY)
 def program(request):
-    """Return a function (machine, start, t) that asks another program."""
+    """Return a function (machine, start, t) that calls another program."""
     pytest.importorskip(request.param, reason=f"{request.param} is not installed: pip install 'mbdae[crosscheck]'")
     machines = importlib.import_module(f"crosscheck_{request.param}")
 
@@ -53,7 +53,7 @@ def test_double_pendulum(program, tmp_path, monkeypatch):
     more = {"urdf": robots_directory() / URDF} if program.name == "mujoco" else {}
     theirs = program("double_pendulum", mech.start[0], t, **more)
     ours = mbdae.solve(mech, (0, 1), rtol=1e-11, t_eval=t).q
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]  # no log of what was odd in the URDF
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]  # no log of the warnings about the URDF
     assert np.ptp(ours, axis=0).min() > 1
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=program.accuracy)
 
@@ -68,7 +68,7 @@ def test_stewart_platform(program):
 
 
 def hexapod(mech):
-    """Where the bodies start, and the legs: foot, socket, home orientation and phase of the drive of each."""
+    """Start poses of the bodies, and the legs: foot, socket, home orientation and phase of each driver."""
     q, v = mech.start
     data = mech.model.createData()
     pin.forwardKinematics(mech.model, data, q, v)

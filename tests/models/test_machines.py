@@ -60,7 +60,7 @@ def test_governor_follows_its_equations_in_two_coordinates():
     with np.errstate(over="ignore"):  # scipy's difference quotients grow where a column of the Jacobian is zero
         expected = solve_ivp(governor_equations(), (0, 2), start, "Radau", t, rtol=1e-9, atol=1e-11).y
     np.testing.assert_allclose(sol.q[:, :3], expected[:3].T, atol=2e-8)
-    np.testing.assert_allclose(sol.q[:, 3], sol.q[:, 2], atol=1e-13)  # both rods move alike
+    np.testing.assert_allclose(sol.q[:, 3], sol.q[:, 2], atol=1e-13)  # both rods have the same angle
     assert np.ptp(sol.q[:, 1]) > 0.24
 
 
@@ -92,10 +92,10 @@ def test_delta_robot_keeps_its_platform_level_by_parallelograms_alone():
     assert (np.ptp(sol.q[:, :2], axis=0) > 0.4).all()
     turned = mech.start[0].copy()
     turned[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, 0.0, 0.1]))).coeffs()
-    assert np.abs(mech.residual(turned, np.zeros(9))[0]).max() > 1e-4  # its joint would let it turn
+    assert np.abs(mech.residual(turned, np.zeros(9))[0]).max() > 1e-4  # its joint would allow rotation
 
 
-def test_delta_robot_stands_where_three_spheres_meet():
+def test_delta_robot_is_at_the_intersection_of_three_spheres():
     mech = mbdae.load("delta_robot")
     angles = {"arm_1": 0.9, "arm_2": -0.1, "arm_3": 0.3}
     q, _ = mech.assemble(q=angles)
@@ -124,7 +124,7 @@ def test_both_hands_keep_their_places_on_the_bar():
 
 
 @pytest.mark.usefixtures("back_end")
-def test_the_feet_carry_what_gravity_and_the_motion_ask_for():
+def test_the_feet_carry_weight_and_inertia_forces():
     mech = mbdae.load("humanoid_stance")
     assert mech.nv > 30
     sol = mbdae.solve(mech, (0, 0.2), rtol=1e-5)
@@ -133,7 +133,7 @@ def test_the_feet_carry_what_gravity_and_the_motion_ask_for():
     slope, lam = mech.system().derivative(0.2, y)
     change = pin.computeCentroidalMomentumTimeVariation(model, data, q, v, slope[mech.nv : 2 * mech.nv]).linear
     weight = pin.computeTotalMass(model) * G
-    forces = lam.reshape(2, 6)[:, :3].sum(0)  # the spots' axes are the world's
+    forces = lam.reshape(2, 6)[:, :3].sum(0)  # the anchors' axes are the world's
     np.testing.assert_allclose(forces, change + [0, 0, weight], atol=1e-8 * weight)
     assert np.abs(change[2]) > 1
     for side, y in (("left", 0.085), ("right", -0.085)):
@@ -156,5 +156,5 @@ def test_command_line(name, tmp_path, monkeypatch):
 
     card = json.loads(call("info", name, "--json"))
     assert card["rank"] == card["ng"]  # none is redundant
-    call("run", name, "-t", "0.1", "--rtol", "1e-6", "-o", "run.npz")
+    call("solve", name, "-t", "0.1", "--rtol", "1e-6", "-o", "run.npz")
     call("drift", "run.npz", "--max", "1e-5")

@@ -1,4 +1,4 @@
-"""The models that come with mbdae: passports, start states, and mechanics against formulas written here."""
+"""The models that come with mbdae: pages, start states, and mechanics against formulas written here."""
 
 import json
 from pathlib import Path
@@ -37,7 +37,7 @@ def accelerate(mech, q, v):
 
 
 def body(mech, joint):
-    """Mass, centre of mass and rotational inertia about it of what moves with a joint."""
+    """Mass, centre of mass and rotational inertia about it of the body of a joint."""
     inertia = mech.model.inertias[mech.model.getJointId(joint)]
     return inertia.mass, inertia.lever, inertia.inertia
 
@@ -221,7 +221,7 @@ def andrews():
 
 @pytest.fixture(scope="module")
 def order(andrews):
-    """Where the published coordinates stand in ours: ours[order] is published."""
+    """Indices of the published coordinates in the model's: q[order] is published."""
     return np.array([andrews.joint_names.index(name) for name in DATA["coordinates"]])
 
 
@@ -232,7 +232,7 @@ def to_ours(order, values):
 
 
 def in_ground_axes(rows, q):
-    """Rows (9,) turned from the axes of K3, K4 and K6 into the ground's, (6,), and those across the plane, (3,)."""
+    """Rows (9,) rotated from the axes of K3, K4 and K6 into the ground's, (6,), and the out-of-plane ones, (3,)."""
     _, _, c, F, d, W, e = q
     turned = [
         (r[0] * cos(a) - r[1] * sin(a), r[0] * sin(a) + r[1] * cos(a))
@@ -270,7 +270,7 @@ def test_andrews_start(andrews, order):
     vdot, lam = accelerate(andrews, q, v)
     np.testing.assert_allclose(vdot[order], start["a"], rtol=1e-11, atol=1e-7)
     plane, across = in_ground_axes(lam, start["q"])
-    np.testing.assert_allclose(-plane, start["lambda"], rtol=1e-11, atol=1e-9)  # ours acts on the mechanism
+    np.testing.assert_allclose(-plane, start["lambda"], rtol=1e-11, atol=1e-9)  # lam acts on the mechanism
     np.testing.assert_allclose(across, 0, atol=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Models that roll, skate and mesh, against closed forms."""
+"""Models with rolling, knife edges and gears, against closed forms."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_chaplygin_sleigh():
 
 @pytest.mark.parametrize("tilt", [0.0, 0.1])
 def test_ball_on_a_turntable(tilt):
-    """v' = 2/7 W z x v + 5/7 g sin b x: circles at 2/7 of the table's speed, that drift across the slope."""
+    """v' = 2/7 W z x v + 5/7 g sin b x: circles at 2/7 of the table's speed, which drift across the incline."""
     W, turns = 3.0, 10 if not tilt else 1
     sol = run("ball_on_turntable", turns * 7 * np.pi / W, tilt=tilt)
     at = sol.q[:, 2:4] @ [1, 1j]
@@ -95,14 +95,14 @@ def test_trailer_behind_a_straight_hitch():
 
 
 def test_mecanum_platform():
-    """A constant velocity (v_x, v_y, w) in its own axes: p = (e^(i w t) - 1)/(i w) (v_x + i v_y)."""
+    """A constant velocity (v_x, v_y, w) in the platform's axes: p = (e^(i w t) - 1)/(i w) (v_x + i v_y)."""
     sol = run("mecanum_platform", 5.0)
     at = sol.q[:, :2] @ [1, 1j]
     assert np.abs(at - (np.exp(0.4j * sol.t) - 1) / 0.4j * (0.3 + 0.2j)).max() < 2e-13
 
 
 def test_snakeboard():
-    """With phi = -phi_rear the board moves along (l cos phi, sin phi) x, of a momentum that the rotor and phi drive."""
+    """With phi = -phi_rear the board moves along (l cos phi, sin phi) x, with a momentum driven by rotor and phi."""
     m, J, Jr, Jw, mass_l = 6.0, 0.06, 0.16, 1e-3, 0.2
     sol = run("snakeboard", 6.0)
     total = J + Jr + 2 * Jw
@@ -130,7 +130,7 @@ def test_snakeboard():
 
 
 def test_rattleback_turns_back():
-    """It spins against its better sense, rattles, and comes back; the other way it goes on. Energy is kept."""
+    """Against its preferred sense it rattles and reverses; the other way it keeps turning. Energy is conserved."""
     sol = run("rattleback", 6.0)
     assert mbdae.drift(sol).energy_relative < 1e-9
     assert sol.v[0, 5] > 4.9

@@ -29,7 +29,7 @@ def test_energy_balance_and_drift(runs):
     assert d.energy_relative <= 1e-6
     assert d.g_max <= 1e-7
     assert d.Gv_max <= 1e-12
-    assert d.work_end < -1  # the dampers take it
+    assert d.work_end < -1  # dissipated by the dampers
 
 
 def test_energy_balance_by_hand(runs):
@@ -58,7 +58,7 @@ def test_the_end_does_not_depend_on_the_tolerance(runs):
 
 
 def test_the_hand_stays_on_the_bar(runs):
-    # placements, not g: origins together, the bar's direction common
+    # placements, not g: origins coincide, the bar's direction is common
     sol = runs[1e-8]
     model, data = sol.mechanism.model, sol.mechanism.model.createData()
     for q in sol.q[::20]:

@@ -1,4 +1,4 @@
-"""The woodpecker toy against its published limit cycle, and with the geometry as it is."""
+"""The woodpecker toy against its published limit cycle, and with the nonlinear geometry."""
 
 import numpy as np
 import pinocchio as pin
@@ -10,11 +10,11 @@ from mbdae import Closure, CoulombFriction, JointSpring, Mechanism
 
 R0, RM, HM, LM, LG, HS, LS = 2.5e-3, 3.1e-3, 5.8e-3, 10e-3, 15e-3, 20e-3, 20.1e-3
 SLEEVE, BIRD, J_SLEEVE, J_BIRD, C, MU = 3e-4, 4.5e-3, 5e-9, 7e-7, 5.6e-3, 0.3
-SPECK, BALL = 1e-9, 1e-4  # masses in kg that carry a ball, radius of the balls in m
+SPECK, BALL = 1e-9, 1e-4  # masses in kg of carrier bodies, radius of the balls in m
 
 
 def linear_toy():
-    """The published model: small angles. Points move along lines that couplings give, the pole is at x = 0."""
+    """The published model: small angles. Points move along lines defined by couplings, the pole is at x = 0."""
     model = empty()
     sleeve = carried(model, 0, pin.JointModelRY(), "sleeve", 0.0, inertia=(0, J_SLEEVE, 0))
     carried(model, sleeve, pin.JointModelRY(), "bird", 0.0, inertia=(0, J_BIRD, 0))
@@ -62,7 +62,7 @@ def test_the_published_state_comes_again_after_a_cycle():
 
 
 def test_the_model_jams_slips_and_pecks():
-    """Both edges of the hole are round, and angles are not small: the cycle is shorter by a tenth."""
+    """Both edges of the hole are rounded, and angles are not small: the cycle is shorter by a tenth."""
     mech = mbdae.load("woodpecker")
     sol = mbdae.solve(mech, (0, 0.17), rtol=1e-6)
     lower = [mode[1] for _, mode in sol.modes]

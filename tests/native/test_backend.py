@@ -1,4 +1,4 @@
-"""Which back end computes: the guard in front of the compiled core, the choice, and what is said about it."""
+"""Selection of the back end: the guard of the compiled core, the choice, and its messages."""
 
 import json
 import sys
@@ -21,7 +21,7 @@ HERE = version("libpinocchio")
 
 @pytest.fixture
 def fresh(monkeypatch):
-    """Forget what was found and warned of, before and after."""
+    """Reset the cached core and warnings, before and after."""
     found = (backend._core, backend._warn)
     for f in found:
         f.cache_clear()
@@ -30,12 +30,12 @@ def fresh(monkeypatch):
         f.cache_clear()
     with warnings.catch_warnings(action="ignore"):
         monkeypatch.undo()
-        backend.choose("auto")  # where the core is missing, later tests are not to be warned
+        backend.choose("auto")  # where the core is missing, later tests must not warn
 
 
 @pytest.fixture
 def core(fresh, tmp_path):
-    """Write a stand-in for the core and its version file; where it is imported for another Pinocchio, tests end."""
+    """Write a stand-in for the core and its version file; its import for another Pinocchio ends the tests."""
 
     def write(built_for=HERE, code="raise SystemExit('imported')"):
         (tmp_path / "stand_in.py").write_text(code)
@@ -89,6 +89,14 @@ def test_a_pinocchio_from_elsewhere_is_noticed(core, monkeypatch, imported):
     assert f"but {imported} beside libpinocchio {HERE} is installed" in backend.status()
 
 
+def test_a_core_is_imported_once(core):
+    """An extension module that is executed again is empty."""
+    core(code="answer = []")
+    first = backend.load()
+    backend._core.cache_clear()
+    assert backend.load() is first
+
+
 def test_a_core_that_cannot_be_imported_is_named(core):
     core(code="raise ImportError('libboost_python: no such file\\nor folder')")
     assert backend.load() is None
@@ -112,7 +120,7 @@ def test_an_unknown_backend_is_refused():
         backend.choose("natve")
 
 
-def test_a_source_tree_and_an_installation_are_told_apart(tmp_path):
+def test_a_source_tree_and_an_installation_are_distinguished(tmp_path):
     assert backend._not_built(tmp_path).startswith("not built for this Python")
     (tmp_path / "native").mkdir()
     (tmp_path / "native" / "CMakeLists.txt").touch()
@@ -128,7 +136,7 @@ def test_info_names_versions_and_back_end():
     names = ("mbdae", "pin", "numpy", "scipy")
     assert alone.splitlines() == [*(f"{name} {version(name)}" for name in names), line]
     assert json.loads(json_alone) == {"versions": {n: version(n) for n in names}, "backend": backend.status()}
-    assert model.splitlines() == [*str(mbdae.card(mbdae.load("pendulum"))).splitlines(), line]
+    assert model.splitlines() == [*str(mbdae.info(mbdae.load("pendulum"))).splitlines(), line]
     assert json.loads(json_model)["backend"] == backend.status()
 
 

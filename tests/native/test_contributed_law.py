@@ -1,4 +1,4 @@
-"""The C++ of CONTRIBUTING's force: its derivatives, the same law without them, and a core that was built before it."""
+"""The C++ of CONTRIBUTING's force: its derivatives, the same law without them, and an older core without the law."""
 
 import re
 import shutil

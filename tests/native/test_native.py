@@ -1,4 +1,4 @@
-"""The compiled core against Python: the same trajectories, points and statuses, and the tableaus it is given."""
+"""The compiled core against Python: the same trajectories, evaluations, statuses and tableaus."""
 
 from functools import cache
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.native
 TABLEAUS = [name for name, m in METHODS.items() if isinstance(m, Tableau)]
 SPANS = {  # s; 0.5 s for the others
     "andrews_squeezer": 0.015,
-    "bouncing_chain": 0.2,  # when it strikes is found to more than the rounding of t
+    "bouncing_chain": 0.2,  # the impact is located beyond the rounding of t
     "cart_pole": 0.1,
     "delta_robot": 0.3,
     "flyball_governor": 0.002,
@@ -34,7 +34,7 @@ SPANS = {  # s; 0.5 s for the others
     "woodpecker": 0.02,
 }
 # A sleeve of 5e-9 kg m^2 rests against its pole, and its velocity is rounding of some 1e-14 rad/s, which must not
-# choose the step behind an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the steps' largest growth begins.
+# determine the step after an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the maximum growth of steps begins.
 ATOL = {"woodpecker": 1e-6}
 
 
@@ -81,7 +81,7 @@ def test_fixed_steps(name, method):
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name, options):
     T = SPANS.get(name, 0.5)
-    # the first steps of a run are short: rounding is all of their errors, and would choose the next ones
+    # the first steps of a run are short: their errors are rounding only, and would determine the next ones
     native, python = both(model(name), (0, T), rtol=1e-6, atol=ATOL.get(name), first_step=T / 20, **options)
     assert native.status == python.status == "finished"
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
@@ -107,7 +107,7 @@ def test_every_force(force):
 
 
 def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
-    """Many turns on, the gap is that of the teeth; Python, which would know, is not asked."""
+    """After many turns, the gap is that of the teeth; Python, which reduces it, is not called."""
     coupling = Closure.coupling("continuous_0", "continuous_1", (0.2, -2.5))
     gears = Mechanism(tree(["continuous", "continuous"], [0, 0]), [coupling])
     monkeypatch.setattr(PythonStepper, "advance", None)
@@ -119,7 +119,7 @@ def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
     np.testing.assert_allclose(driven - driven[0], -2.5 * (driving - driving[0]), atol=1e-10)
 
 
-def test_ways_through_a_span():
+def test_spans_in_both_directions_and_parts():
     mech = model("four_bar")
     for options in (
         {"t_span": (1.0, 0.0), "step": 0.01},
@@ -134,7 +134,7 @@ def test_ways_through_a_span():
         assert_same(*both(mech, **options))
 
 
-def test_runs_that_fail_say_the_same():
+def test_failing_runs_have_the_same_message():
     bar = model("four_bar")
     late = lambda t, q, v: np.full(3, np.nan if t > 0.4 else 0.0)  # noqa: E731
     wrong = lambda t, q, v: np.zeros(3 if t < 0.4 else 2)  # noqa: E731
@@ -171,7 +171,7 @@ def compare_points(mech, states=6):
         t, y = rng.uniform(-1, 2), np.concatenate([q, v, s, [0.3]])
         try:
             G, w = python.derivative(t, y)
-        except StepError:  # a bushing turned over
+        except StepError:  # a bushing with a flipped frame
             assert native.core.derivative(t, y) is None
             continue
         compared += 1
@@ -184,7 +184,7 @@ def compare_points(mech, states=6):
             a = native.compiled_step(tableau, t, 1e-3, State(y, carry))
             b = tableau.step(python, t, 1e-3, State(y, carry))
             assert_near(a.state.y, b.state.y, tolerance)
-            assert_near(a.errors, b.errors, tolerance)
+            assert_near(a.errors, b.errors, 10 * tolerance)  # differences of stages, which cancel
             assert_near(a.z, b.z, 1e3 * tolerance)
     assert compared > 1
 
@@ -257,21 +257,21 @@ def test_the_core_recovers_the_tableau(name):
 
 
 @pytest.mark.parametrize("name", TABLEAUS)
-def test_the_core_meets_the_constraint_where_the_tableau_says(name):
+def test_the_core_satisfies_the_constraint_at_the_points_of_the_tableau(name):
     tableau, t, h = METHODS[name], 0.7, 0.25
     a, first = tableau.arrays, int(tableau.explicit_first)
     n, seen = len(a.b), []
 
-    def speed(t):  # each stage asks for it twice: where the constraint is met, and at its own time, for the work
+    def speed(t):  # each stage calls it twice: at the constraint point, and at the time of the stage, for the work
         seen.append(t)
         return float(len(seen) == 2 * (stage - first) + 1)
 
     system = slide(drivers=[Driver.function("slide", lambda t: 0.0, speed, lambda t: 0.0)])
     system.hold((0,))
-    slopes = np.zeros((n, n))  # of stage i, for a speed of 1 at stage k alone, or the first slope
+    slopes = np.zeros((n, n))  # of stage i, for a speed of 1 at stage k alone, or the first derivative
     for stage in range(n):
         carry = np.array([float(stage == 0), 0.0]) if first else None
-        for i in range(first, n):  # weights that show one slope
+        for i in range(first, n):  # weights that select one derivative
             seen.clear()
             show = system.native.Tableau(a.A, a.Ahat, np.eye(n)[i], a.c, a.chat, a.e[:0], bool(first), False, 0, 0.0)
             slopes[i, stage] = system.core.step(show, t, h, np.zeros(3), carry, None)[0][1] / h

@@ -1,4 +1,4 @@
-"""What passes between Python and the compiled core: functions called back, threads, what is missing."""
+"""The interface between Python and the compiled core: callbacks, threads, missing features."""
 
 import gc
 import pickle
@@ -123,7 +123,7 @@ def test_rows_that_the_core_lacks_run_in_python(monkeypatch):
 
 
 def test_one_solution_read_in_several_threads():
-    """They take turns in its workspace, though its force law lets other threads run."""
+    """They use its workspace in turn, though its force law releases the lock."""
     sol = mbdae.solve(mbdae.load("four_bar", forces=[lambda t, q, v: -0.1 * v]), (0, 1), step=2e-3, backend="native")
     with ThreadPoolExecutor(3) as threads:
         found = list(threads.map(lambda k: sol(np.linspace(0, 1, 1001)).q, range(3)))
@@ -131,7 +131,7 @@ def test_one_solution_read_in_several_threads():
 
 
 def test_an_event_on_a_multiplier_takes_forces_from_the_last_stage():
-    """It stood where the step ends: no law is asked again, but for the start of the run."""
+    """It was evaluated at the end of the step: no law is called again, except at the start of the run."""
     calls = []
 
     def nothing(t, q, v):
@@ -148,8 +148,8 @@ def test_an_event_on_a_multiplier_takes_forces_from_the_last_stage():
 
 
 @pytest.mark.parametrize("method", ["herk3", "pherk6"])
-def test_where_a_slice_of_time_ends_does_not_matter(method, monkeypatch):
-    """Between slices Python looks for Ctrl-C: on a busy machine after other steps than on an idle one."""
+def test_time_slices_do_not_affect_the_result(method, monkeypatch):
+    """Between slices Python checks for Ctrl-C: on a busy machine after other steps than on an idle one."""
     mech, found = mbdae.load("jansen_walker"), []
     for seconds in (1e9, 0.0):
         monkeypatch.setattr(native, "SECONDS", seconds)

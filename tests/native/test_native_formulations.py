@@ -39,7 +39,7 @@ def test_fixed_steps(name, options):
     if python.ended and options["formulation"] == "ggl":
         g, Gv = model(name).system().residual(T, native.q[-1], native.v[-1])
         assert np.abs(g).max(initial=0) <= 1e-13
-        turning = name == "heavy_top" and implicit  # 0.75 rad in a step: as far as the iteration goes, in index 2 too
+        turning = name == "heavy_top" and implicit  # 0.75 rad in a step: the limit of the iteration, in index 2 too
         assert np.abs(Gv).max(initial=0) <= (1e-11 if turning else 1e-13) * (1 + np.abs(native.v).max())
 
 
@@ -54,7 +54,7 @@ def test_controlled_steps(name, options):
 
 @pytest.mark.parametrize("name", ["four_bar", "heavy_top", "bricard", "stewart_platform"])
 def test_controlled_steps_of_radau(name):
-    """Rounding decides on the last iterations, and with small errors on step sizes."""
+    """Rounding determines the last iterations, and with small errors the step sizes."""
     native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, method="radau5", **GGL)
     assert native.status == python.status == "finished"
     assert abs(native.stats["steps"] - python.stats["steps"]) <= 1
@@ -78,7 +78,7 @@ def test_every_force(force, options):
 def test_every_closure_steps_in_ggl(name, monkeypatch):
     """From random states off the closures, on flat and curved joints: one step, with mu carried from another.
 
-    Rows are compared between random frames, whatever their kind assumes of these.
+    Rows are compared between random frames, also if their kind assumes others.
     """
     monkeypatch.setattr(assembly, "refuse_unfit", lambda mech, q: None)
     mech, method = mechanism(CASES[name]), METHODS["pherk5"]
@@ -116,7 +116,7 @@ def test_ggl_keeps_the_order(name, T, steps, method):
 
 
 def test_long_steps_are_taken_without_python(monkeypatch):
-    """Controlled steps over many loops; Python is not asked, and both levels stand at rounding."""
+    """Controlled steps over many loops; Python is not called, and both levels are satisfied to rounding."""
     monkeypatch.setattr(PythonStepper, "advance", None)
     for options in (GGL, GGL | {"method": "radau5"}, INDEX1, INDEX1 | {"project": True}):
         sol = run(model("four_bar"), 5.0, rtol=1e-6, backend="native", **options)

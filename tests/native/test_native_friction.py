@@ -1,4 +1,4 @@
-"""Friction by the forces that closures carry, in both back ends: methods, formulations, modes, wrong numbers."""
+"""Friction proportional to closure forces, in both back ends: methods, formulations, modes, invalid data."""
 
 import numpy as np
 import pinocchio as pin
@@ -16,14 +16,14 @@ R = 0.5
 
 
 def pivot(kind):
-    """A pendulum in a bearing; a revolute one has rows that depend on others."""
+    """A pendulum in a bearing; a revolute one has redundant rows."""
     closure = Closure(kind=kind, frames=("world", "body"), name="pivot")
     friction = CoulombFriction(closure="pivot", coefficient=0.3, radius=0.2, velocity=0.1)
     return Mechanism(planar_body("xyz", com=(0.0, -0.4, 0.0)), [closure], [friction])
 
 
 def rail(kind):
-    """A body on a slanted rail, pressed against it by its weight; turns are free or not."""
+    """A body on a slanted rail, pressed against it by its weight; with or without rotation."""
     closure = Closure(kind=kind, frames=("slope", "body"), name="rail", axis=(0, 0, 1))
     model = planar_body("xyz", com=(0.05, 0.0, 0.0))
     turn = pin.exp3(np.array([0.0, 0.0, -0.3])) @ np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]])
@@ -60,7 +60,7 @@ def made(name):
 
 
 @pytest.mark.parametrize("name", SLIDING)
-def test_both_back_ends_slide_alike(name):
+def test_both_back_ends_agree_with_closure_friction(name):
     mech, start = made(name)
     for method in ("pherk5", "herk5"):
         assert_same(*both(mech, (0, 0.1), *start, method=method, step=0.005), 1e-10, 1e-8)
@@ -72,7 +72,7 @@ def test_both_back_ends_slide_alike(name):
 
 
 def test_friction_is_there():
-    """The runs compared slow down: power of friction, and work that balances it."""
+    """The runs compared slow down: power of friction, and the balancing work."""
     for name in SLIDING:
         mech, start = made(name)
         sol = mbdae.solve(mech, (0, 0.1), *start, rtol=1e-10, backend="native")
@@ -99,7 +99,7 @@ def test_steps_of_a_ball_that_slides_and_rolls_are_the_cores(heading, monkeypatc
 
 
 def test_friction_that_wedges_is_left_to_python():
-    """The same words, though the core knows none."""
+    """The same message, though the core has none."""
     model = planar_body("xz", com=(0.5, -0.5, 0.0))
     model.addBodyFrame("tip", 2, pin.SE3(np.eye(3), np.array([0.5, -0.5, 0.0])), 0)
     model.addBodyFrame("floor", 0, pin.SE3(np.eye(3), np.array([0, -0.5, 0])), 0)
@@ -111,7 +111,7 @@ def test_friction_that_wedges_is_left_to_python():
     assert native.status == "friction"
 
 
-def test_wrong_places_are_refused():
+def test_invalid_interfaces_are_rejected():
     system = bead().system(native=backend.load())
     (right,) = system.sliding.plain()
     acts, headings = system.sliding.acts, system.sliding.slip_directions

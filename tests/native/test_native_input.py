@@ -1,4 +1,4 @@
-"""Wrong input to the compiled core itself: exceptions, or runs that end; never a crash."""
+"""Invalid input to the compiled core itself: exceptions, or runs that end; never a crash."""
 
 from types import SimpleNamespace
 
@@ -18,7 +18,7 @@ REFUSED = (ValueError, TypeError, RuntimeError, OverflowError, IndexError, KeyEr
 
 
 def arguments(name="four_bar", **options):
-    """What `Compiled` hands to the core, beside thresholds."""
+    """The arguments of the core in `Compiled`, except thresholds."""
     mech = mbdae.load(name, **options)
     system = mech.system()
     pairs, rows, drivers = constraints_of(system.constraints)
@@ -30,7 +30,7 @@ def arguments(name="four_bar", **options):
 
 
 def make_core(model, *rest, more=0):
-    """A core, all of whose scales are 1; ``more`` of each than there should be."""
+    """A core, all of whose scales are 1; ``more`` of each than required."""
     native = backend.load()
     sizes = {
         "row_scales": len(rest[2]),
@@ -125,7 +125,7 @@ def test_wrong_states_are_refused(system):
 
 
 def test_wrong_limits_are_refused():
-    """Missing ones, others, and numbers that are none: a core never computes with what nobody said."""
+    """Missing ones, unknown ones, and invalid numbers: a core never computes with undefined thresholds."""
     make = backend.load().Tolerances
     seen = {}
     core_tolerances(SimpleNamespace(Tolerances=lambda **given: seen.update(given)), mbdae.load("four_bar"))

@@ -1,4 +1,4 @@
-"""The compiled core on many rows: chosen when there is reason to, in an order of small bandwidth."""
+"""The compiled core on many rows: selected on demand, in an order of small bandwidth."""
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.native
 
 
 def chain(n):
-    """Free bodies, each hung by a ball on the one before: 3 n rows of full rank, on a manifold with quaternions."""
+    """Free bodies, each on a ball joint of the previous one: 3 n rows of full rank, on a manifold with quaternions."""
     rng, mech = np.random.default_rng(1), pin.Model()
     up, down = pin.SE3(np.eye(3), np.array([0, 0, 0.5])), pin.SE3(np.eye(3), np.array([0, 0, -0.5]))
     mech.addFrame(pin.Frame("down_-1", 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
@@ -65,8 +65,8 @@ def several(mech, n):
     return Mechanism(model, closures)
 
 
-def test_rows_are_chosen_anew_on_the_way():
-    """Where those in use become bad, no more is lost than in a small system, which looks at all rows in each step."""
+def test_rows_are_reselected_during_a_run():
+    """With ill-conditioned rows in use, errors are no larger than in a small system, which selects in each step."""
     one = bricard(5, [9.81, 0, 0])
     single, many = (
         mbdae.solve(m, (0, 10), np.zeros(m.nv), np.zeros(m.nv), step=0.01, backend="native")
@@ -81,7 +81,7 @@ def test_rows_are_chosen_anew_on_the_way():
 
 
 def test_both_back_ends_use_the_same_rows(monkeypatch):
-    """On many rows that have to be chosen anew, and listed in an order that would fill the matrix."""
+    """On many rows that must be reselected, listed in an order that would fill the matrix."""
     mech = several(bricard(5, [9.81, 0, 0]), 7)
     by_row = [Mechanism(mech.model, mech.closures[k:] + mech.closures[:k]) for k in (0, 3)]
     looks, choose = [], independent_rows.choose
@@ -109,7 +109,7 @@ def test_many_rows_are_eliminated_in_a_band():
 
 
 @pytest.mark.parametrize("options", [{"step": 0.01}, {"rtol": 1e-6}], ids=str)
-def test_a_start_in_a_singular_configuration_is_found_out(options):
+def test_a_start_in_a_singular_configuration_is_detected(options):
     mech = mbdae.load("n_four_bar", N=12)  # flat
     v = np.array([1.0 if name.startswith("crank") else -1.0 for name in mech.joint_names])
     native, python = both(mech, (0, 1), np.zeros(mech.nq), v, **options)
@@ -119,7 +119,7 @@ def test_a_start_in_a_singular_configuration_is_found_out(options):
 
 
 def test_multipliers_of_many_dependent_rows_have_the_smallest_norm():
-    """Plates in a plane, each carried by five parallel rods where two would do, each in another way."""
+    """Plates in a plane, each carried by five parallel rods where two suffice, each differently."""
     rng, model, closures = np.random.default_rng(0), pin.Model(), []
     model.gravity.linear = np.array([0.0, -9.81, 0.0])
     for k in range(6):

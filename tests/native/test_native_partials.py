@@ -26,7 +26,7 @@ def compare(mech, tolerance=1e-12, states=4):
         t, y = rng.uniform(0, 2), np.concatenate([q, v, s, [0.3]])
         try:
             native.derivative(t, y)  # in Python: the rank
-        except StepError:  # a bushing turned over, or a singular configuration
+        except StepError:  # a bushing with a flipped frame, or a singular configuration
             continue
         rows, vdot = np.array(native.core.rows, int), rng.uniform(-1, 1, mech.nv)
         lam = np.zeros(native.ng)

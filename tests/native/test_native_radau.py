@@ -1,4 +1,4 @@
-"""Radau IIA in the compiled core against Python: the same states and iterations, orders, and closures kept at ends."""
+"""Radau IIA in the compiled core against Python: states, iterations, orders, and closures at ends of steps."""
 
 from functools import partial
 
@@ -38,7 +38,7 @@ def steps(mech, method, h, n, native):
 
 @pytest.mark.parametrize("name", IN_CORE)
 def test_single_steps(name):
-    """Equal to rounding; as many iterations, or one more where rounding says when they end."""
+    """Equal to rounding; as many iterations, or one more where rounding decides their end."""
     mech, h = model(name), SPANS.get(name, 0.5) / 1000
     for s in (1, 2, 3, 4):
         found, expected = (steps(mech, RadauIIA(s), h, 4, native) for native in (True, False))
@@ -51,8 +51,8 @@ def test_single_steps(name):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "heavy_top"])
-def test_a_step_takes_over_what_was_lost(name):
-    """A compensation that is far larger than rounding moves the end of the step by itself, along the closures."""
+def test_a_step_adds_the_rounding_error_of_the_previous_one(name):
+    """A compensation far larger than rounding moves the end of the step by the same amount, along the closures."""
     mech, method, found = model(name), RadauIIA(3), []
     system = mech.system()
     end = method.step(system, 0.0, 1e-3, State(system.settle(0.0, State(mech.point())).y, None)).state.y
@@ -105,7 +105,7 @@ def test_every_force(force):
 
 
 def test_fifteen_stages():
-    """They are at rounding on a spherical joint, with steps that leave five stages an error."""
+    """They reach rounding on a spherical joint, with steps in which five stages have an error."""
     solve = partial(mbdae.solve, model("heavy_top"), (0, 0.01), backend="native")
     reference = solve(method="radau13", step=0.0005).y[-1]
     errors = [np.abs(solve(method=name, step=0.005).y[-1] - reference).max() for name in ("radau5", "radau29")]
@@ -121,7 +121,7 @@ def test_failing_iterations_leave_the_step_to_python(monkeypatch):
     assert asked
 
 
-def test_steps_behind_impacts_are_those_of_python():
+def test_steps_after_impacts_are_those_of_python():
     """Bodies whirl by 0.8 rad in a step: the core leaves such steps to Python."""
     native, python = both(model("bouncing_chain"), (0, 0.3), method="radau5", step=0.025)
     assert (native.status, native.stats["backend"]) == (python.status, "native")
@@ -131,7 +131,7 @@ def test_steps_behind_impacts_are_those_of_python():
 
 
 def test_failing_iterations_under_control_are_tried_shorter_in_the_core(monkeypatch):
-    """Crank and slider joined by a spring of 1e8 N/m: what is long enough for the tolerance is too long for Newton."""
+    """Crank and slider joined by a spring of 1e8 N/m: a step long enough for the tolerance is too long for Newton."""
     slider = pin.SE3(np.eye(3), np.zeros(3))
     tree = pin.Model()
     crank = tree.addJoint(0, pin.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), slider, "crank")
@@ -151,14 +151,14 @@ def test_failing_iterations_under_control_are_tried_shorter_in_the_core(monkeypa
     python = solve(backend="python")
     monkeypatch.setattr(PythonStepper, "advance", None)
     native = solve(backend="native")
-    assert python.stats["rejected"] > 10  # most of them by Newton
+    assert python.stats["rejected"] > 10  # mostly by Newton's iteration
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-9)
 
 
 @pytest.mark.parametrize("turn", [0.25, 0.75, 1.0])
 def test_far_turns_leave_velocities_where_they_belong(turn):
-    """Then Newton's iterations hardly damp what rounding brings in, in directions that nothing else excites."""
+    """Then Newton's iterations hardly damp rounding errors, in directions without any other excitation."""
     mech = mbdae.load("heavy_top")
     for sol in both(mech, (0, 0.15), method="radau5", step=turn / 150):
         rate = np.array([mech.residual(q, v, t)[1] for t, q, v in zip(sol.t, sol.q, sol.v, strict=True)])

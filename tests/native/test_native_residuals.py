@@ -1,4 +1,4 @@
-"""What a run keeps, in the core: residuals and energies at random states as in Python; wrong events and samplers."""
+"""Residuals and energies at random states, in the core as in Python; invalid events and samplers."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Wrong input to the core's tangents and adjoints: exceptions, never a crash; and what ends them."""
+"""Invalid input to the core's tangents and adjoints: exceptions, never a crash; and failing steps."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def system():
 
 
 def given(system, m=2, d=3):
-    """Parameters, what comes before the nodes, nodes, and what is carried."""
+    """Parameters, input at the first node, nodes, and the carry."""
     parameters = system.core.vary(0, [], [], [])
     y = np.array([system.mechanism.point()] * (m + 1))
     carries = np.array([system.derivative(0.0, y[0])[0][system.nv :]] * (m + 1))

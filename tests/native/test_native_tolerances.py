@@ -1,4 +1,4 @@
-"""No threshold of the compiled core is a literal: Python has them all."""
+"""No threshold of the compiled core is a literal: all are defined in Python."""
 
 import re
 from pathlib import Path
@@ -7,14 +7,14 @@ import pytest
 
 NATIVE = Path(__file__).parents[2] / "mbdae" / "native"
 SOURCES = sorted([*NATIVE.rglob("*.cpp"), *NATIVE.rglob("*.hpp")])
-EXACT = {0.0, 0.5, 1.0, 2.0}  # that stand in formulas
+EXACT = {0.0, 0.5, 1.0, 2.0}  # in formulas
 LARGEST_INTEGER = 9  # of indices and sizes of vectors and matrices in space
 SIZES = {
     12,
     36,
     50,
     1000000,
-}  # numbers of a bushing; a matrix (6, 6); microseconds between looks at a lock; states that fit into memory
+}  # sizes of a bushing; a matrix (6, 6); microseconds between checks of a lock; states that fit into memory
 NOT_NUMBERS = re.compile(r'//[^\n]*|"[^"\n]*"|^#[^\n]*', re.MULTILINE)
 NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[uUlLfF]*\b\.?")
 

@@ -38,8 +38,8 @@ def run(force, model="four_bar", t_eval=TIMES):
 
 
 @pytest.mark.parametrize("name", FORCES)
-def test_power_is_what_energy_and_the_centre_of_mass_gain(name):
-    # closures do no work: kinetic energy gains the powers of forces and of the weight at the centre of mass
+def test_power_is_the_rate_of_kinetic_energy_and_of_the_weight(name):
+    # closures do no work: kinetic energy changes by the powers of forces and of the weight at the centre of mass
     sol = run(FORCES[name])
     model, found = sol.mechanism.model, sol.signals()
     power = sum(x for n, x in found.items() if n.startswith("power."))
@@ -138,7 +138,7 @@ def test_names_and_beginnings_choose():
         signals(sol, ["q.slidr"])
 
 
-def test_a_force_with_the_name_of_a_joint_is_told_apart():
+def test_a_force_with_the_name_of_a_joint_is_distinguished():
     force = mbdae.JointTorque(name="crank", joint="crank", torque=2.0)
     found = run(force).signals()
     assert (found["torque.crank (force)"] == 2.0).all()

@@ -1,4 +1,4 @@
-"""Solutions in files: what was written is read again, and what cannot be read is said in one line."""
+"""Solutions in files: saved data are read back, and unreadable files give a one-line error."""
 
 import csv
 import json
@@ -24,7 +24,7 @@ def sol():
 
 @pytest.fixture(scope="module")
 def spinner():
-    """An unbounded revolute joint that turns more than half a turn in a step, a ball and a free body."""
+    """An unbounded revolute joint that turns more than half a turn in a step, a ball joint and a free body."""
     model = pin.Model()
     kinds = (pin.JointModelRUBZ(), pin.JointModelSpherical(), pin.JointModelFreeFlyer(), pin.JointModelPlanar())
     for name, kind in zip(("shaft", "ball", "body", "plate"), kinds, strict=True):
@@ -36,7 +36,7 @@ def spinner():
 
 
 def rewritten(path, target, **changes):
-    """A copy of a solution file with entries of its meta data replaced."""
+    """A copy of a solution file with replaced metadata entries."""
     with np.load(path) as file:
         data = {name: file[name] for name in file.files}
     data["meta"] = np.array(json.dumps({**json.loads(str(data["meta"])), **changes}))
@@ -143,7 +143,7 @@ def test_a_damaged_file_is_one_clear_error(sol, tmp_path):
     cut = [data[:n] for n in (0, 1, 100, len(data) // 2, len(data) - 1)]
     messages = []
     with zipfile.ZipFile(good) as file, zipfile.ZipFile(bad, "w") as unclosed:
-        for name in file.namelist():  # numpy takes the headers of arrays apart as Python
+        for name in file.namelist():  # numpy parses the headers of arrays as Python
             unclosed.writestr(name, file.read(name).replace(b"), }", b"), ("))
     for text in [*cut, *flipped, bad.read_bytes(), b"PK\x03\x04 nonsense", b"plain text", np.arange(3.0).tobytes()]:
         bad.write_bytes(text)
@@ -151,7 +151,7 @@ def test_a_damaged_file_is_one_clear_error(sol, tmp_path):
             again = mbdae.Solution.load(bad)
         except InputError as e:
             messages.append(str(e))
-        else:  # a bit that nothing reads, such as a file's date
+        else:  # a bit that is never read, such as a file's date
             np.testing.assert_array_equal(again.y, sol.y)
     assert len(messages) > 30
     assert all("bad.npz is damaged" in m and "\n" not in m for m in messages)
@@ -172,7 +172,7 @@ def test_a_damaged_file_is_one_clear_error(sol, tmp_path):
         mbdae.Solution.load(tmp_path / "gone.npz")
     (tmp_path / "press.toml").write_text("source = 'press.urdf'")
     for other in (tmp_path, tmp_path / "press.toml"):
-        with pytest.raises(InputError, match=r"not a solution .*expected a \.npz file, as .mbdae run MODEL -o"):
+        with pytest.raises(InputError, match=r"not a solution .*expected a \.npz file, as .mbdae solve MODEL -o"):
             mbdae.Solution.load(other)
 
 

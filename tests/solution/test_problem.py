@@ -1,4 +1,4 @@
-"""Names and paths are taken wherever a mechanism is, and quantities have one name."""
+"""Names and paths are accepted in place of a mechanism, and quantities have one name."""
 
 import inspect
 from pathlib import Path
@@ -12,17 +12,17 @@ from mbdae.errors import InputError, UnknownNameError
 LIBRARY = Path(__file__).parents[2] / "models"
 TAKEN = {
     "assembly_modes": ("crank",),
-    "card": (),
     "check_gradients": ("herk2",),
-    "check_order": ("herk2",),
     "compare": ((0, 0.1),),
     "equilibria": ("crank",),
     "equilibrium": (),
+    "info": (),
     "inverse_dynamics": ("motion.csv",),
     "kinematics": ("crank",),
     "linearize": (),
     "load_path": ("crank", 1.0),
     "modes": (),
+    "order": ("herk2",),
     "report": (0.1,),
     "solve": ((0, 0.1),),
     "view": (),
@@ -30,7 +30,7 @@ TAKEN = {
 
 
 def of_a_mechanism():
-    """Public functions whose first argument is what moves."""
+    """Public functions whose first argument is a mechanism."""
     functions = [name for name in mbdae.__all__ if inspect.isfunction(getattr(mbdae, name))]
     first = {n: next(iter(inspect.signature(getattr(mbdae, n)).parameters), "") for n in functions}
     return [n for n, parameter in first.items() if parameter in ("mech", "problem")]
@@ -54,8 +54,8 @@ def test_runs_and_studies_by_name_are_those_of_the_mechanism():
     path = LIBRARY / "four_bar"
     for given in ("four_bar", path, str(path / "mechanism.toml")):
         np.testing.assert_array_equal(mbdae.solve(given, (0, 0.1)).y, mbdae.solve(mech, (0, 0.1)).y)
-    assert str(mbdae.card("four_bar")) == str(mbdae.card(mech))
-    long, short = (mbdae.card(name).joints for name in ("n_four_bar?N=3", "n_four_bar?N=2"))
+    assert str(mbdae.info("four_bar")) == str(mbdae.info(mech))
+    long, short = (mbdae.info(name).joints for name in ("n_four_bar?N=3", "n_four_bar?N=2"))
     assert len(long) > len(short), "with parameters behind the name"
     np.testing.assert_array_equal(mbdae.kinematics(path, "crank").q, mbdae.kinematics(mech, "crank").q)
     np.testing.assert_array_equal(mbdae.modes("spring_four_bar").eigenvalues,
@@ -78,7 +78,7 @@ SPRINGS = LIBRARY / "spring_four_bar"
 
 @pytest.mark.parametrize("name", MADE)
 def test_what_makes_mechanisms_is_a_name_or_a_path_too(name):
-    """A folder as a Path, its file, or a name, where numbers of a model vary."""
+    """A folder as a Path, its file, or a name, if parameters of a model vary."""
     for given in (SPRINGS, str(SPRINGS / "mechanism.toml"), "spring_four_bar"):
         assert MADE[name](given)
     with pytest.raises(UnknownNameError, match=r"unknown model 'spring_four_bra' .did you mean 'spring_four_bar'"):
@@ -90,7 +90,7 @@ def test_what_makes_mechanisms_is_a_name_or_a_path_too(name):
 def test_textbook_problems_have_names_too():
     sol = mbdae.solve("circle", (0, 1), rtol=1e-10)
     np.testing.assert_allclose(sol.y[-1], [np.cos(1), np.sin(1)], atol=1e-9)
-    assert mbdae.check_order("circle", "herk2", T=1.0).slopes["herk2"][0].observed == pytest.approx(2, abs=0.2)
+    assert mbdae.order("circle", "herk2", T=1.0).slopes["herk2"][0].observed == pytest.approx(2, abs=0.2)
     with pytest.raises(UnknownNameError, match="hessenberg_a"):
         mbdae.solve("hessenberg_b", (0, 1))
     with pytest.raises(UnknownNameError, match="unknown model 'circle'"):

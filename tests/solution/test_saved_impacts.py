@@ -1,4 +1,4 @@
-"""Impacts of a saved run: what a dropped ball does to the floor, by closed forms, read from the file."""
+"""Impacts of a saved run: a dropped ball, by closed forms, read from the file."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""Saved runs from anybody: sizes are read before arrays are, and nothing is unfolded that no run has."""
+"""Untrusted saved runs: sizes are read before arrays, and nothing is unpacked that a run does not contain."""
 
 import json
 import tracemalloc
@@ -10,7 +10,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError
 
-SMALL = 60e6  # bytes, a small share of what each of the files would unfold to
+SMALL = 60e6  # bytes, a small fraction of the unpacked size of each file
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def refused(path, words):
 
 
 def zeros(path, arrays, **more):
-    """A file with further or other arrays of zeros, which are never whole in memory."""
+    """A file with further or other arrays of zeros, never complete in memory."""
     np.savez_compressed(path, **{name: x for name, x in arrays.items() if name not in more})
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
         for name, shape in more.items():
@@ -46,7 +46,7 @@ def zeros(path, arrays, **more):
 
 
 def unannounced(arrays):
-    """Without the sizes that a file announces, as those of older versions."""
+    """Without the declared sizes of a file, as in older versions."""
     meta = {key: x for key, x in json.loads(str(arrays["meta"])).items() if key != "arrays"}
     return {**arrays, "meta": np.array(json.dumps(meta))}
 

@@ -84,7 +84,7 @@ def test_the_peak_is_the_value_at_the_end_of_a_run_to_it():
 
 
 def test_a_value_just_before_an_impact_counts():
-    # a point on a rod of 1 m falls from 1.2 rad to the stop at 0.3 rad, with restitution 0.7 or what the file says
+    # a point on a rod of 1 m falls from 1.2 rad to the stop at 0.3 rad, with restitution 0.7 or that of the file
     sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 0.8), rtol=1e-10, atol=1e-12)
     s = sol.statistics(["v.rod", "impulse.rod stop", "gap.rod stop"])
     speed = np.sqrt(2 * 9.81 * (np.cos(0.3) - np.cos(1.2)))
@@ -124,7 +124,7 @@ def test_wrong_names_and_empty_solutions_are_refused(oscillator):
 
 
 def test_the_command_line_prints_them():
-    result = CliRunner().invoke(cli, ["run", "four_bar", "-t", "1", "--signal", "force.crank", "--json"])
+    result = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "1", "--signal", "force.crank", "--json"])
     assert json.loads(result.output)["signals"]["force.crank"]["max"] == pytest.approx(209.7408129, rel=1e-7)
-    result = CliRunner().invoke(cli, ["run", "circle", "-t", "1", "--signal", "y.1"])
+    result = CliRunner().invoke(cli, ["solve", "circle", "-t", "1", "--signal", "y.1"])
     assert isinstance(result.exception, InputError)

@@ -1,4 +1,4 @@
-"""Figures: units on the axes, legends beside the data, one look per method, nothing drawn that is not known."""
+"""Figures: units on the axes, legends next to the data, one style per method, nothing drawn that is unknown."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from mbdae.studies.comparison.run_result import RunResult
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.order.figure import convergence
 from mbdae.studies.order.result import ObservedOrder, OrderStudy
-from mbdae.studies.run.figure import motion
+from mbdae.studies.solve.figure import motion
 from mbdae.studies.sweep.figure import spread
 
 NAMES = ("pherk5", "ggl:pherk5", "herk3", "index1:DOP853")
@@ -31,7 +31,7 @@ def four_bar():
 
 
 def comparison(uncertainty=1e-11):
-    """Errors of order 4 and 5 over work, the finest of them below what the reference tells."""
+    """Errors of order 4 and 5 over work, the smallest of them below the accuracy of the reference."""
     points = []
     for i, name in enumerate(NAMES):
         for k in range(1, 6):
@@ -116,7 +116,7 @@ def test_other_formats_are_refused(drawn, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_every_method_has_a_look_of_its_own():
+def test_every_method_has_a_distinct_style():
     names = [*mbdae.METHODS, *(f"index1:{name}" for name in SCIPY)]
     looks = {name: figures.line_style(name) for name in names}
     pairs = {(s["color"], s["marker"]) for s in looks.values()}
@@ -144,7 +144,7 @@ def test_a_method_looks_the_same_in_all_figures(drawn):
     assert len(set(colours)) == 1
 
 
-def test_runs_of_one_method_and_of_several_mechanisms_are_told_apart(four_bar):
+def test_runs_of_one_method_and_of_several_mechanisms_are_distinguished(four_bar):
     pendulum = mbdae.load("pendulum")
     options = {"method": "pherk5", "project": False}
     runs = [mbdae.drift(mbdae.solve(four_bar, (0, 0.2), rtol=r, **options)).history for r in (1e-4, 2.5e-4)]

@@ -1,7 +1,7 @@
-"""Proof that modes, linearizations, root loci, equilibria and load paths know no units.
+"""Modes, linearisations, root loci, equilibria and load paths are independent of units.
 
-Five mechanisms (hinges, slides, closed loops with dependent rows, a free platform with controllers, rolling) in five
-systems of units: what is found changes by its dimension, to 1e-9 of its own size.
+Five mechanisms (hinges, sliders, closed loops with redundant rows, a free platform with controllers, rolling) in five
+systems of units: results change by their dimension, to 1e-9 of their size.
 """
 
 from functools import cache
@@ -43,7 +43,7 @@ def path_of(name, load, span, units):
 
 
 def matched(found, expected):
-    """Eigenvalues, each beside the one that it is the nearest to of those that are left."""
+    """Eigenvalues, each matched with the nearest of the remaining ones."""
     left = list(found)
     return np.array([left.pop(int(np.abs(np.array(left) - z).argmin())) for z in expected])
 
@@ -51,7 +51,7 @@ def matched(found, expected):
 @each
 @pytest.mark.parametrize("name", NAMES)
 def test_modes(name, units):
-    """Each eigenvalue to its own size, none of them lost, with the same verdict."""
+    """Each eigenvalue relative to its size, none lost, with the same verdict."""
     expected, found = modes_of(name, SI), modes_of(name, units)
     z = found.eigenvalues * units.time
     assert (z == 0).sum() == (expected.eigenvalues == 0).sum()
@@ -66,7 +66,7 @@ def test_equilibria(name, units):
     mech, other = made(name, SI), made(name, units)
     expected, found = mbdae.equilibrium(mech, v=steady(name, SI)), mbdae.equilibrium(other, v=steady(name, units))
     apart = mech.manifold.difference(expected.q, found.q / units.configuration(mech))
-    still = expected.verdict.neutral  # what nothing holds may come to rest anywhere
+    still = expected.verdict.neutral  # free motions may come to rest anywhere
     assert still or np.abs(apart / mech.coordinate_scales).max() < EXACT
     assert (found.stability, found.verdict.unstable, still) == (
         expected.stability, expected.verdict.unstable, found.verdict.neutral
@@ -81,7 +81,7 @@ def test_equilibria(name, units):
 @each
 @pytest.mark.parametrize("name", IN)
 def test_linearizations(name, units):
-    """The response of a frame's place to a force on it, over ten decades of frequency."""
+    """The response of a frame's position to a force on it, over ten decades of frequency."""
     sides = {"inputs": [f"{IN[name]}.{x}" for x in OUT], "outputs": [f"position.{IN[name]}.{x}" for x in OUT]}
     expected, found = (mbdae.linearize(made(name, u), **sides) for u in (SI, units))
     omega = np.geomspace(1e-4, 1e6, 21)
@@ -111,7 +111,7 @@ def test_load_paths(name, load, span, units):
 
 @each
 def test_root_loci(units):
-    """A stay that keeps the toggle flat: the same roots, and the same stiffness from which on it does."""
+    """A stay that keeps the toggle flat: the same roots, and the same critical stiffness."""
     loci = []
     for u in (SI, units):
 
@@ -132,7 +132,7 @@ def test_root_loci(units):
 
 @each
 def test_what_is_no_equilibrium_is_none_in_any_unit(units):
-    """Slowed down 1e6 times, a start that falls is not steady either."""
+    """Slowed down 1e6 times, a falling start is not steady either."""
     mech = made("four_bar", SI)
     with pytest.raises(InputError, match="accelerates"):
         mbdae.modes(made("four_bar", units), mech.start[0] * units.configuration(mech))

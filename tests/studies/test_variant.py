@@ -1,4 +1,4 @@
-"""Methods in formulations: how they are written, and which one a run takes by default."""
+"""Methods in formulations: their notation, and the default of a run."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def test_variants_are_written_as_they_are_read(text, four_bar):
 
 
 def test_the_first_method_is_the_default_with_its_projection(four_bar, monkeypatch):
-    """Its run is that of `mbdae.solve`; what opens and closes has no other formulation than index 2."""
+    """Its run is that of `mbdae.solve`; mechanisms with mode switches have no other formulation than index 2."""
     monkeypatch.setattr("mbdae.studies.comparison.compare.METHODS", ("pherk6", "ggl:pherk5"))
     study = mbdae.compare(four_bar, (0, 0.2), rtol=[1e-8], repeats=0)
     assert study.methods == ["project:pherk6", "pherk6", "ggl:pherk5"]

@@ -1,4 +1,4 @@
-"""Worker processes of studies: they hear no Ctrl-C, end with the process that started them, and lose nothing."""
+"""Worker processes of studies: they ignore Ctrl-C, end with the process that started them, and lose nothing."""
 
 import os
 import signal
@@ -56,7 +56,7 @@ def signalled(folder, call, phase, how):
             assert process.poll() is None, process.communicate()
             time.sleep(0.01)
         (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)  # Ctrl-C reaches all processes
-        out, err = process.communicate(timeout=30)  # it waits for all who hold the pipes
+        out, err = process.communicate(timeout=30)  # it waits for all processes that hold the pipes
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -76,7 +76,7 @@ def test_workers_hear_no_ctrl_c_while_they_import(call, tmp_path):
 
 
 def double(job, task, stop):
-    """A run that takes its time, gives up, or is no run at all."""
+    """A run that is slow, fails, or is invalid."""
     if task == "gone":
         os._exit(3)
     if task == "wrong":
@@ -100,7 +100,7 @@ def test_results_come_with_their_tasks(kind):
     assert found == {i: ["shared", 2 * i] for i in range(9)}
 
 
-def test_a_worker_that_is_gone_is_said_and_errors_come_home():
+def test_a_lost_worker_is_reported_and_errors_are_passed_on():
     for task, words in (("gone", "gone was lost by its worker"), ("wrong", "wrong")):
         with pytest.raises(MbdaeError, match=words) as e, pool("processes", 1, double, None, "less") as shop:
             shop.work([task], lambda *found: None)

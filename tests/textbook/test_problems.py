@@ -1,4 +1,4 @@
-"""Every textbook problem: a consistent start, and slopes against difference quotients."""
+"""Every textbook problem: a consistent start, and derivatives against difference quotients."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from mbdae.textbook.problems import TEXTBOOK
 
 
 @pytest.mark.parametrize("name", TEXTBOOK)
-def test_start_and_slopes(name):
+def test_start_and_derivatives(name):
     problem, rng, t, h = TEXTBOOK[name](), np.random.default_rng(3), 0.37, 1e-3
     assert problem.g(0.0, problem.point()) == pytest.approx(0, abs=1e-14)
     y = problem.point() + 0.01 * rng.normal(size=len(problem.y0))
@@ -42,14 +42,14 @@ def test_a_run_is_saved_and_its_drift_is_seen(name, tmp_path, capsys):
     assert len(again.signals()) == 1 + len(problem.y0) + len(problem.z0)
 
 
-def test_drift_of_a_known_solution_is_that_of_its_own_z():
+def test_drift_of_a_known_solution_is_that_of_its_z():
     # on the circle g_t + g_y f = 2 z |y|^2, and the exact z is 0
     sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
     assert mbdae.drift(sol).Gv_max == pytest.approx(2 * np.abs(sol.z_own).max(), rel=1e-9)
     assert np.abs(sol.y[-1] - [np.cos(1), np.sin(1)]).max() < 1e-4
 
 
-def test_what_a_problem_has_not_is_not_told(tmp_path):
+def test_missing_quantities_of_a_problem_are_not_reported(tmp_path):
     """There are no energies and no bodies."""
     sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
     found = mbdae.drift(sol)
@@ -62,7 +62,7 @@ def test_what_a_problem_has_not_is_not_told(tmp_path):
     beside = drifts([found.history, mbdae.drift(mbdae.solve(mbdae.load("pendulum"), (0, 1))).history])
     assert [len(ax.lines) for ax in beside.axes] == [2, 1]
     for option in ("--html", "--video", "--glb"):
-        _, _, err = call("run", "circle", option, tmp_path / f"run.{'mp4' if 'v' in option else option[2:]}")
+        _, _, err = call("solve", "circle", option, tmp_path / f"run.{'mp4' if 'v' in option else option[2:]}")
         assert "'Point on a circle' has no bodies to replay" in err
 
 
@@ -84,7 +84,7 @@ def test_what_has_no_name_is_not_saved(tmp_path):
         mbdae.solve(circle, (0, 0.1)).save(tmp_path / "run.npz")
 
 
-COMMANDS = ["models --textbook", "run circle -t 1 -m rk4", "run circle -t 1", "drift hessenberg_a -t 0.2 -m herk3"]
+COMMANDS = ["models --textbook", "solve circle -t 1 -m rk4", "solve circle -t 1", "drift hessenberg_a -t 0.2 -m herk3"]
 COMMANDS += ["info circle", "info hessenberg_a --json"]
 
 

@@ -1,1 +1,1 @@
-"""Guards and transitions of modes between the steps of a run: see `mbdae.mechanism.hybrid` for what switches."""
+"""Guards and mode transitions between the steps of a run: see `mbdae.mechanism.hybrid` for the switches."""

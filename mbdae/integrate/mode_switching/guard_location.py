@@ -1,4 +1,4 @@
-"""Where the first guard of a mode passes zero in a step: located on steps of the method, so that order survives."""
+"""Location of the first guard root in a step, on steps of the method, so that the order is preserved."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
     from ..step_map import StepMap
 
-BAND = 1e-13  # of the size of a guard: nearer to zero it is rounding
-LATER = 1.05  # times the flight that speed and acceleration tell: when a row that was struck is below zero
-ROOT = 1e-6  # of a bracket: a zero of a struck row that is nearer to the start is the start itself
+BAND = 1e-13  # of the size of a guard: smaller values are rounding
+LATER = 1.05  # times the predicted flight from speed and acceleration: when a row after an impact is below zero
+ROOT = 1e-6  # of a bracket: a zero of a row after an impact that is closer to the start is the start itself
 HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
 
 
 class TrackedGuard:
-    """A guard that is followed from step to step.
+    """A guard that is tracked from step to step.
 
     Attributes:
         guard: the guard.
-        size: the largest magnitude that it had.
-        level: where it ends the mode: 0, or the value within rounding below it with which the mode began, until it
-            rises above 0.
-        back: when a row that was just struck comes back, as far as its acceleration says; nan where it does not.
+        size: largest magnitude so far.
+        level: value at which it ends the mode: 0, or the value within rounding below it at which the mode began, until
+            it rises above 0.
+        back: predicted time, from its acceleration, at which a row closes again after an impact; nan if it does not.
     """
 
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
@@ -42,38 +42,38 @@ class TrackedGuard:
             self.back = point.t - LATER * 2 * speed / a
 
     def move(self, point: "ModePoint") -> None:
-        """Go on from the end of a step."""
+        """Continue from the end of a step."""
         f = self.guard.value(point)
         self.size = max(self.size, abs(f))
         if f >= 0:
             self.level = 0.0
 
     def value(self, point: "ModePoint") -> float:
-        """Return the guard less its level."""
+        """Return the guard minus its level."""
         return self.guard.value(point) - self.level
 
     @property
     def band(self) -> float:
-        """How near to zero the guard is rounding."""
+        """Return the rounding error of the guard."""
         return BAND * (1 + self.size)
 
 
 def first_guard_root(
     guards: Sequence[TrackedGuard], step: "StepMap", at: At, thetas: Array = QUARTERS
 ) -> tuple[float, list[Guard]]:
-    """Return the share of a step at which the first guards pass zero, and these; 2 and none where none does.
+    """Return the share of a step at which the first guards pass zero, and these; 2 and none if there are none.
 
     Args:
         guards: of the mode.
         step: the step.
         at: the point after a share of it.
-        thetas: shares at which loads are looked at.
+        thetas: shares at which loads are sampled.
     """
     theta, fired = 2.0, list[Guard]()
     near = 4 * _sharp(step)
     waiting = [(guard, _below(guard, step, at, thetas)) for guard in guards]
     while True:
-        if theta <= 1:  # those that pass zero before, perhaps more than once
+        if theta <= 1:  # guards that pass zero before, possibly more than once
             waiting = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.band]
         guard, high = next(((g, x) for g, x in waiting if x is not None), (None, None))
         if guard is None or high is None:
@@ -88,12 +88,12 @@ def first_guard_root(
 
 
 def _sharp(step: "StepMap") -> float:
-    """How sharply a zero is found, as a share of a step."""
+    """Return the tolerance of a zero, as a share of a step."""
     return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
 
 
 def _below(followed: TrackedGuard, step: "StepMap", at: At, thetas: Array) -> float | None:
-    """A share of the step at which a guard is negative, of loads the first one found; None where it is not."""
+    """Return a share of the step at which a guard is negative, for loads the first found; None if it is not."""
     band, guard = followed.band, followed.guard
     if guard.loads:
         for theta in sample_points(guard, at, thetas)[1:]:
@@ -121,18 +121,18 @@ def _below(followed: TrackedGuard, step: "StepMap", at: At, thetas: Array) -> fl
 
 
 def _least(f0: float, f1: float, m0: float, m1: float) -> float:
-    """The least value of the cubic with values f and slopes m at 0 and 1, at eight places."""
+    """Return the least value of the cubic with values f and derivatives m at 0 and 1, at eight points."""
     x = np.linspace(0, 1, 9)
     values = f0 + x * (m0 + x * (3 * (f1 - f0) - 2 * m0 - m1 + x * (2 * (f0 - f1) + m0 + m1)))
     return float(values.min())
 
 
 def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> float:
-    """The zero of a guard before a share of the step at which it is negative.
+    """Return the zero of a guard before a share of the step at which it is negative.
 
-    Where the rate is known Newton's iteration begins at the zero of the cubic through values and rates; else, and where
-    that leaves the bracket, Brent's method. A guard that is zero at the start (a row that was just struck) is divided
-    by the share: what is left is its rate.
+    If the rate is known, Newton's iteration starts at the zero of the cubic through values and rates; otherwise, and
+    where it leaves the bracket, Brent's method is used. A guard that is zero at the start (a row after an impact) is
+    divided by the share, which leaves its mean rate.
     """
     f0, guard, h = followed.value(at(0.0)), followed.guard, abs(step.h)
     struck = f0 <= followed.band
@@ -167,7 +167,7 @@ def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> flo
 
 
 def _cubic_zero(f0: float, f1: float, m0: float, m1: float) -> float:
-    """The first zero in (0, 1) of the cubic with values f0 >= 0 > f1 and slopes m at 0 and 1; 1 for none."""
+    """Return the first zero in (0, 1) of the cubic with values f0 >= 0 > f1 and derivatives m at 0, 1; 1 if none."""
     c = [2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0]
     roots = np.roots([*c, f0] if f0 > 0 else c)
     real = [float(x.real) for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1]

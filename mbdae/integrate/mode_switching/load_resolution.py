@@ -1,8 +1,8 @@
-"""Loads within a step: where they are looked at, and whether the step resolves them.
+"""Sampling of loads within a step, and whether the step resolves them.
 
-What sticks or rests has no error of its own, and steps would grow until a load comes and goes between two samples. A
-step resolves a load where it is a cubic through five equidistant samples but for a small share of what it has left to
-its limit: 1 for the share that friction holds, 0 for a force that presses.
+Sticking or resting rows have no local error, so steps would grow until a load peak falls between two samples. A step
+resolves a load if a cubic fits five equidistant samples, up to a small share of the load's distance to its limit: 1 for
+the utilisation of friction, 0 for a normal force.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
     from .guard_location import TrackedGuard
 
-QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: where loads are looked at
+QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: sampling points of loads
 QUARTIC = np.linalg.inv(np.vander(QUARTERS))  # coefficients of the quartic through five samples
 FINEST = 64  # intervals of a step of fixed size
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
-ROUGH = 0.05  # of what a load has left to its limit: how far it may be off a cubic
-NEAR_LIMIT = 0.02  # of the limit, or of the largest load: no less counts as left
-LEAST = 1e-6  # of the largest load of the mode: the least that counts as the largest one of a step
-NEARLY = 0.1  # of the limit, or of the largest load: extrema that come as near are looked at
+ROUGH = 0.05  # of the distance of a load to its limit: largest deviation from a cubic
+NEAR_LIMIT = 0.02  # of the limit, or of the largest load: smallest distance considered
+LEAST = 1e-6  # of the largest load of the mode: smallest value for the largest load of a step
+NEARLY = 0.1  # of the limit, or of the largest load: extrema this close are sampled
 EPS = 1e-9  # of an imaginary part
-BESIDE = 0.1  # of five samples: how far beside them an extremum is looked at
+BESIDE = 0.1  # of five samples: distance beyond them in which an extremum counts
 At = Callable[[float], "ModePoint"]
 
 
 def loads_unresolved(guards: Sequence["TrackedGuard"], at: At, thetas: Array, step_size: float) -> float:
-    """Return how far loads go beyond what is resolved by samples; above 1 they are too few.
+    """Return the ratio of unresolved loads to the tolerance; above 1 there are too few samples.
 
-    Samples that may pass a guard twice are too few, too. The measure falls with the fourth power of their distance.
+    Samples that may miss a double guard crossing are too few as well. The measure is of fourth order in their distance.
 
     Args:
         guards: of the mode.
@@ -59,7 +59,7 @@ def loads_unresolved(guards: Sequence["TrackedGuard"], at: At, thetas: Array, st
 
 
 def resolving_step(guards: Sequence["TrackedGuard"], at: At, step_size: float) -> Array:
-    """Return shares of a step of fixed size at which loads are looked at: as many as resolve them."""
+    """Return shares of a step of fixed size at which loads are sampled: as many as resolve them."""
     thetas = QUARTERS
     with suppress(StepError):
         while len(thetas) <= FINEST and loads_unresolved(guards, at, thetas, step_size) > 1:
@@ -68,7 +68,7 @@ def resolving_step(guards: Sequence["TrackedGuard"], at: At, step_size: float) -
 
 
 def sample_points(guard: Guard, at: At, thetas: Array) -> Array:
-    """Return the samples, and where a load comes nearest to its limit between them by quartics through five each."""
+    """Return the samples, and the points of closest approach to the limit of quartics through five each."""
     found = list(thetas)
     with suppress(StepError):
         loads = _samples(guard, at, thetas) if guard.load else np.empty((0, 1))
@@ -91,12 +91,12 @@ def _samples(guard: Guard, at: At, thetas: Array) -> Array:
 
 
 def _fives(loads: Array) -> list[Array]:
-    """Return samples by fives, the last of which is the first of the next ones."""
+    """Return samples by fives, sharing their end points."""
     return [loads[k : k + 5] for k in range(0, len(loads) - 1, 4)]
 
 
 def _left(guard: Guard, loads: Array, least: float) -> tuple[float, float]:
-    """Return the size of a load, and what it has left to its limit as a share of that; all where it has passed it."""
+    """Return the size of a load, and its distance to the limit as a share of that; 1 beyond the limit."""
     sizes = np.linalg.norm(loads, axis=1)
     size = 1.0 if guard.kind == "slip" else max(float(sizes.max()), least)
     left = 1.0 - float(sizes.max()) if guard.kind == "slip" else float(loads.min()) / (size or 1.0)

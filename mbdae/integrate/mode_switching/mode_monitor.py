@@ -1,4 +1,4 @@
-"""Follows the modes of a run from step to step."""
+"""Monitor of the modes of a run from step to step."""
 
 from typing import TYPE_CHECKING
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     from ..run import RunState
     from ..step_map import StepMap
 
-TOUCHING = 1e-9  # m or rad: a row that is open by no more at the start touches
-SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the least share of the last one
-COMMANDS = ("command", "step")  # guards of what jumps at known times
-SHORT = 1e-7  # of the span: a load that no longer step resolves jumps
-MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
+TOUCHING = 1e-9  # m or rad: largest initial gap of an active contact
+SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the smallest ratio to the last one
+COMMANDS = ("command", "step")  # guards of jumps at known times
+SHORT = 1e-7  # of the span: loads that no longer step resolves are jumps
+MANY = 100  # transitions, plus as many per switch: if they all fall within a rest time, there is chattering
 
 
 class ModeMonitor:
-    """The modes of a run.
+    """Monitors and changes the modes of a run.
 
     Args:
         system: the run's workspace, of a mechanism that has switches.
 
     Attributes:
-        modes: from which node on which mode was there.
-        impacts: those that were found.
+        modes: first node of each mode.
+        impacts: the impacts of the run.
     """
 
     def __init__(self, system: "Index2System") -> None:
@@ -43,7 +43,7 @@ class ModeMonitor:
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
         self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
-        self.struck: dict[int, float] = {}  # when each switch was struck last
+        self.struck: dict[int, float] = {}  # time of the last impact of each switch
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
@@ -55,16 +55,16 @@ class ModeMonitor:
         self.guards: list[TrackedGuard] = []
 
     def begin(self, t: float, y: Array) -> None:
-        """Follow the guards of the mode from a point on."""
+        """Track the guards of the mode from a point on."""
         at, mode = self.transition.point(t, y), self.system.mode
         self.system.beside = UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
-        """Choose the mode of a start; return the point, behind an impact where something approaches what it touches.
+        """Select the mode of a start; return the point, after an impact if an active contact approaches.
 
         Raises:
-            InputError: where a gap is negative.
+            InputError: if a gap is negative.
         """
         at = self.transition.point(run.t, y)
         for s, gap in self._gaps(at):
@@ -80,7 +80,7 @@ class ModeMonitor:
         return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
 
     def touching(self, t: float, y: Array, near: float) -> list[str]:
-        """Return the names of what touches at a point, or nearly."""
+        """Return the names of contacts that are closed at a point, or nearly."""
         return [s.name for s, gap in self._gaps(self.transition.point(t, y)) if abs(gap) <= near]
 
     def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
@@ -92,7 +92,7 @@ class ModeMonitor:
         return y, self.transition.choice(run, at.t, y, opened)
 
     def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
-        """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
+        """Return the share of a step at which the mode ends, and the guards; 2 and none if it does not end."""
         at = self._points(step)
         fixed = run.stepper.any_size and not run.stepper.controls
         theta, fired = first_guard_root(
@@ -104,7 +104,7 @@ class ModeMonitor:
         return theta, fired
 
     def unresolved_step(self, run: "RunState", step: "StepMap") -> bool:
-        """Say whether a step is too long to see the loads of what sticks or rests, and bound the next one."""
+        """Return whether a step is too long to resolve loads of sticking or resting rows, and bound the next one."""
         if not run.stepper.controls or not run.stepper.any_size:
             return False
         h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
@@ -114,7 +114,7 @@ class ModeMonitor:
         return worst > 1 and h > 2 * least
 
     def _points(self, step: "StepMap") -> "At":
-        """Return the point after a share of a step, each computed once."""
+        """Return a function of the share of a step that returns its point, each computed once."""
         if self.seen[0] is not step.y1:
             self.seen = step.y1, {}
         known = self.seen[1]
@@ -128,10 +128,10 @@ class ModeMonitor:
         return at
 
     def command(self, run: "RunState", y: Array) -> Array:
-        """Return the point behind what is commanded at a jump, in the mode that follows.
+        """Return the point after commanded switches at a jump, in the following mode.
 
         Raises:
-            StepError: where an impact has no solution.
+            StepError: if an impact has no solution.
         """
         if not any(g.kind in COMMANDS for g in self.violated_guards(run.t, y)):
             return y
@@ -142,15 +142,15 @@ class ModeMonitor:
         return y
 
     def violated_guards(self, t: float, y: Array) -> list[Guard]:
-        """Return guards that are negative at a point: where a load jumps."""
+        """Return guards that are negative at a point, after a jump of loads."""
         at = self.transition.point(t, y)
         return [g.guard for g in self.guards if g.value(at) < -g.band]
 
     def change_mode(self, run: "RunState", fired: list[Guard]) -> None:
-        """Go on in the mode that follows: a second point of the run at the same time.
+        """Continue in the following mode: a second point of the run at the same time.
 
         Raises:
-            StepError: where modes switch without an end, or an impact has no solution.
+            StepError: in case of chattering, or if an impact has no solution.
         """
         self._count(run.t, fired)
         if run.singular:

@@ -1,12 +1,12 @@
-"""One-sided rows that neither press nor separate at a point: the loads a short step later decide.
+"""Unilateral rows that neither press nor separate at a point: decided by the loads a short step later.
 
-Where a row touches with lam = 0 and without acceleration, the first derivative of lam that is not 0 says whether it
-presses, all undecided rows held: lam^(k) > 0 it does, lam^(k) < 0 it runs free (lexicographic complementarity). The
-derivatives are not formed: all undecided rows are held over a step of length d, and the signs of their loads behind it
-are theirs. The row that pulls most is released, and so on, one at a time.
+Where a row touches with lam = 0 and without acceleration, the first nonzero derivative of lam decides, with all
+undecided rows active: lam^(k) > 0 keeps it active, lam^(k) < 0 separates it (lexicographic complementarity). The
+derivatives are not formed: all undecided rows are active over a step of length d, and the signs of their loads after
+it are used. The row with the largest tension is released first, and so on, one at a time.
 
-Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for the choice of the mode by
-the first derivative that is not 0.
+Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for mode selection by the first
+    nonzero derivative.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..run import RunState
 
 SHARES = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, which no step may cross
-CLEAR = 1e3  # times the rounding of multipliers: a load
+CLEAR = 1e3  # times the rounding of multipliers: smallest significant load
 
 Later = Callable[["Mode", float], tuple[Array, float]]
 
@@ -34,7 +34,7 @@ Later = Callable[["Mode", float], tuple[Array, float]]
 def later(run: "RunState", at: "ModePoint") -> Later:
     """Return a function of a mode and a share of the time to the next jump.
 
-    It returns lam (ng,) behind a step that long in the mode, and the rounding of it.
+    It returns lam (ng,) after a step of that length in the mode, and its rounding error.
     """
 
     def step(mode: "Mode", share: float) -> tuple[Array, float]:
@@ -54,11 +54,11 @@ def later(run: "RunState", at: "ModePoint") -> Later:
 
 
 def pressing(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: Later) -> set[int]:
-    """Return the switches that press from now on, of those that are undecided.
+    """Return the undecided switches that remain active.
 
     Args:
-        mode: of the others, with these open.
-        undecided: their rows, by the numbers of the switches.
+        mode: state of the other switches, with these open.
+        undecided: their rows, by indices of the switches.
         step: see `later`.
     """
     left = dict(undecided)
@@ -72,7 +72,7 @@ def pressing(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: Later) -
 
 
 def _loads(mode: "Mode", held: dict[int, "LoadCandidate"], step: Later) -> dict[int, float]:
-    """Return the loads of switches that are held, positive where they press; 0 where there is none."""
+    """Return the loads of the given active switches, positive under compression; 0 if there is none."""
     trial, loads = list(mode), dict.fromkeys(held, 0.0)
     for i in held:
         trial[i] = ACTIVE_STATE

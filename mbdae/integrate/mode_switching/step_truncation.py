@@ -1,4 +1,4 @@
-"""A step that ends where the mode does."""
+"""Truncation of a step at the end of a mode."""
 
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def reject_unresolved_step(run: "RunState", start: State | None) -> bool:
-    """Take the last step back where loads of what sticks come and go within it, and say so."""
+    """Undo the last step if it does not resolve the loads of sticking rows, and return True."""
     if not run.modes or start is None or not run.modes.unresolved_step(run, StepMap(run, start)):
         return False
     run.stepper.take_back()
@@ -25,17 +25,17 @@ def reject_unresolved_step(run: "RunState", start: State | None) -> bool:
 
 
 def truncate_at_guard(run: "RunState", start: State | None) -> list[Guard]:
-    """Let the last step end where the first guards pass zero, and return these; the run stands there.
+    """Truncate the last step where the first guards pass zero, and return these; the run is moved to that point.
 
     Args:
-        run: the run, which stands at the end of the step.
-        start: the state where the step began; None on a leap.
+        run: the run, at the end of the step.
+        start: the state at the start of the step; None for a singularity crossing.
     """
     assert run.modes
     step = StepMap(run, start)
     try:
         theta, fired = run.modes.look(run, step)
-    except StepError:  # what a guard needs cannot be computed: the run ends before
+    except StepError:  # a guard cannot be computed: the run ends before
         run.take_back(start or State(step.y))
         raise
     if not fired or theta >= 1:

@@ -1,4 +1,4 @@
-"""What happens where guards pass zero: an impact, and then which rows carry load from there on."""
+"""Transitions at guard zeros: an impact, and then the selection of the active set."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
     from ..run import RunState
 
-NEAR = 1e-12  # m or rad: rows nearer than that touch, and are brought together: a flight of a microsecond is as high
-EXACT = 1e-13  # of 1 + |v|: rows that are kept are met as well as that
-JUMP = 1e-6  # of 1 + |v|: a speed that rows miss which are there from now on
-HELD = 1e-9  # of the accelerations that a limit makes: less is none
-LOADED = 1e-10  # of the largest multiplier, of what slips from now on, too: less is none
+NEAR = 1e-12  # m or rad: closer rows are in contact and are projected: the height of a flight of a microsecond
+EXACT = 1e-13  # of 1 + |v|: accuracy of kept rows after an impact
+JUMP = 1e-6  # of 1 + |v|: speed violation of newly active rows
+HELD = 1e-9  # of the accelerations that a limit causes: smaller ones are zero
+LOADED = 1e-10  # of the largest multiplier, including those of newly slipping rows: smaller ones are zero
 
 
 class Transition:
-    """Impacts and choices of modes of a mechanism.
+    """Impacts and mode selection of a mechanism.
 
     Args:
         system: the run's workspace.
@@ -44,12 +44,12 @@ class Transition:
         return ModePoint(self.system, self.all_rows, t, y)
 
     def resolve_impact(self, at: ModePoint, soft: set[int]) -> tuple[Array, Impact | None]:
-        """Return the point behind an impact, and what happened; None where nothing approaches or is joined.
+        """Return the point after an impact, and its record; None if no row approaches or becomes active.
 
         Args:
             at: the point.
-            soft: numbers of switches that were struck a moment ago. Where nothing else strikes they come to rest, all
-                of them that touch: none throws off another one. Else e = 0 for them.
+            soft: switches with an impact a moment ago. If only these approach, all active contacts come to rest
+                together, so that none reopens another; otherwise e = 0 for them.
         """
         mode, system = self.system.mode, self.system
         found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
@@ -93,7 +93,7 @@ class Transition:
         whole[[s.row for _, s in rubbing]] = blow.friction
         hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
         joined = [k for k in dict.fromkeys(missed) if abs(rate[k]) > JUMP * speeds]
-        if not approaching and not joined:  # what is brought onto the rows of a mode by less is none
+        if not approaching and not joined:  # smaller velocity projections onto the rows of a mode do not count
             return y, None
         struck = [(name, float(p)) for name, p in hits if p > 0]
         struck += [(system.mechanism.row_names[k], float(whole[k])) for k in joined]
@@ -102,13 +102,13 @@ class Transition:
         return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)
 
     def choice(self, run: "RunState", t: float, y: Array, opened: set[int]) -> "Mode":
-        """Return the mode behind a point, whose velocities do not jump any more.
+        """Select the mode after a point where velocities no longer jump.
 
         Args:
-            run: the run, whose method says what presses from now on where nothing does at the point itself.
+            run: the run, whose method decides about rows that neither press nor separate at the point itself.
             t: time.
             y: the point.
-            opened: numbers of switches that let go there.
+            opened: indices of switches that separate there.
         """
         before = self.system.mode
         at = self.point(t, y)
@@ -127,7 +127,7 @@ class Transition:
             lam, rates, scale = self._constrained_accelerations(at, mode, among)
             largest = max(largest, float(np.abs(lam).max(initial=0.0)))
             pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
-            if pressed:  # it cannot let go: others press it
+            if pressed:  # it cannot separate: others press it
                 waiting -= set(pressed[:1])
                 continue
             held = {i: self._held(c[0], lam, rates, scale, LOADED * largest) for i, c in among.items()}
@@ -135,7 +135,7 @@ class Transition:
             if not gone:
                 break
             left = {i: c for i, c in left.items() if i not in gone}
-            for i in gone:  # what holds less while it slips changes what others must hold
+            for i in gone:  # less friction while slipping changes the load of the others
                 c = among[i] if among[i][0].slips else ()
                 mode[i] = self.switches[i].settled(at, [lam[x.row] for x in c], [rates[x.row] for x in c], False)
         for i, c in among.items():
@@ -153,7 +153,7 @@ class Transition:
         return tuple(mode)
 
     def _undecided(self, at: ModePoint, c: LoadCandidate, lam: Array, rates: Array, near: float) -> bool:
-        """Say whether a row neither presses nor separates, to the rounding of the forces at the point."""
+        """Return whether a row neither presses nor separates, to the rounding of the forces at the point."""
         row = at.G[c.row]
         along = np.linalg.solve(np.triu(self.system.inertia(at.t, at.q)).T, row)
         least = HELD / ROUNDING * at.rounding * float(along @ along) / (float(np.abs(row).max()) or 1.0)
@@ -164,7 +164,7 @@ class Transition:
         return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")
 
     def _held(self, c: LoadCandidate, lam: Array, rates: Array, scale: Array, near: float) -> bool:
-        if c.slips:  # some of those that depend on each other may stand at a limit, and all of them hold
+        if c.slips:  # some redundant rows may be at a limit while all of them stick
             return bool(abs(rates[c.row]) <= HELD * scale[c.row])
         return bool(c.lower + near < lam[c.row] < c.upper - near)
 
@@ -175,7 +175,7 @@ class Transition:
     def _constrained_accelerations(
         self, at: ModePoint, mode: list[int], found: dict[int, tuple[LoadCandidate, ...]]
     ) -> tuple[Array, Array, Array]:
-        """Multipliers, accelerations G v' + gamma and their sizes of all rows, (ng,) each, with loads on candidates."""
+        """Return multipliers, accelerations G v' + gamma and their sizes, (ng,) each, with loads on candidates."""
         system, before = self.system, self.system.mode
         base = tuple(0 if i in found else state for i, state in enumerate(mode))
         system.enter(base)
@@ -196,7 +196,7 @@ class Transition:
             left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
             Q = left[:, sizes > RANK * sizes[:1]]
             C = C - Q @ (Q.T @ C)
-            C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # kept anyway
+            C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # active anyway
         limits, first = dict[int, FrictionBound](), 0
         for cs in found.values():
             limits |= {first + k: FrictionBound(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}

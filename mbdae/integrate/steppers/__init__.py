@@ -1,1 +1,1 @@
-"""Who takes the steps of a run: fixed ones, controlled ones, scipy's, or those of the compiled core."""
+"""Steppers of a run: fixed steps, controlled steps, scipy's solvers, or the compiled core."""

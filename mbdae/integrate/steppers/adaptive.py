@@ -8,14 +8,13 @@ import numpy as np
 from ...errors import InputError, StepError
 from ...methods.controller import PI, Control, Controller, error_norm
 from ...system import Array, Step
-from .stepper import PythonStepper, smallest
+from .stepper import SMALLEST_SCALE, PythonStepper, smallest
 
 if TYPE_CHECKING:
     from ..run import RunState
 
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 NEARLY = 1e-10  # of the way left: a step so near to it takes all of it
-SMALLEST_SCALE = 1e-100  # keeps the scale of a component positive where neither tolerance does
 
 
 class Adaptive(PythonStepper):
@@ -38,9 +37,9 @@ class Adaptive(PythonStepper):
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
         self.controller, self.largest = Controller(power, control, steady), largest
         self.h: Any = first
-        self.cap = np.inf  # of the next step, near singular configurations
-        self.reason = self._reason = ""  # why a step could not be taken, this one or the one before
-        self.cut = 0.0  # the step that would have been taken, had there not been the end of a leg
+        self.cap = np.inf  # largest next step, near singular configurations
+        self.reason = self._reason = ""  # why this or the previous step failed
+        self.cut = 0.0  # size of the step before truncation at the end of an interval
 
     def propose(self, run: "RunState") -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
@@ -65,28 +64,23 @@ class Adaptive(PythonStepper):
         return error_norm(step.errors[:, run.system.measured], scale, run.tableau.blend)
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
-        """Say whether a smaller step is worth a try after one that could not be taken."""
+        """Return whether to retry with a smaller step after a failed one."""
         self.h = self.controller.next_step(h, np.inf)
         self.reason = self._reason = str(reason)
         return self.h > smallest(run.t, run.t1)
 
     def judge(self, run: "RunState", h: float, error: float) -> bool:
-        """Say whether a step is accepted, and choose the next one."""
+        """Return whether a step is accepted, and choose the next step size."""
         self.h = self.controller.next_step(h, error)
         if error <= 1:
             self.h, self.reason, self._reason = max(self.h, self.cut), self._reason, ""
         return error <= 1
 
-    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
-        """Say whether a move of the state away from y stays within the tolerance of a step."""
-        return self.measure(run, y, move) <= 1
-
-    def measure(self, run: "RunState", y: Array, move: Array) -> float:
-        """Return the norm of a move of the state away from y, in tolerances."""
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:  # noqa: D102
         return error_norm(move[None, run.system.measured], self._scale(run, y))
 
     def ready(self, run: "RunState") -> bool:
-        """Find the first step; the compiled core may take the next ones."""
+        """Choose the first step; the compiled core may take the next ones."""
         if self.h is None:
             self.h = max(self._first(run), smallest(run.t, run.t1))
             self._scale(run, run.state.y)
@@ -96,7 +90,7 @@ class Adaptive(PythonStepper):
         self.h, self.cut = min(self.h, h), 0.0
 
     def settings(self) -> dict[str, Any]:
-        """What is recorded with the solution."""
+        """Return the settings that are recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
 
     def _scale(self, run: "RunState", y: Array) -> Array:
@@ -108,7 +102,7 @@ class Adaptive(PythonStepper):
         return self.atol + self.rtol * size + SMALLEST_SCALE
 
     def _first(self, run: "RunState") -> float:
-        """Guess the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
+        """Estimate the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
         s, y, F = run.system, run.state.y, run.F
         scale, m = self._scale(run, y), s.measured
 
@@ -117,7 +111,7 @@ class Adaptive(PythonStepper):
 
         d0, d1 = norm(s.size(y)), norm(F)
         h0 = min(1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1, run.left())
-        if not h0 > 0:  # the rates overflow: the smallest step shows what there is to see
+        if not h0 > 0:  # the rates overflow: the smallest step reveals the error
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0

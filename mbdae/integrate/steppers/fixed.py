@@ -6,14 +6,14 @@ import numpy as np
 
 from ...errors import InputError, StepError
 from ...system import Array, Step
-from .stepper import PythonStepper, smallest
+from .stepper import SMALLEST_SCALE, PythonStepper, smallest
 
 if TYPE_CHECKING:
     from ..run import RunState
 
 NEAR = 1e-9  # of a step: how near to the grid a time counts as on it
 DETOUR = (0.309, 0.655)  # of two steps, of which the end of the first cannot be stepped on
-TOLERATED = 1e-8  # what a move of the state may measure when steps are fixed
+TOLERATED = 1e-8  # of the magnitude of a component: what a move of the state may measure when steps are fixed
 
 
 class Fixed(PythonStepper):
@@ -24,9 +24,9 @@ class Fixed(PythonStepper):
             raise InputError(f"step = {step} s is below {smallest(t0, t1):.1e} s, where t + h rounds to t")
         self.step, self.t0, length = step, t0, abs(t1 - t0)
         self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
-        self.i, self.on_grid = 0, True  # the last point of the grid, and whether the run stands there
-        self.detour: list[float] = []  # times of the next steps, where they leave the grid
-        self.aside: float | None = None  # the time of the last one, if it left the grid
+        self.i, self.on_grid = 0, True  # the last grid point, and whether the run is at it
+        self.detour: list[float] = []  # times of the next steps off the grid
+        self.aside: float | None = None  # time of the last one, if it was off the grid
 
     def propose(self, run: "RunState") -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
@@ -36,7 +36,7 @@ class Fixed(PythonStepper):
         self.aside = None
         i, started = self.i + 1, self.on_grid
         t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
-        beyond = run.sign * (t - run.leg.stop)  # the leg ends before the next point of the grid
+        beyond = run.sign * (t - run.leg.stop)  # the interval ends before the next grid point
         self.on_grid = beyond <= NEAR * self.step
         self.i += self.on_grid
         if beyond >= -NEAR * self.step:
@@ -57,9 +57,9 @@ class Fixed(PythonStepper):
         return 0.0
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
-        """Say whether to leave out the next point of the grid, because it lies in a singular configuration.
+        """Return whether to skip the next grid point, because it is a singular configuration.
 
-        Three steps then lead to the point behind it.
+        Three steps then lead to the grid point after it.
         """
         end = self._behind(run) if reason.status in ("rank", "singular") else None
         if end is None:
@@ -69,35 +69,35 @@ class Fixed(PythonStepper):
         return True
 
     def _behind(self, run: "RunState") -> float | None:
-        """The point of the grid behind the next one; None where that cannot be left out."""
+        """Return the grid point after the next one; None if the latter cannot be skipped."""
         if self.detour or not self.on_grid or self.i >= self.n:
             return None
         end = run.t1 if self.i + 1 == self.n else self.t0 + run.sign * (self.i + 1) * self.step
         return end if run.sign * (run.leg.stop - end) >= 0 else None
 
     def judge(self, run: "RunState", h: float, error: float) -> bool:
-        """Say whether a step is accepted, and choose the next one."""
+        """Return whether a step is accepted, and choose the next step size."""
         return True
 
     def take_back(self) -> None:
-        """The last step ends before its end: the next one leads to where it would have."""
+        """The last step was truncated: the next one leads to its original end."""
         if self.aside is not None:
             self.detour.insert(0, self.aside)
             return
         self.i -= self.on_grid
         self.on_grid = False
 
-    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
-        """Say whether a move of the state away from y stays within 1e-8."""
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:
+        """Return the largest component of a move of the state away from y, in tolerances of `TOLERATED`."""
         m = run.system.measured
-        return bool((np.abs(move[m]) <= TOLERATED * (1 + run.system.size(y)[m])).all())
+        return float((np.abs(move) / (TOLERATED * run.system.magnitude(y) + SMALLEST_SCALE))[m].max(initial=0.0))
 
     def ready(self, run: "RunState") -> bool:
-        """Say whether the compiled core may take the next steps: on the grid only."""
+        """Return whether the compiled core may take the next steps: on the grid only."""
         if not self.detour:
             self.aside = None
         return not self.detour
 
     def settings(self) -> dict[str, Any]:
-        """What is recorded with the solution."""
+        """Return the settings that are recorded with the solution."""
         return {"step": float(self.step)}

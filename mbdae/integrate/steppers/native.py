@@ -1,4 +1,4 @@
-"""Many steps of a run at once, in the compiled core; Python looks after events, jumps and the user in between."""
+"""Many steps of a run at once, in the compiled core; Python handles events, jumps and the user in between."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -8,27 +8,28 @@ from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LA
 from ...system import Array, State, Step
 from ..events import SAME
 from ..jumps import MARGIN, MAX_CLUSTER, SmoothInterval
+from ..projected_step import TAKEN_BACK
 from ..signal_events import ITERATIONS, SHARE, SHARP
-from .adaptive import NEARLY, SMALLEST_SCALE, Adaptive
+from .adaptive import NEARLY, Adaptive
 from .fixed import NEAR, TOLERATED, Fixed
-from .stepper import SPACINGS, PythonStepper, Stepper
+from .stepper import SMALLEST_SCALE, SPACINGS, PythonStepper, Stepper
 
 if TYPE_CHECKING:
     from ..._native import Run
     from ..run import RunState
 
-SECONDS = 0.05  # of computing between looks at progress and Ctrl-C
+SECONDS = 0.05  # of computing between checks of progress and Ctrl-C
 MANY = 2000  # steps
 
 
 class NativeStepper(Stepper):
-    """The compiled core at work on a run.
+    """Stepper that uses the compiled core.
 
     Args:
-        inner: chooses step sizes, and takes the steps that the core cannot take.
+        inner: chooses step sizes, and takes the steps that the core cannot.
         system: the run's workspace.
         tableau: a method.
-        project: positions are kept by projection.
+        project: whether positions are projected.
     """
 
     backend = "native"
@@ -41,18 +42,19 @@ class NativeStepper(Stepper):
         self.watched: Any = None
 
     def advance(self, run: "RunState", most: int | None = None) -> None:
-        """Take steps until something asks for Python, for `SECONDS` or little more; one in Python where it is needed.
+        """Take steps until Python is needed, for about `SECONDS`; one in Python if necessary.
 
-        Steps, rejections and the state are those of the run afterwards, also when this is interrupted.
+        Afterwards, steps, rejections and the state are those of the run, even if this is interrupted.
         """
-        if not (self.inner.ready(run) and self._advance_core(run, MANY if most is None else min(most, MANY))):
+        some = MANY if most is None else min(most, MANY)
+        if run.taken_back is not None or not (self.inner.ready(run) and self._advance_core(run, some)):
             self.inner.advance(run)
 
     def take(self, run: "RunState", h: float) -> Step:  # noqa: D102
         return self.inner.take(run, h)
 
-    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:  # noqa: D102
-        return self.inner.tolerates(run, y, move)
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:  # noqa: D102
+        return self.inner.measure(run, y, move)
 
     def settings(self) -> dict[str, Any]:  # noqa: D102
         return self.inner.settings()
@@ -67,7 +69,7 @@ class NativeStepper(Stepper):
         self.inner.take_back()
 
     def _advance_core(self, run: "RunState", most: int) -> int:
-        """Let the core try steps; return how many, 0 where the next one is one for Python."""
+        """Let the core try steps; return how many, 0 if the next one needs Python."""
         self._to_native(run, most)
         try:
             self.system.advance(self.tableau, self.run)
@@ -78,11 +80,12 @@ class NativeStepper(Stepper):
         return self.run.taken + self.run.rejected
 
     def _to_native(self, run: "RunState", most: int) -> None:
-        """Say where the run stands, how long its steps are, and every threshold of both."""
+        """Pass the position of the run, its step size, and all thresholds to the core."""
         r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
         r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
         self._events_to_native(run)
         r.kept = run.carried.capacity_left(len(run.ts))
+        r.taken_back, r.nothing = TAKEN_BACK, SMALLEST_SCALE
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
@@ -109,7 +112,7 @@ class NativeStepper(Stepper):
             g.near, r.tolerated = NEAR, TOLERATED
 
     def _events_to_native(self, run: "RunState") -> None:
-        """Say where events stand and which jumps lie ahead; Python looks at functions step by step, and crosses."""
+        """Pass events and upcoming jumps to the core; Python evaluates functions step by step."""
         e, j, events = self.run.events, self.run.jumps, run.events
         if self.watched is not events:
             self.watched = events
@@ -164,7 +167,7 @@ class NativeStepper(Stepper):
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
                 run.behind_jump()
                 i = n + 1
-        if watch and run.modes:  # guards come first, which may cut the step
+        if watch and run.modes:  # guards come first, which may truncate the step
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             watch.note()
         run.leg = SmoothInterval(leg.stop, leg.end, restart)

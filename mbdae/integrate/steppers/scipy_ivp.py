@@ -1,7 +1,7 @@
-"""The baseline that users know: scipy's solvers on the acceleration form of a mechanism.
+"""Baseline: scipy's solvers on the acceleration form of a mechanism.
 
-The time loop is the same as for the methods of mbdae; a solver of scipy chooses its steps itself. On manifolds it sees
-raw coordinates (quaternions and circles as numbers).
+The time loop is the same as for the methods of mbdae; scipy's solvers choose their steps. On manifolds they use raw
+coordinates (quaternions and circles as numbers).
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from .adaptive import Adaptive
 if TYPE_CHECKING:
     from ..run import RunState
 
-UNMEASURED = 1e30  # absolute tolerance of the work: its error is not controlled
+UNMEASURED = 1e30  # absolute tolerance of the work, whose error is not controlled
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ScipySolver:
 
     @property
     def order_linear(self) -> int:
-        """The order on mechanisms."""
+        """Order on mechanisms."""
         return self.order
 
 
@@ -50,11 +50,11 @@ SCIPY: dict[str, ScipySolver] = {
 
 
 def find(formulation: str, method: Any) -> Any:
-    """Look up a method that belongs to a formulation.
+    """Return the method of a given name for a formulation.
 
     Raises:
-        InputError: for a method of the other kind, naming the valid ones.
-        UnknownNameError: for a method that does not exist.
+        InputError: for a method of another formulation, naming the valid ones.
+        UnknownNameError: for an unknown method.
     """
     if formulation == "index1":
         if not isinstance(method, str) or method not in (*EXPLICIT, *SCIPY):
@@ -69,17 +69,17 @@ def find(formulation: str, method: Any) -> Any:
 
 
 class Scipy(Adaptive):
-    """A solver of scipy: a step is what the solver does, with rtol and atol as they are meant there.
+    """A solver of scipy, with its step-size control and its meaning of rtol and atol.
 
-    Statistics: its steps and, for RK45 and DOP853, the rejected ones; Radau and LSODA do not tell (None).
+    Statistics: its steps and, for RK45 and DOP853, the rejected ones; Radau and LSODA do not report them (None).
 
     Args:
         baseline: which solver.
         system: the mechanism in acceleration form.
-        step: a fixed step, which scipy's solvers do not know: refused.
+        step: a fixed step, which scipy's solvers do not support: rejected.
         rtol: relative tolerance.
         atol: absolute tolerance, a number or one for each component of (q, v).
-        first: first step in s, None for the solver's guess.
+        first: first step in s, None for the solver's estimate.
         largest: largest step in s.
 
     Raises:
@@ -125,7 +125,7 @@ class Scipy(Adaptive):
 
     def _start(self, run: "RunState") -> None:
         s = self.system
-        self._scale(run, run.state.y)  # refuses an atol of the wrong shape
+        self._scale(run, run.state.y)  # rejects an atol of the wrong shape
         atol = np.append(np.broadcast_to(self.atol, s.nq + s.nv + s.ns), UNMEASURED)
         first = None if self.h is None else min(self.h, run.left())
         settings = {"rtol": self.rtol, "atol": atol, "max_step": self.largest, "first_step": first}
@@ -135,7 +135,7 @@ class Scipy(Adaptive):
         """Let the solver step; return the size of its step and the time where it ended.
 
         Raises:
-            StepError: if the solver gives up.
+            StepError: if the solver fails.
         """
         if self.solver is None:
             self._start(run)
@@ -151,7 +151,7 @@ class Scipy(Adaptive):
         return abs(t - run.t), t
 
     def take(self, run: "RunState", h: float) -> Step:
-        """Return where the solver stands, with the multipliers there."""
+        """Return the solver's current point, with the multipliers there."""
         y = self.solver.y
         if self._last is None or self._last[0] != self.solver.t or not np.array_equal(self._last[1], y):
             self._rate(self.solver.t, y)
@@ -163,7 +163,7 @@ class Scipy(Adaptive):
         return 0.0
 
     def restart(self) -> None:
-        """A jump was crossed: another solver starts there."""
+        """Start a new solver after a jump."""
         self.solver = self.h = None
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:

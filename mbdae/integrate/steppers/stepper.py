@@ -1,4 +1,4 @@
-"""Who takes the steps of a run: one protocol, and one step at a time in Python."""
+"""Protocol of steppers, and steps one at a time in Python."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
@@ -7,52 +7,58 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array, Step
+from ..projected_step import project_end
 
 if TYPE_CHECKING:
     from ..run import RunState
 
 SPACINGS = 16  # of the times of a run: a step below is too small
+SMALLEST_SCALE = 1e-100  # keeps the scale of a component positive where neither tolerance does
 
 
 class Stepper(ABC):
-    """What the time loop asks for steps."""
+    """Interface through which the time loop takes steps."""
 
     backend = "python"
     any_size = True  # steps of any size can be taken, to end in an event
-    controls = False  # it chooses their size
+    controls = False  # it controls the step size
 
     @abstractmethod
     def advance(self, run: "RunState", most: int | None = None) -> None:
-        """Try one step or several, at most so many, and record those that are accepted.
+        """Try one or several steps, up to a limit, and record the accepted ones.
 
         Raises:
-            StepError: where no step can be taken.
+            StepError: if no step can be taken.
         """
 
     @abstractmethod
     def take(self, run: "RunState", h: float) -> Step:
-        """Take a step of size h (signed) from where the run stands; nothing is recorded."""
+        """Take a step of size h (signed) from the current state; nothing is recorded."""
 
     @abstractmethod
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:
+        """Return the norm of a move of the state away from y, in tolerances."""
+
     def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
         """Say whether a move of the state away from y stays within the tolerance of a step."""
+        return self.measure(run, y, move) <= 1
 
     @abstractmethod
     def settings(self) -> dict[str, Any]:
-        """What is recorded with the solution."""
+        """Return the settings that are recorded with the solution."""
 
     def restart(self) -> None:  # noqa: B027, most have nothing to do
-        """Begin anew behind a jump: nothing of the steps before it holds."""
+        """Restart after a jump: the history of steps is discarded."""
 
     def bound(self, h: float) -> None:  # noqa: B027
-        """Let the next step be no longer, where its size is chosen."""
+        """Limit the next step, if its size is chosen."""
 
     def take_back(self) -> None:  # noqa: B027
-        """The last step ends before its end."""
+        """The last step was truncated."""
 
 
 class PythonStepper(Stepper):
-    """One step at a time: proposed, taken, measured, judged."""
+    """One step at a time: proposed, taken, measured, accepted or rejected."""
 
     def advance(self, run: "RunState", most: int | None = None) -> None:
         """Take one step and accept or reject it."""
@@ -63,7 +69,7 @@ class PythonStepper(Stepper):
             step = self.take(run, run.sign * h)
             error = self.error(run, step)
             if run.project and error <= 1:
-                step = step._replace(state=run.restored(t_next, step.state))
+                step = step._replace(state=project_end(run, t_next, step.state))
         except StepError as e:
             if not self.may_retry(run, h, e):
                 raise
@@ -74,7 +80,7 @@ class PythonStepper(Stepper):
         run.accept(t_next, step)
         if run.singular:
             run.singular.note()
-            if not run.modes:  # else guards come first, which may cut the step
+            if not run.modes:  # otherwise guards come first, which may truncate the step
                 run.singular.step(run, run.time_left() == 0)
 
     @abstractmethod
@@ -87,17 +93,17 @@ class PythonStepper(Stepper):
 
     @abstractmethod
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
-        """Say whether another step is worth a try after one that could not be taken for this reason."""
+        """Return whether to retry with another step after one that failed for this reason."""
 
     def judge(self, run: "RunState", h: float, error: float) -> bool:
-        """Say whether a step is accepted, and choose the next one."""
+        """Return whether a step is accepted, and choose the next step size."""
         return error <= 1
 
     @abstractmethod
     def ready(self, run: "RunState") -> bool:
-        """Say whether the compiled core may take the next steps."""
+        """Return whether the compiled core may take the next steps."""
 
 
 def smallest(t: float, t1: float) -> float:
-    """A step that is well above the rounding of times from t to t1."""
+    """Return a step that is well above the rounding of times from t to t1."""
     return SPACINGS * float(np.spacing(max(abs(t), abs(t1))))

@@ -1,1 +1,1 @@
-"""What is kept: closures of loops and drivers, their rows of g, and which of the rows are independent."""
+"""Constraints: loop closures and drivers, their rows, and the selection of independent rows."""

@@ -1,4 +1,4 @@
-"""Where in the way of a joint a closure is there."""
+"""Joint ranges in which a closure is active."""
 
 from math import inf
 
@@ -8,19 +8,19 @@ from ..checked_table import Table
 
 
 class ActiveRange(Table):
-    """A closure is there while the coordinate of a joint lies in a window (a pin in a slot, a tooth at work).
+    """A closure is active while the coordinate of a joint lies in a window (a pin in a slot, a tooth in mesh).
 
-    Where it begins, the bodies should stand and move as it asks: what they do not is taken from the velocities as by an
+    When it becomes active, positions and velocities should satisfy it: remaining velocity errors are removed by an
     impact without restitution.
 
     Attributes:
-        joint: name of a joint of one coordinate that does not turn without end.
+        joint: name of a joint of one coordinate with a bounded range.
         windows: pairs (lower, upper) in rad or m, which do not overlap.
-        period: in rad or m, after which the windows come again.
+        period: in rad or m, after which the windows repeat.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint.
     """
 
     joint: str
@@ -48,7 +48,7 @@ class ActiveRange(Table):
 
     @property
     def shortest(self) -> float:
-        """The shortest way inside or between windows."""
+        """Length of the shortest interval inside or between windows."""
         ordered = sorted(self.windows)
         ends = [*ordered[1:], *([(ordered[0][0] + self.period, inf)] if self.period else [])]
         gaps = [after[0] - before[1] for before, after in zip(ordered, ends, strict=False)]

@@ -1,4 +1,4 @@
-"""A joint that dry friction may hold: a row v_i = 0 that is there while it sticks."""
+"""A joint locked by dry friction: the row v_i = 0 while it sticks."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,13 +7,13 @@ from .rows import Ratio
 
 
 class Brake(NamedTuple):
-    """The row v_i = 0 of a joint with dry friction; its multiplier, in N m or N, is what the friction holds.
+    """The row v_i = 0 of a joint with dry friction; its multiplier, in N m or N, is the friction.
 
     Attributes:
         joint: name of the joint.
-        force: name of the friction that it belongs to.
+        force: name of its friction force.
         kinetic: friction while it slips, in N m or N.
-        static: the largest that it holds.
+        static: largest friction while it sticks.
     """
 
     joint: str

@@ -1,4 +1,4 @@
-"""Closures: joint constraints and rolling between two frames, couplings between the coordinates of joints."""
+"""Closures: joint constraints and rolling between two frames, couplings between joint coordinates."""
 
 from collections.abc import Sequence
 from typing import Any, Literal, get_args
@@ -49,7 +49,7 @@ class Closure(UnilateralOptions):
     knife_edge   1     b's origin does not slip along the axis of b
     gear         1     wheels about parallel axes do not slip where the line of centres is divided as by their radii
     bevel        1     wheels about axes that meet do not slip on each other: r_a w_a = -r_b w_b on their carrier
-    screw        1     b advances along the axis of a by ``lead`` per turn about it, beside a cylindrical closure
+    screw        1     b advances along the axis of a by ``lead`` per turn about it, besides a cylindrical closure
     cam          1     a roller of b, or a flat face of it, touches a profile in the x-y plane of a
     slot         1     b's origin stays on a curve in the x-y plane of a
     ratio        1     v_i = (c_0 + c_1 q_k + c_2 q_k^2 + ...) v_j (continuously variable transmissions)
@@ -58,24 +58,25 @@ class Closure(UnilateralOptions):
     Gaps are measured along axes of the first frame, in m; directions as products of unit axes, in rad for small
     angles; couplings in rad or m of joint i.
 
-    Rows of rolling along the tangents, knife edges, gears, screws and ratios are rows of velocity: they keep G v = 0
-    and have no g. A body that rolls is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` is the
-    radius, or left out with the axis) or an ellipsoid (``semi_axes``, ``centre``). Rows of rolling are the height
-    (multiplier N > 0: it presses), then no slip ahead and no slip to the left of the wheel, for a body without an
-    axle along x and y of a.
+    Rolling rows along the tangents, knife edges, gears, screws and ratios are velocity rows: they enforce G v = 0 and
+    have no g. A rolling body is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` equals the
+    radius, or is left out with the axis) or an ellipsoid (``semi_axes``, ``centre``). The rolling rows are the height
+    (multiplier N > 0 under compression), then no slip forwards and no slip to the left of the wheel; for a body without
+    an axle, along x and y of a.
 
     The joints of a coupling have one coordinate each. Angles of unbounded revolute joints are known up to full turns:
-    the coupling is measured up to their multiples, and refused where they leave nothing (powers, irrational ratios).
+    the coupling is evaluated up to their multiples, and rejected where this is not possible (powers, irrational
+    ratios).
 
     Attributes:
         kind: one of the table.
-        frames: names of frames a and b; ``"world"`` is one of them if need be.
+        frames: names of frames a and b; one of them may be ``"world"``.
         joints: names of joints i and j of a coupling; of i, j and, where c_1, ... are given, k of a ratio.
         name: by default the names of both frames or joints.
         axis: an axis in the first frame, z when left out; of a wheel (its axle, to its left) and of a knife edge in
             the second frame; of a cam's flat face through b's origin, in the second frame, away from the cam.
-        second_axis: the axis in the second frame that goes with it; the same numbers when left out (universal: x). Both
-            axes of a bevel pair point from where they meet to the wheels.
+        second_axis: the corresponding axis in the second frame; the same components when left out (universal: x). Both
+            axes of a bevel pair point from their intersection to the wheels.
         length: distance in m.
         coefficients: c_0, c_1, ... of a ratio or a coupling: powers between two joints, else one for each joint.
         curve: the law f of a coupling of two joints, in place of coefficients (cams by their law, indexing drives).
@@ -84,22 +85,22 @@ class Closure(UnilateralOptions):
         tyre: radius of the section of a wheel's tyre in m: 0 when left out, a knife edge; ``radius`` for a sphere.
         semi_axes: of an ellipsoid along the axes of the second frame, in m.
         centre: of an ellipsoid in the second frame, in m; its origin when left out.
-        grip: where a rolling body does not slip: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``,
+        grip: no-slip directions of a rolling body: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``,
             ``"none"``, or along one line at an angle in rad from ahead to the left (rollers of omni and mecanum
             wheels).
-        contact: whether a rolling body is kept on the surface; false where joints keep it there. True when left out.
+        contact: whether the closure keeps a rolling body on the surface; false where joints do so. True when left out.
         surface: on which a body rolls: the x-y plane of the first frame when left out; spheres on a sphere or cylinder.
         surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
         radii: of both wheels of a gear or bevel pair in m; negative for a ring whose teeth point inwards.
         lead: of a screw in m per turn, positive for a right-handed one.
-        within: where in the way of a joint the closure is there; always when left out.
-        unilateral: its one row presses and does not pull (a rope pulls and does not press); it opens and closes.
+        within: active range of the closure over a joint coordinate; always active when left out.
+        unilateral: the one row pushes and does not pull (a rope pulls and does not push); it opens and closes.
         restitution: of its impacts, between 0 and 1: speed after an impact to speed before; 0 when left out.
-        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 when left out.
+        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Kind
@@ -232,7 +233,7 @@ class Closure(UnilateralOptions):
 
     @classmethod
     def screw(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "Closure":
-        """B advances along ``axis`` of a by ``lead`` metres per turn: 1 row, beside a cylindrical closure."""
+        """B advances along ``axis`` of a by ``lead`` metres per turn: 1 row, besides a cylindrical closure."""
         return cls(kind="screw", frames=(a, b), lead=lead, axis=axis, name=name)
 
     @classmethod
@@ -243,13 +244,13 @@ class Closure(UnilateralOptions):
 
     @classmethod
     def rows(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "Closure":
-        """Rows that a Python function of the coordinates of joints gives, see `mbdae.mechanism.closures.user_rows`."""
-        from .user_rows import UserRows  # which are closures
+        """Rows from a Python function of joint coordinates, see `mbdae.mechanism.closures.user_rows`."""
+        from .user_rows import UserRows  # a subclass of Closure
         return UserRows(kind="rows", joints=joints, function=function, size=size, **more)
 
     @property
     def between(self) -> tuple[str, ...]:
-        """Names of the frames or joints that it is between."""
+        """Names of the connected frames or joints."""
         return self.frames or self.joints or ()
 
     @property
@@ -258,7 +259,7 @@ class Closure(UnilateralOptions):
         return sum(r.m for r in self.primitives())
 
     def primitives(self) -> Sequence[FrameRows] | Sequence[JointRow]:
-        """The primitive rows that this closure is composed of."""
+        """Primitive rows that make up this closure."""
         return primitives_of(self)
 
     @property
@@ -269,7 +270,7 @@ class Closure(UnilateralOptions):
 
     @property
     def shape(self) -> ConvexBody:
-        """What rolls on what, of a rolling closure."""
+        """Body and surface of a rolling closure."""
         radius = self.radius or 0.0
         tyre = radius if self.axis is None else self.tyre or 0.0
         axle = tuple(unit_axis(self.axis).tolist()) if self.axis else None
@@ -277,22 +278,22 @@ class Closure(UnilateralOptions):
         return ConvexBody(axle, radius - tyre, tyre, *rest)
 
     def agreeing(self) -> tuple[np.ndarray, np.ndarray]:
-        """Unit axes of frames a and b that point the same way where the closure is closed, (3, m) each; m may be 0."""
+        """Unit axes of frames a and b that coincide where the closure is satisfied, (3, m) each; m may be 0."""
         if (direction := BETWEEN_FRAMES.get(self.kind, ("", ""))[1]) == "frame":
             return np.eye(3), np.eye(3)
         axis, second = (unit_axis(x)[:, None] for x in (self.axis or Z, self.other_axis))
         return (axis, second) if direction == "axis" else (axis[:, :0], second[:, :0])
 
     def flipped(self, relative: np.ndarray) -> bool:
-        """True where rows vanish because the second frame is turned over; ``relative`` (3, 3) is its rotation.
+        """True where rows vanish because the second frame is flipped; ``relative`` (3, 3) is its rotation.
 
-        Products of perpendicular axes vanish for a frame turned by half a turn too, for a whole frame also by a
-        third of a turn about a space diagonal.
+        Products of perpendicular axes also vanish for a frame rotated by half a turn; for a full frame, also by a third
+        of a turn about a space diagonal.
         """
         a, b = self.agreeing()
         return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
 
     @property
     def other_axis(self) -> Axis:
-        """The axis in the second frame."""
+        """Axis in the second frame."""
         return self.second_axis or (X if self.kind == "universal" else self.axis or Z)

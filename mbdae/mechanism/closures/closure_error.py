@@ -1,4 +1,4 @@
-"""How far closures are open, row by row in the rows' own units, and the words for it."""
+"""Constraint violation of closures, in the units of their rows, and its description in messages."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
 
 class ClosureError(NamedTuple):
-    """The closure or driver that is open the most.
+    """Closure or driver with the largest violation.
 
     Attributes:
         name: its name.
         size: norm of its residual.
-        relative: the same with lengths in characteristic lengths of the mechanism, of all the largest.
-        text: the residual with units, lengths apart from angles.
-        slips: it is one of rows of velocity only, which do not open but slip.
+        relative: the same with lengths in characteristic lengths of the mechanism; used to find the largest.
+        text: residual with units, lengths and angles separately.
+        slips: whether it has velocity rows only, which do not open but slip.
     """
 
     name: str
@@ -28,7 +28,7 @@ class ClosureError(NamedTuple):
     slips: bool = False
 
     def says(self, opens: str = "is open") -> str:
-        """What is to be said of it: ``closure 'pin' is open by 0.1 m``."""
+        """Return the description: ``closure 'pin' is open by 0.1 m``."""
         return f"closure {self.name!r} {'slips' if self.slips else opens} by {self.text}"
 
 

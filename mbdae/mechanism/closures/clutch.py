@@ -1,4 +1,4 @@
-"""Clutches between joints, one-way, with teeth or on command: rows that are there while they lock."""
+"""Clutches between joints, one-way, with teeth or on command: rows that are active while they lock."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -11,30 +11,30 @@ from .rows import Ratio, ToothRow
 
 
 class Clutch(JointPair):
-    """A joint runs ahead of another one, or of the ground, in one direction only.
+    """A joint overruns another one, or the ground, in one direction only.
 
-        sign (v_i - ratio v_j) >= 0,  and the torque that locks it acts in that direction only
+        sign (v_i - ratio v_j) >= 0, and the locking torque acts in that direction only
 
     Without ``pitch`` it is a one-way clutch (free wheel, sprag clutch): it locks at once. With it, a ratchet: its pawl
-    falls into a tooth every ``pitch``, x_i - ratio x_j = tooth + k pitch, and it runs back to the last one.
+    drops into a tooth every ``pitch``, x_i - ratio x_j = tooth + k pitch, and it runs back to the last one.
 
-    With ``engaged`` it is a clutch on command: both ways, v_i = ratio v_j while the signal is above 0. Where it closes
-    on different speeds it does so at once, by an impact.
+    With ``engaged`` it is a commanded clutch: it locks both ways, v_i = ratio v_j, while the signal is above 0.
+    Engagement at different speeds is an impact.
 
     Attributes:
         joint: name of a joint of one coordinate, against the ground; or
         joints: names of joints i and j.
-        direction: in which joint i runs free: 1 ahead, -1 back.
+        direction: in which joint i runs free: 1 forwards, -1 backwards.
         ratio: of both speeds where it locks; 1 when left out.
         pitch: of the teeth in rad or m, of a ratchet.
-        tooth: where one of them is, in rad or m.
-        engaged: on command: steps over time, above 0 while it is engaged.
+        tooth: position of one tooth, in rad or m.
+        engaged: command: steps over time, above 0 while it is engaged.
         name: by default the names of the joints and "clutch".
 
     Raises:
-        InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is made,
-            for teeth on a joint that turns without end.
-        UnknownNameError: when a mechanism is made, for a joint that it does not have.
+        InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is created,
+            for teeth on an unbounded joint.
+        UnknownNameError: when a mechanism is created, for an unknown joint.
     """
 
     direction: Literal[1, -1] = 1

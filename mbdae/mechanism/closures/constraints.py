@@ -2,8 +2,8 @@
 
     0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
 
-with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0. Rows of velocity only have no g: it is 0
-for them.
+with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0. Velocity rows have no g: their entry
+is 0.
 """
 
 from collections.abc import Sequence
@@ -29,14 +29,14 @@ Spec = Closure | Driver | Stop | Brake | Clutch
 
 
 class BoundFrameRows(NamedTuple):
-    """Rows between two frames: their numbers, what they are, and where their wrenches stand in `Constraints.W`."""
+    """Rows between two frames: their indices, their kind, and their wrenches in `Constraints.W`."""
 
     pair: Pair
     rows: tuple[tuple[slice, FrameRows, Array], ...]
 
 
 class Constraints:
-    """Evaluates all rows where the kinematics of the workspace stand.
+    """Evaluates all rows at the current kinematics of the workspace.
 
     Args:
         model: the model.
@@ -44,14 +44,14 @@ class Constraints:
         specs: closures and then drivers.
 
     Attributes:
-        spans: for each of them, the rows.
-        driven: numbers of the rows that follow functions of time, and their drivers.
+        spans: rows of each closure and driver.
+        driven: indices of the rows that follow functions of time, and their drivers.
         sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
-        columns: which velocities move the joints of a row, or joints that carry them, (ng, nv).
+        columns: which velocities move the joints of a row, or their ancestors, (ng, nv).
         positional: which rows have a g, (ng,).
-        W: the wrenches of the rows between frames where G was asked for last, (6, ng).
-        breaks: the times at which u'' of a driver jumps.
-        off: numbers of the rows that the mode leaves out; g, G and Gdot v are 0 for them.
+        W: wrenches of the rows between frames at the last evaluation of G, (6, ng).
+        breaks: times at which u'' of a driver jumps.
+        off: indices of the inactive rows of the mode; their g, G and Gdot v are 0.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
@@ -86,7 +86,7 @@ class Constraints:
                 ]
         for part in self.joint_parts:
             self.columns[part.at] = sum(support(model, j.id) for j in part.joints) > 0
-        self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
+        self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
         self._still = np.zeros((3, at))
         self._lengths = [at for at, d in self.driven if d.frames and d.motion]
         periodic = [p for p in self.joint_parts if p.period and self.positional[p.at]]
@@ -106,7 +106,7 @@ class Constraints:
         return out
 
     def jacobian(self) -> Array:
-        """Return G, (ng, nv); leaves the wrenches of its rows in W."""
+        """Return G, (ng, nv); stores the wrenches of its rows in W."""
         for name, (pair, rows) in self.frame_parts.items():
             pair.locate()
             try:
@@ -122,7 +122,7 @@ class Constraints:
         return G
 
     def value(self, t: float | None) -> tuple[Array, Array]:
-        """Return g(t, q) (ng,), 0 for rows of velocity, and G (ng, nv); without t, g of driven rows is nan."""
+        """Return g(t, q) (ng,), 0 for velocity rows, and G (ng, nv); without t, g of driven rows is nan."""
         G, g = self.jacobian(), np.zeros(self.ng)
         for pair, rows in self.frame_parts.values():
             for s, r, _ in rows:
@@ -137,7 +137,7 @@ class Constraints:
         return g, G
 
     def bias(self, v: Array) -> Array:
-        """Return Gdot v, (ng,); the velocities v (nv,), and accelerations for v' = 0, stand in the workspace."""
+        """Return Gdot v, (ng,); velocities v (nv,), and accelerations for v' = 0, must be current in the workspace."""
         out = np.zeros(self.ng)
         for pair, rows in self.frame_parts.values():
             pair.locate()
@@ -152,7 +152,7 @@ class Constraints:
         return out
 
     def slopes(self, v: Array, lam: Array) -> tuple[Array, Array]:
-        """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), where `jacobian` stands."""
+        """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
             here, at, F, turning = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
@@ -168,7 +168,7 @@ class Constraints:
         return K, B
 
     def bias_slopes(self, v: Array) -> tuple[Array, Array]:
-        """Return the slopes of Gdot v with respect to q and v, (ng, nv) each, where `jacobian` stands."""
+        """Return the partial derivatives of Gdot v with respect to q and v, (ng, nv) each, after `jacobian`."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
             here, at = PairPartials(pair, v), pair.branches.at
@@ -200,7 +200,7 @@ class Constraints:
 
 
 def anchors(model: pin.Model, spec: Spec) -> tuple[Anchor, Anchor]:
-    """The two frames of a closure or driver that has frames.
+    """The frames of a closure or driver between two frames.
 
     Raises:
         InputError: if both are on the same body.

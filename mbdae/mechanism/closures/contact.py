@@ -1,9 +1,9 @@
-"""A convex body of b rolls on a surface of a: where they touch, and how that place moves.
+"""A convex body of b rolls on a surface of a: contact point and its motion.
 
 n is the surface's normal towards b and p the lowest point of the body, p_b - R_b grad h(R_b^T n) with its support
-function h. The height over the surface is g = n . (p - p_a); its row is along n, for the lowest point is where h does
-not change when n turns. Rows of grip are along tangents. With the axle s of a wheel and n up, t = s x n/|s x n| points
-ahead and n x t to the left.
+function h. The height over the surface is g = n . (p - p_a); its row is along n, since h is stationary in n at the
+lowest point. No-slip rows are along tangents. With the axle s of a wheel and n up, t = s x n/|s x n| points forwards
+and n x t to the left.
 
     wheel        h = tyre + rim |m|, m = n - (n . s) s, u = m/|m|:   p = p_b - rim u - tyre n
     ellipsoid    h = sqrt(n . D n) - c . n, D = diag(a_i^2):         p = p_b + c - D n/sqrt(n . D n)
@@ -23,12 +23,12 @@ from ..frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
 from .rows import displaced, rotated
 
-FLAT = 1e-6  # rad between an axle and the normal: a wheel that lies flat has no lowest point, and no heading
-POLAR = 0.8  # of n . z: beyond, tangents on a sphere are taken from x
+FLAT = 1e-6  # rad between axle and normal: a wheel that lies flat has no lowest point, and no heading
+POLAR = 0.8  # of n . z: above, tangents on a sphere are constructed from x
 
 
 class ContactKinematics(NamedTuple):
-    """Where body and surface are nearest, and its rates; columns (3, 1)."""
+    """Nearest points of body and surface, and their rates; columns (3, 1)."""
 
     n: Array
     p: Array
@@ -38,11 +38,11 @@ class ContactKinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class ConvexBody:
-    """The body, in the second frame, and the surface of a, in the first frame.
+    """Convex body, in the second frame, on a surface of a, in the first frame.
 
     Attributes:
         axle: unit vector, (3,); None for a sphere or an ellipsoid without heading.
-        rim: radius of the circle of the tyre's section's centre, in m; 0 for a sphere.
+        rim: radius of the circle of tyre section centres, in m; 0 for a sphere.
         tyre: radius of the tyre's section in m; 0 for a knife edge.
         semi_axes: of an ellipsoid in m, (3,), or None.
         centre: of an ellipsoid in m, (3,).
@@ -59,7 +59,7 @@ class ConvexBody:
     curve: float
 
     def plain(self) -> dict[str, Any]:
-        """Return the numbers of the shape for the compiled core."""
+        """Return the core data of the shape."""
         nil = (0.0, 0.0, 0.0)
         return {
             "shape": [self.rim, self.tyre, self.curve, FLAT, POLAR],
@@ -71,7 +71,7 @@ class ConvexBody:
         }
 
     def touch(self, pair: Pair) -> ContactKinematics:
-        """Find the nearest points, and their rates for the velocities of the pair."""
+        """Compute the nearest points, and their rates for the velocities of the pair."""
         n, dn = self.normal(pair)
         pb, vb = pair.pb[:, None], displaced(pair.Vb, pair.pb)
         if self.semi_axes:
@@ -121,7 +121,7 @@ class ConvexBody:
         return pair.Rb.dot(np.array(self.axle)[:, None])
 
     def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
-        """A tangent and its rate: ahead for a wheel; x of a on a plane, else round the z axis of a."""
+        """A tangent and its rate: forwards for a wheel; otherwise x of a on a plane, or around the z axis of a."""
         if self.axle:
             s = self.axis(pair)
             _refuse_flat(ahead := cross(s, n))
@@ -134,7 +134,7 @@ class ConvexBody:
 
 
 class ContactHeightRow(LineRows):
-    """g = n . (p - p_a): the lowest point of a body stays on a surface; its multiplier presses where it is positive."""
+    """g = n . (p - p_a): the lowest point of a body stays on a surface; a positive multiplier is compression."""
 
     m, positional = 1, True
 
@@ -153,7 +153,7 @@ class ContactHeightRow(LineRows):
 
 
 class NoSlipRows(LineRows):
-    """No slip at the lowest point along tangents, at angles (m,) in rad from the heading towards the left."""
+    """No slip at the lowest point along tangents at angles (m,) in rad from the heading to the left."""
 
     def __init__(self, shape: ConvexBody, angles: tuple[float, ...]) -> None:
         self.shape, self.m = shape, len(angles)

@@ -1,8 +1,8 @@
 """Drivers: rheonomic constraints by which a joint, a coupling or a distance follows a given function of time.
 
 A driver is one row 0 = g(t, q) = c(q) - u(t), with c a joint coordinate, the left side of a coupling or a distance.
-So g_t = -u', g_tt = -u'' and g_tq = 0. Its multiplier is the torque (N m) or force (N) of the drive, its power lam u'.
-A driver of speed gives u' alone: its row c' - u' has no g, and where c stands is left to the motion.
+Hence g_t = -u', g_tt = -u'' and g_tq = 0. Its multiplier is the driving torque (N m) or force (N), its power lam u'.
+A speed driver prescribes u' alone: its row c' - u' has no g, and the value of c follows from the motion.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,37 +19,37 @@ from ..time_functions import Function, Harmonic, Motion, Polynomial, Steps, Time
 from .rows import Coordinate, Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
-OFTEN = 2  # of them must differ: one may stand where a motion's u'' jumps
-GOLDEN = (sqrt(5) - 1) / 2  # multiples of it, less whole numbers, fill (0, 1) evenly and meet no grid
+OFTEN = 2  # of them must differ: one may coincide with a jump of u''
+GOLDEN = (sqrt(5) - 1) / 2  # its multiples modulo 1 fill (0, 1) evenly and avoid any grid
 SPACING = 1e-5  # s
-NEAR = 1e-9  # of its length: how far stages may reach beyond a table by rounding
+NEAR = 1e-9  # of its length: how far stages may exceed a table by rounding
 Target = str | tuple[str, str]
 
 
 class Driver(Table):
-    """A driver: what follows, and the function of time u(t) that it follows.
+    """A driver: a joint, coupling or distance, and the function of time u(t) that it follows.
 
     Motions are functions of time with two derivatives: constant, harmonic, polynomial (constant speed w from u_0 on:
-    coefficients u_0, w), table (a cubic spline; u''' jumps at its points, where methods of order above 3 lose it), or
-    Python functions. Speeds are functions of time with one derivative, or steps, which are impacts that keep all loops
-    shut.
+    coefficients u_0, w), table (a cubic spline; u''' jumps at its points, which limits the order of methods to 3), or
+    Python functions. Speeds are functions of time with one derivative, or steps, which are impacts that satisfy all
+    closures.
 
-    A table of motion says nothing outside its times: a run ends there, unless the table says what is ``beyond``:
-    ``"hold"`` (then u' = 0 at both ends, a clamped spline, for a motion that stops at a speed would be an impact),
+    A table of motion is not defined outside its times: a run ends there, unless the table specifies ``beyond``:
+    ``"hold"`` (then u' = 0 at both ends, a clamped spline, since stopping at a nonzero speed would be an impact),
     ``"linear"`` or ``"periodic"``.
 
     Attributes:
         motion: u(t), in rad or m; or
-        speed: its rate alone, in rad/s or m/s.
+        speed: its rate, in rad/s or m/s.
         joint: name of a joint of one coordinate, q_joint = u; or
         joints: names of joints i and j, with ``coefficients``: q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... = u; or
-        frames: names of two frames whose origins keep the distance u > 0.
+        frames: names of two frames with the distance u > 0 between their origins.
         coefficients: c_0, c_1, ... for ``joints``.
         name: by default the names above and "driver".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     motion: Motion | None = None
@@ -85,7 +85,7 @@ class Driver(Table):
 
     @property
     def between(self) -> tuple[str, ...]:
-        """Names of the joints or frames that it moves."""
+        """Names of the driven joints or frames."""
         return (self.joint,) if self.joint else self.joints or self.frames or ()
 
     @property
@@ -107,13 +107,13 @@ class Driver(Table):
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """The times between which it is defined: those of a table of motion that does not say what is beyond."""
+        """Times between which it is defined: those of a table of motion without ``beyond``."""
         if isinstance(self.motion, TimeTable) and self.motion.beyond is None:
             return self.motion.points[0][0], self.motion.points[-1][0]
         return -inf, inf
 
     def outside(self, t: float) -> str:
-        """Say in words that it is not defined at time t; empty where it is, up to rounding."""
+        """Return a message if it is not defined at time t; empty where it is, up to rounding."""
         (first, last), near = self.span, NEAR * (self.span[1] - self.span[0])
         if isinf(near) or first - near <= t <= last + near:
             return ""
@@ -121,7 +121,7 @@ class Driver(Table):
         return f"the table of driver {self.name!r} is known from t = {first:g} to {last:g} s only; give beyond: {known}"
 
     def breaks(self) -> Sequence[float]:
-        """The times at which its last derivative that counts, u'' or the rate of a speed, jumps."""
+        """Times at which its last relevant derivative jumps: u'', or the rate of a speed."""
         return self.path.breaks
 
     @property
@@ -129,10 +129,10 @@ class Driver(Table):
         return self.motion if self.speed is None else self.speed
 
     def follow(self, t: float) -> tuple[float, float, float]:
-        """Return u (0 for a driver of speed), its first and its second derivative at time t.
+        """Return u (0 for a speed driver), its first and its second derivative at time t.
 
         Raises:
-            StepError: outside of a table that does not say what is beyond.
+            StepError: outside a table without ``beyond``.
         """
         if words := self.outside(t):
             raise StepError("driver", f"{words}, got t = {t:.17g}")
@@ -145,10 +145,10 @@ class Driver(Table):
         return float(self.path.slope(t, 2 if self.speed is None else 1))
 
     def check(self, t: float) -> None:
-        """Compare the derivatives of Python functions with difference quotients just behind t.
+        """Compare the derivatives of Python functions with difference quotients just after t.
 
         Raises:
-            InputError: if one of them does not fit.
+            InputError: if one of them is inconsistent.
         """
         if isinstance(self._given, Function) and (mistake := self._mistake(t + 1e-3)):
             raise InputError(mistake)
@@ -157,7 +157,7 @@ class Driver(Table):
         """Compare the derivatives of Python functions with difference quotients at 64 times between t0 and t1.
 
         Raises:
-            StepError: if one of them does not fit at two times or more; the first is named.
+            StepError: if one of them is inconsistent at two times or more; the first is named.
         """
         length = abs(t1 - t0) - 2 * SPACING
         if not isinstance(self._given, Function) or length <= 0:
@@ -169,7 +169,7 @@ class Driver(Table):
             raise StepError("driver", found[0])
 
     def _mistake(self, t: float) -> str:
-        """Say which derivative does not fit its function around t; "" if both do."""
+        """Return which derivative is inconsistent with its function around t; "" if none is."""
         before, here, behind = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
         given = ((0, "rate"), (1, "acceleration")) if self.speed is None else ((1, "rate"),)
         for k, what in given:
@@ -210,7 +210,7 @@ class Driver(Table):
     def table(
         cls, target: Target, points: Sequence[tuple[float, float]], *, beyond: Beyond | None = None, **more: Any
     ) -> "Driver":
-        """A cubic spline through points (t, u), and what is ``beyond`` its ends; target as for `speed`."""
+        """A cubic spline through points (t, u), and its ``beyond`` option; target as for `speed`."""
         rows = tuple((float(t), float(u)) for t, u in points)
         return cls(motion=TimeTable(points=rows, beyond=beyond), **_target(target, more))
 
@@ -225,8 +225,8 @@ class Driver(Table):
     ) -> "Driver":
         """Python functions of t: u, u' and u''; target as for `speed`.
 
-        Both derivatives are asked for because difference quotients would cost the methods their order. To find
-        mistakes they are compared with difference quotients, at the start and at 64 times of a run that is done.
+        Both derivatives are required because difference quotients would reduce the order of the methods. Mistakes are
+        detected by comparison with difference quotients, at the start and at 64 times of a finished run.
         """
         motion = Function(function=u, rate=rate, acceleration=acceleration)
         return cls(motion=motion, **_target(target, more))

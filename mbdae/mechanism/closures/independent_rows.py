@@ -1,4 +1,4 @@
-"""Dependent constraint rows: rank, and a well-conditioned choice of independent rows."""
+"""Dependent constraint rows: rank, and selection of well-conditioned independent rows."""
 
 from functools import cache
 
@@ -14,29 +14,29 @@ WORST_CONDITIONING = 0.1
 GROWTH_TOLERANCE = 1e-2
 ROUNDING = 1e-14
 SMALLEST_PIVOT = 1e-14  # of the largest, in the system of the rows in use: below, it is singular
-AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
-UNDERWAY = 1e-7  # likewise, of a run that came along its branch, and keeps loops closed to the square of that
-MANY_ROWS = 32  # rows: beyond, all of them are looked at where there is reason to
-RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last choice: below, there is
-# of the largest row: so much of a probe in a row that was dependent is reason, too
+AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: rows this close to dependence leave the branch to rounding
+UNDERWAY = 1e-7  # the same for a run that follows its branch with loops closed to the square of this
+MANY_ROWS = 32  # rows: above, all of them are inspected only when triggered
+RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last selection: smaller triggers one
+# of the largest row: a dependent row with this much of a probe triggers a selection, too
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
 CONVERGED, EXTRA_CG_ITERATIONS = (
     1e-32,
     20,
-)  # of a squared residual, and more iterations than exact numbers need: the core's alone
-FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
+)  # of a squared residual; the core also needs more iterations than exact arithmetic
+FALLEN = 100.0  # of the ratio of pivots at the start: still small below this multiple
 
 
 @cache
 def random_probe(nv: int) -> np.ndarray:
-    """Any vector in general position, (nv,), of unit variance."""
+    """Return a vector in general position, (nv,), of unit variance."""
     return np.random.default_rng(0).standard_normal(nv)
 
 
 def elimination_order(columns: np.ndarray) -> np.ndarray:
-    """Where each row stands in the order of elimination, (ng,): as given, or in a band that is narrower.
+    """Return the position of each row in the elimination order, (ng,): as given, or in a narrower band.
 
-    Many rows are ordered by reverse Cuthill-McKee: the compiled core solves for those in use in a band.
+    Many rows are ordered by reverse Cuthill-McKee: the compiled core uses a band solver.
 
     Args:
         columns: whether a row depends on a velocity, (ng, nv).
@@ -57,37 +57,37 @@ def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rank(diagonal: np.ndarray) -> int:
-    """Number of pivots above 1e-8 of the largest, which is the first."""
+    """Return the number of pivots above 1e-8 of the largest, which is the first."""
     return int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[:1]))
 
 
 def rank_has_grown(diagonal: np.ndarray, r: int) -> bool:
-    """True when rows beyond the rank r are no longer dependent: their pivot exceeds a hundredth of the largest.
+    """Return whether rows beyond the rank r became independent: their pivot exceeds a hundredth of the largest.
 
-    Smaller ones come from drift: rows that depend on each other on 0 = g do so only nearly beside it.
+    Smaller ones come from drift: rows that are dependent on 0 = g are only nearly so next to it.
     """
     return len(diagonal) > r and bool(diagonal[r] > GROWTH_TOLERANCE * diagonal[0])
 
 
 def geometric_rank(G: np.ndarray) -> int:
-    """Rank of the rows of G (ng, nv) for bodies of any mass: light ones beside heavy ones hide rows in G M^-1/2."""
+    """Rank of the rows of G (ng, nv) for bodies of any mass: in G M^-1/2 light bodies next to heavy ones hide rows."""
     size = np.linalg.norm(G, axis=1)
     kept = size > RANK_TOLERANCE * size.max(initial=0.0)
     return rank(pivots((G[kept] / size[kept, None]).T)[1])
 
 
 def fixed_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, beside: float) -> tuple[int, float]:
-    """Rank where loops are closed, and the ratio of pivots below which it will have fallen.
+    """Return the rank where loops are closed, and the ratio of pivots below which it will have fallen.
 
     Args:
         B: scaled transposed constraint Jacobian M^{-1/2} G^T, (nv, ng).
         G: the Jacobian, (ng, nv).
         diagonal: pivots of B.
         t: time.
-        beside: ratio of pivots below which the place is not known well enough, `AMBIGUOUS_PIVOT` or `UNDERWAY`.
+        beside: pivot ratio below which the configuration is ambiguous, `AMBIGUOUS_PIVOT` or `UNDERWAY`.
 
     Raises:
-        StepError: next to a singular configuration, where rounding says which branch of the motion is meant.
+        StepError: next to a singular configuration, where rounding would select the branch of the motion.
     """
     r = rank(diagonal)
     if r and (r < min(B.shape) or diagonal[r - 1] < beside * diagonal[0]):
@@ -99,10 +99,10 @@ def fixed_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, bes
 
 
 def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
-    """See that decreasing pivots still show the rank r.
+    """Check that decreasing pivots still show the rank r.
 
     Raises:
-        StepError: where the rank has changed, at time t.
+        StepError: if the rank has changed, at time t.
     """
     now = int(np.count_nonzero(diagonal > floor * diagonal[:1]))
     if now < r:
@@ -124,16 +124,16 @@ def choose(
     place: np.ndarray,
     found: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Choose r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use as long as they serve.
+    """Choose r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use while well-conditioned.
 
-    They are given up when their smallest pivot falls below a tenth of the best choice's.
+    They are replaced when their smallest pivot falls below a tenth of that of the best choice.
 
     Args:
         B: scaled transposed constraint Jacobian.
         rows: the rows in use, (r,), or None at the start.
-        r: how many.
-        place: see `places`.
-        found: `pivots` of B, if they were computed already.
+        r: number of rows.
+        place: see `elimination_order`.
+        found: `pivots` of B, if already computed.
 
     Returns:
         Indices in the order of elimination, (r,).
@@ -147,18 +147,18 @@ def choose(
 
 
 class SelectionTrigger:
-    """Whether to look at all rows where a step begins: always at few; seldom at many, whose pivots cost more.
+    """Decides whether to inspect all rows at the start of a step: always for few rows, rarely for many.
 
-    The pivots of the rows in use are much worse then than they were since the last look, or a row that is not in use
-    depends on them no more.
+    The trigger is a pivot ratio of the rows in use that is much worse than since the last inspection, or a row not in
+    use that is no longer dependent on them.
     """
 
     def __init__(self, ng: int) -> None:
         self.many, self.best, self.estranged = ng > MANY_ROWS, 0.0, False
-        self.now = np.nan  # ratio of pivots, smallest to largest, of the system of the rows in use that was solved last
+        self.now = np.nan  # pivot ratio, smallest to largest, of the last solved system of rows in use
 
     def probe(self, U: np.ndarray, G: np.ndarray, rows: np.ndarray) -> None:
-        """See where a step ends whether a vector that the rows in use leave alone is left alone by the others.
+        """Check at the end of a step whether a null vector of the rows in use is one of all rows.
 
         Args:
             U: the Cholesky factor of M = U^T U, (nv, nv).
@@ -173,7 +173,7 @@ class SelectionTrigger:
             self.estranged |= bool((rest**2 > PROBE_TOLERANCE**2 * (used**2).sum(axis=0).max()).any())
 
     def given(self) -> bool:
-        """Say whether to look."""
+        """Return whether to inspect the rows."""
         now, self.now = self.now, np.nan
         self.best = max(self.best, now)
         if self.many and not self.estranged and now >= RESELECTION_RATIO * self.best:
@@ -183,10 +183,10 @@ class SelectionTrigger:
 
 
 def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """The multipliers of all rows, (ng,), of smallest norm, from those of the rows in use.
+    """Return the multipliers of all rows, (ng,), of smallest norm, from those of the rows in use.
 
     The others, G_D = C G_R, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1, give the null vectors (-C^T n, n) of G^T; the norm
-    is smallest where (1 + C C^T) n = C lam. Next to singular configurations `minimum_norm` finds it.
+    is smallest where (1 + C C^T) n = C lam. Next to singular configurations `minimum_norm` computes it.
 
     Args:
         U: the Cholesky factor of M = U^T U, (nv, nv).
@@ -212,10 +212,10 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
 
 
 def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
-    """The multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
+    """Return multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
 
-    Not of the rank that rounding shows: rows that depend on each other on 0 = g do so only nearly beside it. In a
-    singular configuration what vanishes to rounding carries no force, and is left out.
+    The rank is not determined here: rows that are dependent on 0 = g are only nearly so next to it. In a singular
+    configuration, directions that vanish to rounding carry no force and are omitted.
     """
     left, sizes, right, _ = dgesdd(G, full_matrices=0)
     rank = min(rank, int(np.count_nonzero(sizes > ROUNDING * sizes[:1])))

@@ -1,4 +1,4 @@
-"""What stands between joints of one coordinate, or a joint and the ground."""
+"""Base of elements between joints of one coordinate, or a joint and the ground."""
 
 from pydantic import model_validator
 
@@ -24,7 +24,7 @@ class JointPair(Table):
 
     @property
     def frames(self) -> None:
-        """None: it is between joints."""
+        """None: it connects joints."""
         return None
 
     @property

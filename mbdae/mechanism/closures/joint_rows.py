@@ -22,11 +22,11 @@ class BoundJointRow:
     """One row between joints.
 
     Attributes:
-        at: number of the row.
+        at: index of the row.
         joints: of Pinocchio's model, (k,).
-        columns: velocity indices of the joints between which the row is, (1,) or (2,).
+        columns: velocity indices of the connected joints, (1,) or (2,).
         polynomial: c_0, c_1, ...
-        period: g is known up to multiples of it; 0 where it is known outright.
+        period: g is known up to multiples of it; 0 where it is unique.
 
     Raises:
         InputError: for joints of several coordinates.
@@ -53,7 +53,7 @@ class BoundJointRow:
         return "rad" if subspace(self.joints[0])[3:].any() else "m"
 
     def plain(self) -> dict[str, Any]:
-        """Return what the compiled core is told of the row."""
+        """Return the core data of the row."""
         joints = [[j.idx_q, j.nq, j.idx_v] for j in self.joints]
         return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}
 
@@ -70,7 +70,7 @@ class BoundJointRow:
         raise NotImplementedError
 
     def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
-        """Add the slopes of Gdot v to by_q and by_v, (nv,) each."""
+        """Add the partial derivatives of Gdot v to by_q and by_v, (nv,) each."""
         raise NotImplementedError
 
 
@@ -78,7 +78,7 @@ class BoundCoordinateRow(BoundJointRow):
     """g = x_i - p(x_j), with x an angle in (-pi, pi] for an unbounded joint.
 
     Raises:
-        InputError: for a coupling that is not defined on unbounded joints.
+        InputError: for a coupling that is undefined on unbounded joints.
     """
 
     kind = "coordinate"
@@ -108,7 +108,7 @@ class BoundCoordinateRow(BoundJointRow):
         by_v[j] -= 2 * second * v[j]
 
     def _curvature(self) -> tuple[float, float]:
-        """The second and the third derivative of p at x_j; zero without joint j."""
+        """Return the second and the third derivative of p at x_j; zero without joint j."""
         if len(self._live) == 1:
             return 0.0, 0.0
         return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
@@ -118,7 +118,7 @@ class BoundToothRow(BoundCoordinateRow):
     """g = x_i - p(x_j) up to multiples of a pitch.
 
     Raises:
-        InputError: for a joint that turns without end.
+        InputError: for an unbounded joint.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, row: ToothRow, at: int, name: str) -> None:
@@ -132,7 +132,7 @@ class BoundMotionLawRow(BoundCoordinateRow):
     """g = x_i - f(x_j) with a law f.
 
     Raises:
-        InputError: for a law that does not come back where an unbounded joint does.
+        InputError: for a law that is not periodic on an unbounded joint.
     """
 
     kind = "curved"
@@ -162,7 +162,7 @@ class BoundMotionLawRow(BoundCoordinateRow):
 
 
 class BoundSumRow(BoundJointRow):
-    """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three joints or more."""
+    """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three or more joints."""
 
     kind = "sum"
 
@@ -191,7 +191,7 @@ class BoundRatioRow(BoundJointRow):
     """0 = v_i - r(x_k) v_j, r a polynomial.
 
     Raises:
-        InputError: for a ratio that an unbounded joint sets.
+        InputError: for a ratio that depends on an unbounded joint.
     """
 
     kind = "ratio"
@@ -224,7 +224,7 @@ class BoundRatioRow(BoundJointRow):
             by_v[k] -= slope * v[j]
 
     def _ratio(self) -> tuple[float, float, float, float]:
-        """The ratio and its first three derivatives; a constant without joint k."""
+        """Return the ratio and its first three derivatives; a constant without joint k."""
         return _horner(self.polynomial, _coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
 
 
@@ -246,7 +246,7 @@ def _coordinate(q: Array) -> float:
 
 
 def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float, float]:
-    """A polynomial and its first three derivatives at x."""
+    """Return a polynomial and its first three derivatives at x."""
     p = slope = curve = third = 0.0
     for c in reversed(coefficients):
         p, slope, curve, third = p * x + c, slope * x + p, curve * x + 2 * slope, third * x + 3 * curve
@@ -254,7 +254,7 @@ def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, floa
 
 
 def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> float:
-    """The number up to whose multiples q_i - p(q_j) is known where q_i, q_j or both are known up to full turns."""
+    """Return the period of q_i - p(q_j) where q_i, q_j or both are known up to full turns."""
     turn = 2 * np.pi
     if len(unbounded) == 1 or not unbounded[1]:
         return turn if unbounded[0] else 0.0
@@ -264,7 +264,7 @@ def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> 
 
 
 def _common(shares: Sequence[float], name: str) -> float:
-    """The largest number of which all are multiples, 0 for none: up to its multiples a sum of angles is known."""
+    """Return the largest common divisor, 0 for none: a sum of angles is known up to its multiples."""
     shares = [s for s in shares if s]
     if not shares:
         return 0.0

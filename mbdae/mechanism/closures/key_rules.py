@@ -1,4 +1,4 @@
-"""Which keys the kinds of closures take, and which of their values fit each other."""
+"""Keys of the kinds of closures, and consistency of their values."""
 
 from math import pi
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ import numpy as np
 if TYPE_CHECKING:
     from .closure import Closure
 
-BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: which gaps vanish, which directions are kept
+BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: gaps that vanish, directions that coincide
     "point": ("all", ""),
     "revolute": ("all", "axis"),
     "frame": ("all", "frame"),
@@ -20,7 +20,7 @@ BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: which gaps vanish, which
     "parallel": ("", "axis"),
 }
 ONE_SIDED = ("unilateral", "restitution", "rest")
-OTHER_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, and further ones
+OTHER_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # required keys, and optional ones
     "distance": (("frames", "length"), ONE_SIDED),
     "coupling": (("joints",), ("coefficients", "curve")),
     "cam": (("frames", "profile"), ("radius", "axis")),
@@ -40,7 +40,7 @@ GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "n
 
 
 def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Keys that a closure of this kind needs, and those that it may have."""
+    """Keys that a closure of this kind requires, and optional ones."""
     if kind in OTHER_KEYS:
         needed, more = OTHER_KEYS[kind]
         return ("kind", *needed), ("name", *more)
@@ -51,7 +51,7 @@ def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def check_keys(closure: "Closure") -> None:
-    """See that a closure has the keys of its kind, axes that are directions, and ends that differ.
+    """Check that a closure has the keys of its kind, nonzero axes, and two different ends.
 
     Raises:
         ValueError: if it does not.
@@ -71,7 +71,7 @@ def check_keys(closure: "Closure") -> None:
 
 
 def check_key_values(closure: "Closure") -> None:
-    """See that the values of keys that belong to a kind fit each other.
+    """Check that the values of keys are consistent with each other.
 
     Raises:
         ValueError: if they do not.

@@ -1,10 +1,10 @@
-"""Rows of velocity only: the velocities of two bodies at a point keep equal along lines through it.
+"""Velocity rows: the velocities of two bodies at a point are equal along lines through it.
 
     0 = w . (V_b - V_a) + ...,   w = [e; p x e],   w' = [e'; p' x e + p x e']
 
-with unit vectors e through a point p: a force along e. A kind gives e, p and their rates for the motions of both
-frames; nothing drifts, for there is no g. Rates are linear in the motions, which gives the slopes of w:
-w' = Da V_a + Db V_b.
+with unit vectors e through a point p: a force along e. Each kind computes e, p and their rates for the motions of both
+frames; there is no drift-off, since there is no g. Rates are linear in the motions, which yields the partial
+derivatives of w: w' = Da V_a + Db V_b.
 
 Source: J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972), chapter 3.
 """
@@ -23,7 +23,7 @@ PARALLEL = 1e-6  # rad between axes of a bevel pair, which have no common point
 
 
 class Lines(NamedTuple):
-    """Lines and how they move.
+    """Lines and their rates.
 
     Attributes:
         e: directions, (3, m).
@@ -42,7 +42,7 @@ class LineRows(FrameRows):
     """Rows along m lines through one point.
 
     Attributes:
-        lead: what a row asks of the relative turn about its line, in m/rad: w = [e; p x e - lead e].
+        lead: coefficient of the relative rotation about the line, in m/rad: w = [e; p x e - lead e].
     """
 
     unit = "m"
@@ -50,7 +50,7 @@ class LineRows(FrameRows):
     lead = 0.0
 
     def lines(self, pair: Pair) -> Lines:
-        """Return the lines where the pair stands, and their rates for its velocities Va, Vb."""
+        """Return the lines at the current pair, and their rates for its velocities Va, Vb."""
         raise NotImplementedError
 
     def residual(self, pair: Pair) -> Array:  # noqa: D102
@@ -76,7 +76,7 @@ class LineRows(FrameRows):
 
 
 def at_rest(pair: Pair) -> Any:
-    """A pair at the same place, at rest."""
+    """Return a pair at the same position, at rest."""
     at: Any = copy(pair)
     at.Va = at.Vb = at.zero = np.zeros(6)
     return at
@@ -117,8 +117,8 @@ class Screw(LineRows):
 class Gear(LineRows):
     """Wheels of a and b about parallel axes, an axis of a (3,), do not slip at the pitch point.
 
-    It divides the line of centres as the radii do: p = p_a + share (p_b - p_a), share = r_a/(r_a + r_b); the row is
-    along e = k x (p_b - p_a)/|.|.
+    It divides the line of centres in proportion to the radii: p = p_a + share (p_b - p_a), share = r_a/(r_a + r_b); the
+    row is along e = k x (p_b - p_a)/|.|.
     """
 
     m = 1
@@ -140,10 +140,10 @@ class Gear(LineRows):
 class Bevel(LineRows):
     """Wheels of a and b about axes that meet, an axis of each (3,), do not slip on each other.
 
-    The row is along e = k_a x k_b/|.|, across both axes, through the point of the pitch cones' common line at distances
-    r_a and r_b from them: (p - p_a) . (e x k_a) = r_a, (p - p_b) . (k_b x e) = r_b. So the wheels turn as
-    r_a w_a + r_b w_b = 0 relative to the carrier of both axes, wherever on these the frames are, and the multiplier is
-    the tangential force in N.
+    The row is along e = k_a x k_b/|.|, perpendicular to both axes, through the point of the pitch cones' common line at
+    distances r_a and r_b from them: (p - p_a) . (e x k_a) = r_a, (p - p_b) . (k_b x e) = r_b. Hence r_a w_a + r_b w_b =
+    0 relative to the carrier of both axes, wherever on these axes the frames are, and the multiplier is the tangential
+    force in N.
     """
 
     m = 1
@@ -172,7 +172,7 @@ class Bevel(LineRows):
 
 
 def unit(x: Array, dx: Array) -> tuple[Array, Array]:
-    """Return x/|x| and its rate, for a column x (3, 1) and its rate; complex steps pass."""
+    """Return x/|x| and its rate, for a column x (3, 1) and its rate; supports complex steps."""
     size = np.sqrt((x * x).sum())
     e = x / size
     return e, (dx - e * (e * dx).sum()) / size

@@ -1,4 +1,4 @@
-"""Laws of motion y = f(x) between joints, as data that stand in a file: cams, indexing drives, eccentrics."""
+"""Motion laws y = f(x) between joints, as data of a file: cams, indexing drives, eccentrics."""
 
 from functools import cached_property
 from math import factorial, floor, pi
@@ -12,11 +12,11 @@ from ..checked_table import Table
 from ..piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
 from ..time_functions import Harmonic
 
-DEGREE = 7  # of splines: their seventh derivative jumps, which methods of order 6 do not see
+DEGREE = 7  # of splines: their seventh derivative jumps, which does not affect methods of order 6
 
 
 class LawDerivatives(NamedTuple):
-    """A function and its first three derivatives at a point."""
+    """A function value and its first three derivatives at a point."""
 
     y: float
     first: float
@@ -28,9 +28,9 @@ class LawTable(Table):
     """A smooth curve through points (x, y), x increasing: a spline of degree 7, with six continuous derivatives.
 
     Attributes:
-        points: pairs (x, y) in rad or m of both joints. Behind its ends the curve goes on as a straight line.
-        periodic: the first and the last point are one and the same of a curve that repeats itself; where their y
-            differ, each turn adds the difference (indexing drives).
+        points: pairs (x, y) in rad or m of both joints. Beyond its ends the curve continues as a straight line.
+        periodic: the first and the last point coincide on a curve that repeats; where their y differ, each period adds
+            the difference (indexing drives).
     """
 
     kind: Literal["table"] = "table"
@@ -63,7 +63,7 @@ class LawTable(Table):
         return PiecewisePolynomial([2 * x[0] - x[-1], *x], [ends[0], *pieces, ends[1]])
 
     def plain(self) -> dict[str, Any]:
-        """What the core takes."""
+        """Core data."""
         return self.pieces.plain()
 
 
@@ -91,14 +91,14 @@ def law_derivatives(law: LawTable | Harmonic, x: float) -> LawDerivatives:
 def spline(x: Array, y: Array, *, periodic: bool) -> Array:
     """Polynomials between points x (n,) of a spline through y (n, m): (n - 1, 8, m), highest power first.
 
-    Of a periodic one the last y may differ from the first by what a period adds. The others have y'' = y''' = y'''' = 0
-    at their ends.
+    In the periodic case the last y may differ from the first by the rise per period. Otherwise y'' = y''' = y'''' = 0
+    at the ends.
     """
     grown = (y[-1] - y[0]) / (x[-1] - x[0]) if periodic else np.zeros(y.shape[1])
     flat = y - np.outer(x - x[0], grown)
     flat[-1] = flat[0] if periodic else flat[-1]
     still = [(k, np.zeros(y.shape[1])) for k in (2, 3, 4)]
-    from scipy.interpolate import make_interp_spline  # few mechanisms have one
+    from scipy.interpolate import make_interp_spline  # imported here since few mechanisms need it
 
     curve = make_interp_spline(x, flat, k=DEGREE, bc_type="periodic" if periodic else (still, still))
     out = np.stack([curve(x[:-1], k) / factorial(k) for k in range(DEGREE, -1, -1)], axis=1)

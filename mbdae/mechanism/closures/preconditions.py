@@ -1,12 +1,12 @@
-"""The preconditions of closures: what their rows assume of the place of both frames, and do not keep.
+"""Preconditions of closures: assumptions of their rows about both frames that they do not enforce.
 
-    gear      axes that stay parallel, r_a + r_b apart
-    bevel     axes that meet, at an angle that stays
-    screw     the body turns about its axis only
-    cam       a flat face is upright on the plane of its profile
-    rolling   without a row of contact, joints keep the body on its surface
+    gear      axes stay parallel, r_a + r_b apart
+    bevel     axes intersect at a constant angle
+    screw     the body rotates about its axis only
+    cam       a flat face is perpendicular to the plane of its profile
+    rolling   without a contact row, joints keep the body on its surface
 
-They are checked where a start is checked, for the motions that the other closures leave, and at the nodes of a run.
+They are checked at the start, for the motions that the other closures allow, and at the nodes of a run.
 """
 
 from collections.abc import Iterator
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
 
-FITS = 1e-3  # of the radii: numbers of three digits fit, wheels that do not mesh do not
+FITS = 1e-3  # of the radii: numbers of three digits are consistent, wheels that do not mesh are not
 TILT = 1e-3  # rad
 RANK = 1e-9  # of the largest singular value
 Z = (0.0, 0.0, 1.0)
 
 
 def assuming(mech: "Mechanism") -> list[Closure]:
-    """The closures of a mechanism that have a precondition."""
+    """Closures of a mechanism that have a precondition."""
     return [c for c in mech.closures if c.kind in ("gear", "bevel", "screw") or _faces(c) or c.contact is False]
 
 
 def refuse_unfit(mech: "Mechanism", q: Array) -> None:
-    """Refuse a configuration q (nq,) in which a closure's precondition does not hold.
+    """Reject a configuration q (nq,) in which a closure's precondition does not hold.
 
     Raises:
-        InputError: naming the closure, what it assumes and what is there.
+        InputError: naming the closure, the expected and the actual value.
     """
     if not (found := assuming(mech)):
         return
@@ -54,17 +54,17 @@ def refuse_unfit(mech: "Mechanism", q: Array) -> None:
 
 
 def lost_precondition(system: "Index2System", ts: Array, qs: Array) -> str:
-    """Say which precondition is lost at a node of a run, from when on; empty for none.
+    """Return which precondition is lost at a node of a run, and since when; empty if none.
 
     Args:
-        system: a workspace, whose kinematics do not stay.
+        system: a workspace; its kinematics are overwritten.
         ts: times in s, (n,).
         qs: configurations, (n, nq).
     """
     found = [c for c in assuming(system.mechanism) if not c.within]
     first: dict[str, Array] = {}
     for t, q in zip(ts, qs, strict=True) if found else ():
-        pin.forwardKinematics(system.model, system.data, q)
+        pin.forwardKinematics(system.model, system.workspace, q)
         for closure, pair in _placed(system, found):
             relative = first.setdefault(closure.name, pair.Rb.T @ pair.Ra)
             if words := unfit(closure, pair, relative):
@@ -73,7 +73,7 @@ def lost_precondition(system: "Index2System", ts: Array, qs: Array) -> str:
 
 
 def unfit(closure: Closure, pair: Pair, relative: Array) -> str:
-    """Say what a closure assumes and is not so where a pair is located; empty where all is.
+    """Return which assumption of a closure is violated by a located pair; empty if none.
 
     Args:
         closure: one of `assuming`.
@@ -113,7 +113,7 @@ def _unlike_bevel(closure: Closure, pair: Pair, relative: Array) -> str:
 def _off_surface(closure: Closure, pair: Pair) -> str:
     try:
         height = closure.shape.height(pair)
-    except StepError:  # a wheel that lies flat, of which the row itself speaks
+    except StepError:  # a wheel that lies flat, which the row itself reports
         return ""
     size = closure.radius or max(closure.semi_axes or (1.0,))
     if abs(height) <= FITS * size:
@@ -122,9 +122,9 @@ def _off_surface(closure: Closure, pair: Pair) -> str:
 
 
 def _turning(mech: "Mechanism", closure: Closure, pair: Pair, G: Array) -> str:
-    """Say that wheels can turn about other axes than the closure's: by what joints and positional closures leave.
+    """Return a message if wheels can rotate about other axes than the closure's, given joints and positional closures.
 
-    Bodies that turn about all axes are held by forces, of which nothing is known before the run.
+    Bodies that rotate about all axes are held by forces, which are unknown before the run.
     """
     ka, kb = pair.Ra @ unit_axis(closure.axis or Z), pair.Rb @ unit_axis(closure.other_axis)
     if closure.kind not in ("gear", "bevel", "screw"):
@@ -150,7 +150,7 @@ def _faces(closure: Closure) -> bool:
 
 
 def _placed(system: "Index2System", closures: list[Closure]) -> Iterator[tuple[Closure, Pair]]:
-    """Closures with their pairs of frames, located where the kinematics stand."""
+    """Yield closures with their pairs of frames, located at current kinematics."""
     for closure in closures:
         pair = system.constraints.frame_parts[closure.name].pair
         pair.locate()

@@ -1,4 +1,4 @@
-"""Which primitive rows a closure is composed of."""
+"""Primitive rows of each kind of closure."""
 
 from collections.abc import Sequence
 from math import pi

@@ -3,7 +3,7 @@
     roller, pin    g = side (x - c).n - r at the nearest c, n the profile's normal in its plane;  along n through p_b
     flat face      g = n.(p_b - c), n the face's normal, c the profile's farthest point along it;  along n through c
 
-Neither g changes when the contact moves along the profile, so that the rates of both are those of the lines.
+The g of neither changes when the contact moves along the profile, so both have the rates of the lines.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from .rows import displaced, rotated
 
 
 class Roller(LineRows):
-    """A roller about b's origin with a radius in m touches a profile of a; of radius 0 its origin stays on it."""
+    """A roller about b's origin with a radius in m touches a profile of a; with radius 0 its origin stays on it."""
 
     m, positional = 1, True
 
@@ -49,7 +49,7 @@ class Roller(LineRows):
 
 
 class FlatFace(LineRows):
-    """A flat face of b through its origin, with a normal of b (3,) away from the profile of a, touches that."""
+    """A flat face of b through its origin touches a profile of a; the normal of b (3,) points away from it."""
 
     m, positional = 1, True
 

@@ -1,11 +1,11 @@
-"""Plane curves c(s), s in rad or m, of which cams and slots are made, as data that stand in a file.
+"""Plane curves c(s), s in rad or m, for cams and slots, as data of a file.
 
 Contacts with them, x a point and n a direction in their plane:
 
     nearest point    0 = (x - c).c',   s' = x'.c'/D,   D = c'.c' - (x - c).c''
     support point    0 = c'.n where c.n is largest,   s' = -c'.n'/(c''.n)
 
-Both are found from a table of samples and Newton's method at each call, and so depend on the place alone.
+Both are computed from a table of samples and Newton's method at each call, and so depend on the position only.
 
 Source: J. Angeles, C. S. Lopez-Cajun, Optimization of Cam Mechanisms (1991), chapter 2.
 """
@@ -21,11 +21,11 @@ from ...system import Array
 from ..checked_table import Table
 from .motion_laws import DEGREE, spline
 
-SAMPLES = 8  # of a piece or half a wave of the highest harmonic, and no fewer than:
+SAMPLES = 8  # of a polynomial or half a wave of the highest harmonic, and no fewer than:
 LEAST = 64
-ITERATIONS = 12  # of Newton's method, which doubles the digits of a sample's
+ITERATIONS = 12  # of Newton's method, which doubles the digits of a sample
 ROUNDING = 1e-16  # of the length: a step that ends the search
-SHARP = 1e-9  # of c'.c': below, the nearest point is as good as a centre of curvature
+SHARP = 1e-9  # of c'.c': below, the nearest point is close to a centre of curvature
 Point = tuple[float, float]
 
 
@@ -44,7 +44,7 @@ class PlaneCurve:
     Args:
         starts: s_0, s_1, ..., s_n; of harmonics 0 and 2 pi.
         numbers: polynomials, (n, degree + 1, 2), highest power first; or a_0, a_1, b_1, a_2, ... of harmonics, (m, 2).
-        closed: whether it comes back.
+        closed: whether it is closed.
     """
 
     def __init__(self, starts: Array, numbers: Array, *, closed: bool) -> None:
@@ -60,11 +60,11 @@ class PlaneCurve:
         turning = [p.d[0] * p.dd[1] - p.d[1] * p.dd[0] for p in places]
         ahead = np.roll(self.points, -1, axis=0)
         area = float((self.points[:, 0] * ahead[:, 1] - self.points[:, 1] * ahead[:, 0]).sum())
-        self.side = 1.0 if area > 0 or not closed else -1.0  # of the way round, towards the outside
+        self.side = 1.0 if area > 0 or not closed else -1.0  # outward side with respect to the direction of the curve
         self.bends = self.side * np.array(turning) / np.array([(p.d @ p.d) ** 1.5 for p in places])
 
     def at(self, s: Any) -> ProfilePoint:
-        """Evaluate the curve; complex steps pass."""
+        """Evaluate the curve; supports complex steps."""
         if self.closed:
             s = s - self.length * np.floor((np.real(s) - self.first) / self.length)
         if self.harmonic:
@@ -79,10 +79,10 @@ class PlaneCurve:
         return ProfilePoint(s, np.asarray(c), np.asarray(d), np.asarray(dd))
 
     def nearest(self, x: Array) -> ProfilePoint:
-        """The point nearest to x (2,).
+        """Return the point nearest to x (2,).
 
         Raises:
-            StepError: where it is not one, or an open curve ends.
+            StepError: if it is not unique, or at an end of an open curve.
         """
         off = self.points - np.real(x)
         s: Any = self.samples[np.einsum("ij,ij->i", off, off).argmin()]
@@ -101,10 +101,10 @@ class PlaneCurve:
         return found
 
     def support(self, n: Array) -> ProfilePoint:
-        """The point that is farthest along a direction n (2,).
+        """Return the point that is farthest along a direction n (2,).
 
         Raises:
-            StepError: where it is not one, for a face parallel to the plane of the profile.
+            StepError: if it is not unique, for a face parallel to the plane of the profile.
         """
         s: Any = self.samples[self.points.dot(np.real(n)).argmax()]
         for _ in range(ITERATIONS):
@@ -120,10 +120,10 @@ class PlaneCurve:
         return found
 
     def refuse(self, radius: float | None) -> None:
-        """Refuse what a roller of a radius in m, or a flat face for None, does not touch everywhere.
+        """Reject a roller of a radius in m, or a flat face for None, that cannot touch the curve everywhere.
 
         Raises:
-            ValueError: says where it is hollow.
+            ValueError: names where the curve is concave.
         """
         worst = int(self.bends.argmin())
         at, bend = tuple(round(float(c), 6) for c in self.points[worst]), float(self.bends[worst])
@@ -135,7 +135,7 @@ class PlaneCurve:
             raise ValueError(f"undercut: the profile is hollow at {at} with a radius of {-1 / bend:.3g} m")
 
     def plain(self) -> dict[str, Any]:
-        """What the core takes."""
+        """Core data."""
         kind = {"harmonic": self.harmonic, "closed": self.closed, "side": self.side}
         sizes = {"starts": self.starts.tolist(), "numbers": self.numbers.ravel().tolist(), "degree": DEGREE}
         return {**kind, **sizes, "samples": self.samples.tolist(), "search": [ITERATIONS, ROUNDING, SHARP]}
@@ -188,7 +188,7 @@ class CircleProfile(Table):
 
 
 class FourierProfile(Table):
-    """A closed curve x = x_0 + x_1 cos s + x_2 sin s + x_3 cos 2s + x_4 sin 2s + ..., y alike: ellipses and others.
+    """A closed curve x = x_0 + x_1 cos s + x_2 sin s + x_3 cos 2s + x_4 sin 2s + ..., y similarly: ellipses and others.
 
     Attributes:
         x: coefficients in m, 3, 5, 7, ... of them.

@@ -1,11 +1,11 @@
-"""The primitive rows of which closures and drivers are composed, each written once.
+"""Primitive rows that make up closures and drivers.
 
 Between two frames a row is a scalar g(q) whose rate is the power of a wrench w on frame b and -w on frame a,
 
     d/dt g = w . (V_b - V_a),   G_row = sign * (w^T J),   gamma = dw/dt . (V_b - V_a) + w . (A_b - A_a),
 
-with spatial velocities V and accelerations A (for v' = 0) taken at the world's origin. So a row needs g, w and dw/dt
-only, and is exact off the manifold. A row of velocity only has w and no g (`mbdae.mechanism.closures.line_rows`).
+with spatial velocities V and accelerations A (for v' = 0) at the world's origin. So a row needs only g, w and dw/dt,
+and is exact off the manifold. A velocity row has w and no g (`mbdae.mechanism.closures.line_rows`).
 Multipliers: N for rows measured in m, N m for products of axes. A row between
 joint coordinates needs no frames; its multiplier is the torque (N m) or force (N) on the first joint.
 
@@ -26,12 +26,12 @@ Vector = tuple[float, float, float]
 
 
 class FrameRows:
-    """m scalar rows between the anchors of a `Pair` that was located.
+    """m scalar rows between the anchors of a located `Pair`.
 
     Attributes:
         m: number of rows.
-        unit: of g: ``"m"``, or ``"rad"`` for what is an angle where it is small.
-        positional: whether there is a g; rows of velocity only have none, and the unit is that of its rate times s.
+        unit: of g: ``"m"``, or ``"rad"`` for quantities that approximate a small angle.
+        positional: whether there is a g; velocity rows have none, and the unit is that of their rate times s.
     """
 
     m: int
@@ -39,7 +39,7 @@ class FrameRows:
     positional: ClassVar[bool] = True
 
     def plain(self) -> list[dict[str, Any]]:
-        """Return what the compiled core is told of each row, a kind and its numbers; nothing if it has no such rows."""
+        """Return the core data of each row, a kind and its numbers; nothing if the core does not support it."""
         return []
 
     def residual(self, pair: Pair) -> np.ndarray:
@@ -47,7 +47,7 @@ class FrameRows:
         raise NotImplementedError
 
     def wrenches(self, pair: Pair, w: np.ndarray) -> None:
-        """Write the wrenches on b at the world's origin into w (6, m), whose zeros stay where none is written."""
+        """Write the wrenches on b at the world's origin into w (6, m), which is initially zero."""
         raise NotImplementedError
 
     def rate(self, pair: Pair) -> np.ndarray:
@@ -161,18 +161,18 @@ class Distance(FrameRows):
 
 
 def rotated(V: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Rates omega x n of axes n (3, m) that turn with the motion V (6,)."""
+    """Return the rates omega x n of axes n (3, m) that rotate with the motion V (6,)."""
     return cross(V[3:, None], n)
 
 
 def displaced(V: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
+    """Return the velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
     return V[:3, None] + cross(V[3:, None], p[:, None])
 
 
 @lru_cache(maxsize=256)
 def between_frames(gap: str, direction: str, axis: Vector, other: Vector) -> tuple[FrameRows, ...]:
-    """Rows between frames; workspaces share them, and they hold nothing that changes."""
+    """Return rows between frames; they are immutable, so workspaces share them."""
     first, second = unit_axis(axis), unit_axis(other)
     normals, (x, y, z) = np.linalg.svd(first[None])[2][1:].T, np.eye(3)
     gaps = {"all": np.eye(3), "across": normals, "along": first[:, None]}
@@ -186,12 +186,12 @@ def between_frames(gap: str, direction: str, axis: Vector, other: Vector) -> tup
 
 
 def unit_axis(axis: Vector) -> np.ndarray:
-    """An axis of length 1."""
+    """Return an axis of length 1."""
     return np.array(axis) / np.linalg.norm(axis)
 
 
 class Coordinate(NamedTuple):
-    """One row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each, in rad or m of joint i.
+    """Row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each, in rad or m of joint i.
 
     Attributes:
         joint: name of joint i.
@@ -207,7 +207,7 @@ class Coordinate(NamedTuple):
 
 
 class ToothRow(NamedTuple):
-    """One row g = q_i - c_0 - c_1 q_j up to multiples of a pitch: a pawl in one of many teeth.
+    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: a pawl in one of many teeth.
 
     Attributes:
         joint: name of joint i.
@@ -225,7 +225,7 @@ class ToothRow(NamedTuple):
 
 
 class Ratio(NamedTuple):
-    """One row of velocity v_i = r(q_k) v_j, r = c_0 + c_1 q_k + c_2 q_k^2 + ..., between joints of one coordinate each.
+    """Velocity row v_i = r(q_k) v_j, r = c_0 + c_1 q_k + c_2 q_k^2 + ..., between joints of one coordinate each.
 
     Attributes:
         joint: name of joint i.
@@ -243,7 +243,7 @@ class Ratio(NamedTuple):
 
 
 class MotionLawRow(NamedTuple):
-    """One row g = q_i - f(q_j) with a law of motion f, between joints of one coordinate each.
+    """Row g = q_i - f(q_j) with a motion law f, between joints of one coordinate each.
 
     Attributes:
         joint: name of joint i.
@@ -260,7 +260,7 @@ class MotionLawRow(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """One row g = q_i - c_0 - c_1 q_j - c_2 q_k - ..., between joints of one coordinate each.
+    """Row g = q_i - c_0 - c_1 q_j - c_2 q_k - ..., between joints of one coordinate each.
 
     Attributes:
         joints: names of joints i, j, k, ...

@@ -1,4 +1,4 @@
-"""Closures that press on one side only, and stops of joints: their rows are there while they carry load."""
+"""Unilateral closures and joint stops: their rows are active while they carry load."""
 
 from collections.abc import Sequence
 
@@ -8,16 +8,16 @@ from ..checked_table import Table
 from .joint_pair import JointPair
 from .rows import Coordinate
 
-REST = 1e-6  # s: a flight that is shorter ends in rest
+REST = 1e-6  # s: shorter flights end in rest
 
 
 class UnilateralOptions(Table):
-    """What says how a row lets go and touches again.
+    """Options of unilateral rows.
 
     Attributes:
-        unilateral: the row presses and does not pull (a rope pulls and does not press); it opens and closes.
+        unilateral: the row pushes and does not pull (a rope pulls and does not push); it opens and closes.
         restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 if left out.
-        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 if left out.
+        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 if left out.
     """
 
     unilateral: bool | None = None
@@ -32,28 +32,28 @@ class UnilateralOptions(Table):
 
 
 class Stop(JointPair, UnilateralOptions):
-    """Ends of the way of a joint, or of what a coupling leaves open (backlash).
+    """Stops that limit a joint coordinate, or the play of a coupling (backlash).
 
         lower <= q_i <= upper,   lower <= q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... <= upper
 
-    Each end is a row that pushes back only; its multiplier is the torque (N m) or force (N) on joint i.
+    Each stop is a unilateral row; its multiplier is the torque (N m) or force (N) on joint i.
 
     Attributes:
-        joint: name of a joint of one coordinate that does not turn without end; or
+        joint: name of a bounded joint of one coordinate; or
         joints: names of joints i and j, with ``coefficients``.
         coefficients: c_0, c_1, ... for ``joints``.
-        lower: in rad or m; no end there when left out.
-        upper: in rad or m.
-        limits: the ends are those that the source says (URDF ``limit``, MJCF ``range``); without a joint, of all
-            joints that have some.
+        lower: in rad or m; no lower stop when left out.
+        upper: in rad or m; no upper stop when left out.
+        limits: use the limits of the source (URDF ``limit``, MJCF ``range``); without a joint, those of all joints that
+            have some.
         restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 when left out.
-        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 when left out.
+        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 when left out.
         unilateral: always true.
         name: by default the names of the joints and "stop".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint.
     """
 
     unilateral: bool | None = True
@@ -85,17 +85,17 @@ class Stop(JointPair, UnilateralOptions):
 
     @property
     def ends(self) -> tuple[tuple[float, float], ...]:
-        """The ends, and on which side of each the joint moves: 1 above, -1 below."""
+        """Limits, and the side on which the joint moves: 1 above, -1 below."""
         both = ((self.lower, 1.0), (self.upper, -1.0))
         return tuple((end, side) for end, side in both if end is not None)
 
     @property
     def m(self) -> int:
-        """Number of rows: one for each end."""
+        """Number of rows: one for each limit."""
         return len(self.ends)
 
     def primitives(self) -> Sequence[Coordinate]:
-        """The rows q_i - p(q_j) - end."""
+        """The rows q_i - p(q_j) - limit."""
         joint, other = self.joints or (self.joint or "", "")
         c_0, *rest = self.coefficients or (0.0,)
         return [Coordinate(joint, other, (c_0 + end, *rest)) for end, _ in self.ends]

@@ -1,4 +1,4 @@
-"""Rows that a Python function gives: what no kind of closure says, of position or of velocity."""
+"""Rows from a Python function, on position or velocity level, for constraints that no kind of closure covers."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, NamedTuple
@@ -15,33 +15,33 @@ from ..frames import find_joint
 from .closure import Closure
 from .joint_rows import BoundJointRow
 
-STEP = 4e-3  # rad or m, of central differences of order 6: 3e-17 of the seventh derivative beside 1e-13 of rounding
-FITS = 1e-5  # of 1 + |G|: what the slope of g may differ by
+STEP = 4e-3  # rad or m, central differences of order 6: 3e-17 of the seventh derivative against 1e-13 of rounding
+FITS = 1e-5  # of 1 + |G|: allowed difference between G and the derivative of g
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
 
 
 class UserRows(Closure):
-    """Rows 0 = g(q), or 0 = G(q) v, that a Python function of the coordinates of some joints gives.
+    """Rows 0 = g(q), or 0 = G(q) v, from a Python function of the coordinates of some joints.
 
-    q are the coordinates of the joints, one joint after the other, as they stand in a configuration (an unbounded
-    joint has cos and sin, a free one x, y, z and a quaternion), and n is the number of their velocities. For one row
+    q are the coordinates of the joints in order, as in a configuration (an unbounded joint has cos and sin, a free one
+    x, y, z and a quaternion), and n is the number of their velocities. For one row
 
         position: function(q) -> (g, G), a number and (n,), d/dt g = G v
         velocity: function(q) -> G, (n,)
 
-    and for ``size`` rows g (size,), G (size, n). Rows are smooth. Multipliers are in N or N m, as G^T lam says.
+    and for ``size`` rows g (size,), G (size, n). Rows are smooth. Multipliers are in N or N m, consistent with G^T lam.
 
     Attributes:
         joints: names of the joints.
-        function: as above. A saved solution records its rows by name; what needs their values then refuses.
+        function: as above. A saved solution records its rows by name; operations that need their values then fail.
         slopes: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the change of G_j along velocity k; central differences
             of the function when left out, good to about 1e-12.
         size: number of rows.
-        velocity: rows of velocity only.
+        velocity: velocity rows only.
 
     Raises:
-        InputError: for wrong values; when a start is assembled, where G is not the slope of g.
+        InputError: for wrong values; when a start is assembled, if G is not the derivative of g.
     """
 
     kind: Literal["rows"]  # type: ignore[assignment]
@@ -75,7 +75,7 @@ class UserRow(NamedTuple):
     m: int = 1
 
     def bind(self, model: pin.Model, data: pin.Data, at: int) -> "BoundUserRows":
-        """Bind the row, the one with number ``at`` of all, to a workspace."""
+        """Bind the row, with index ``at`` among all rows, to a workspace."""
         return BoundUserRows(model, data, self, at)
 
 
@@ -87,7 +87,7 @@ class BoundUserRows(BoundJointRow):
         self.joints = [find_joint(model, n) for n in row.rows.joints]
         self.columns = [i for j in self.joints for i in range(j.idx_v, j.idx_v + j.nv)]
         self._live = [data.joints[j.id] for j in self.joints]
-        self._own = pin.Model()  # says what q (+) e is
+        self._own = pin.Model()  # defines q (+) e
         for name, j in zip(row.rows.joints, self.joints, strict=True):
             self._own.addJoint(0, j, pin.SE3.Identity(), name)
         self.what = f"rows {row.rows.name!r}"
@@ -96,7 +96,7 @@ class BoundUserRows(BoundJointRow):
         """See `BoundJointRow`.
 
         Raises:
-            NotCompiled: the core has no Python functions as rows.
+            NotCompiled: the core does not support Python functions as rows.
         """
         raise NotCompiled(f"{self.what}, a Python function")
 
@@ -126,7 +126,7 @@ class BoundUserRows(BoundJointRow):
         return np.concatenate([j.joint_q for j in self._live])
 
     def _at(self, q: Array) -> tuple[float, Array]:
-        """G (n,) at q, and g, 0 for a row of velocity."""
+        """Return G (n,) at q, and g, 0 for a velocity row."""
         rows, n = self.rows, len(self.columns)
         if rows.function is None:
             raise InputError(f"{self.what} are a Python function and not in the file: load the mechanism with it again")
@@ -155,7 +155,7 @@ class BoundUserRows(BoundJointRow):
         return np.column_stack([self._along(lambda x: self._at(x)[1], q, e) for e in np.eye(n)])
 
     def _along(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
-        """The slope of f at q along a velocity e."""
+        """Return the derivative of f at q along a velocity e."""
         return numerical_derivative(lambda x: f(pin.integrate(self._own, q, x * e)), STEP)
 
     def _check(self, q: Array, G: Array) -> None:

@@ -1,1 +1,1 @@
-"""What small changes do to a mechanism: parameters by name, slopes of stages, their tangent and adjoint."""
+"""Discrete sensitivities of a mechanism: parameters by name, tangent and adjoint of stages."""

@@ -1,4 +1,4 @@
-"""The parameters of a mechanism as the plain numbers that the compiled core takes."""
+"""Core data of the parameters of a mechanism."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
     from ..formulations.index2 import Index2System
 
-Stuff = tuple[str, int, bool, bool]  # kind, number, whether a pair is that of a law, and whether its second frame
+Stuff = tuple[str, int, bool, bool]  # kind, index, whether a pair is that of a law, and whether its second frame
 Plain = tuple[list[Stuff], list[Any], list[Any]]
 
 
 def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "NativeParameters":
-    """Hand parameters over to the core of a mechanism like theirs.
+    """Bind parameters to the core of the corresponding mechanism.
 
     Raises:
-        NotCompiled: for laws or rows that the core does not have, and for trees that are too large for its slopes.
+        NotCompiled: for laws or rows that the core does not support, or trees too large for its partial derivatives.
     """
     if system.nv > LARGEST:
         raise NotCompiled(f"slopes of {system.nv} degrees of freedom")
@@ -35,7 +35,7 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
 
 
 def _plain(parameters: Parameters) -> Plain:
-    """What they change, how each of them changes that, and laws and rows with other numbers."""
+    """Return the changed components, the change by each parameter, and perturbed laws and rows."""
     numbers: dict[Stuff, int] = {}
     directions: list[tuple[int, int, list[float]]] = []
     ends = _ends(parameters.system)
@@ -55,7 +55,7 @@ def _plain(parameters: Parameters) -> Plain:
 
 
 def _made_of(p: Parameter, ends: dict[int, list[Stuff]]) -> list[tuple[Stuff, Any]]:
-    """What a parameter changes, and how."""
+    """Return the components that a parameter changes, and the changes."""
     out: list[tuple[Stuff, Any]] = [(("inertia", j, False, False), x) for j, x in p.inertias.items()]
     out += [(("place", j, False, False), x) for j, x in p.places.items()]
     out += [(stuff, x) for i, x in p.frames.items() for stuff in ends.get(i, ())]
@@ -64,7 +64,7 @@ def _made_of(p: Parameter, ends: dict[int, list[Stuff]]) -> list[tuple[Stuff, An
 
 
 def _ends(system: "Index2System") -> dict[int, list[Stuff]]:
-    """The ends of pairs that stand in each frame of the model."""
+    """Return the ends of pairs fixed to each frame of the model."""
     model, out = system.model, {}  # type: Any, dict[int, list[Stuff]]
     frames = list(model.frames)
 

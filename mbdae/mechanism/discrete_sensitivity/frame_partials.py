@@ -1,4 +1,4 @@
-"""How the origins of frames move with the configuration and with the numbers of a mechanism."""
+"""Partial derivatives of frame origins by configuration and parameters."""
 
 from collections.abc import Sequence
 
@@ -11,18 +11,18 @@ from .parameter_partials import Parameters
 
 
 def frame_partials(parameters: Parameters, q: Array, names: Sequence[str]) -> tuple[Array, Array]:
-    """Slopes of the origins of m frames in the world with respect to q, in the tangent, and to k parameters.
+    """Return the partials of the origins of m frames in the world by q, in the tangent, and by k parameters.
 
-    Places of joints and frames are motions xi in their own axes: with the motion T xi in the world, a point p that is
-    carried by it moves by its linear part and its turn x p.
+    Placements of joints and frames change by motions xi in their own axes: with the motion T xi in the world, an
+    attached point p moves by its linear part plus its rotation x p.
 
     Returns:
         (m, 3, nv) and (m, 3, k).
 
     Raises:
-        UnknownNameError: for a frame that does not exist.
+        UnknownNameError: for an unknown frame.
     """
-    model, data = parameters.system.model, parameters.system.data
+    model, data = parameters.system.model, parameters.system.workspace
     J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
     by_q, by_p = np.zeros((len(names), 3, model.nv)), np.zeros((len(names), 3, len(parameters)))
     for m, name in enumerate(names):
@@ -45,5 +45,5 @@ def frame_partials(parameters: Parameters, q: Array, names: Sequence[str]) -> tu
 
 
 def _of_point(motions: Array, p: Array) -> Array:
-    """Velocities (3, n) of a point that motions (6, n) at the world's origin carry."""
+    """Return the velocities (3, n) of a point under motions (6, n) at the world's origin."""
     return motions[:3] + np.cross(motions[3:].T, p).T

@@ -1,12 +1,12 @@
-"""Slopes of friction by the forces that closures carry, see `mbdae.mechanism.formulations.closure_friction`.
+"""Partial derivatives of closure friction, see `mbdae.mechanism.formulations.closure_friction`.
 
-A place slips by s = S(q) v. Its friction c |F(q, lam)| phi(|s|) S^T s, phi(x) = tanh(x/w)/x, c = -mu r, has with
-psi = phi'/x the variation, lam of the rows in use held,
+An interface slips by s = S(q) v. Its friction c |F(q, lam)| phi(|s|) S^T s, phi(x) = tanh(x/w)/x, c = -mu r, has with
+psi = phi'/x the variation, at constant lam of the rows in use,
 
     c |F| (psi (s . ds) S^T s + phi (dS^T s + S^T ds)) + c phi S^T s d|F|,   ds = dS v + S dv
 
-S and |F| by q are differences of order six of these geometric terms alone. |F| depends on q where rows depend on each
-other: it is that of the multipliers of least norm. Slopes by lam stand in L of
+Partials of S and |F| by q are sixth-order differences of these geometric terms alone. |F| depends on q for redundant
+rows: it belongs to the multipliers of least norm. The partials by lam are included in L of
 `mbdae.mechanism.formulations.equation_partials`.
 """
 
@@ -22,14 +22,14 @@ from ..formulations.equation_partials import EquationPartials
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
-WIDTH = 2e-3  # rad and m, of differences
+WIDTH = 2e-3  # rad and m, of finite differences
 SMALL = 0.03  # of the width: below, series
 
 
 def add_friction_partials(
     s: "Index2System", at: EquationPartials, q: Array, v: Array, lam: Array, rows: Array
 ) -> EquationPartials:
-    """Add the slopes by q and v of what slides; lam (r,) of the rows in use."""
+    """Add the partial derivatives of closure friction by q and v; lam (r,) of the rows in use."""
     levers, size = _terms(s, q, lam, rows)
     shapes = [len(S) for S in levers]
     ends = np.cumsum(shapes) * s.nv
@@ -50,7 +50,7 @@ def add_friction_partials(
         by_q += by_slip @ np.einsum("ijm,j->im", dS, v) + T * phi * np.einsum("ijm,i->jm", dS, slip)
         by_load[:, k], pull = c * phi * along, pull + T * phi * along
     by_q += by_load @ moved[ends[-1] :]
-    s.jacobian(q)  # the kinematics stand there again
+    s.jacobian(q)  # restores the kinematics
     K, D, nv = at.K.copy(), at.D.copy(), s.nv
     K[:nv] += by_q
     K[-1] += v @ by_q
@@ -70,7 +70,7 @@ def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> 
 
 
 def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[Array], Array]:
-    """Return S (m, nv) of each place that slides, and its |F|, (k,)."""
+    """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
     s.jacobian(q)
     sliding, W = s.sliding, s.constraints.W
     load = sliding.carried(sliding.whole(rows) @ lam)[0]
@@ -79,7 +79,7 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
 
 
 def _acting(s: "Index2System", levers: list[Array]) -> list[tuple[Array, float, float]]:
-    """Return S, c and the width of each place that slides."""
+    """Return S, c and the width of each sliding interface."""
     acts = [k for k, acts in enumerate(s.sliding.acts) if acts]
     numbers = [(-float(s.sliding.coefficient[k]), s.sliding.places[k].force.width) for k in acts]
     return [(S, *x) for S, x in zip(levers, numbers, strict=True)]

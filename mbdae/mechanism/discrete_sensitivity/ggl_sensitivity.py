@@ -1,13 +1,13 @@
-"""The slopes of half-explicit runs of the stabilised form, whose stages also put their positions on the closures.
+"""Discrete sensitivity of half-explicit runs of the GGL form, whose stages also satisfy position constraints.
 
-With slip = M^-1 P^T mu of the rows P of positions, x' = J(x) (v + slip), and 0 = g at qhat, a stage is two systems one
-behind the other: first
+With slip = M^-1 P^T mu of the position rows P, x' = J(x) (v + slip), and 0 = g at qhat, a stage is two successive
+systems: first
 
     [M          -P^T] [dslip]   [(d(P^T mu)/dq - dM slip) dq + (P^T mu - M slip)_p dp                       ]
     [Phat Rhat J   0] [dmu  ] = [-(Phat (Ahat dq_n + Rhat (dxhat + factor (J dv + T dx))) + g_p dp) / factor]
 
-and then, with the dx' that this gives, that of `mbdae.mechanism.discrete_sensitivity.stage_sensitivity`. Stages tell
-dslip behind dx', for a method with an explicit first stage carries the last one's.
+and then, with the resulting dx', that of `mbdae.mechanism.discrete_sensitivity.stage_sensitivity`. Stages return dslip
+after dx', since a method with an explicit first stage carries that of the last one.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class GGLStageSensitivity(SaddleStageSensitivity):
-    """The slopes of a stage, see `mbdae.system.StageSensitivity`; F has dslip behind dx', (ny + nv, m)."""
+    """Partial derivatives of a stage, see `mbdae.system.StageSensitivity`; F has dslip after dx', (ny + nv, m)."""
 
     def __init__(self, chart: "GGLChart", *stage: Any) -> None:
         s = chart.system
@@ -42,7 +42,7 @@ class GGLStageSensitivity(SaddleStageSensitivity):
         self.positions = Saddle(M, P, self.Phat @ self.hat.R @ self.turn.J)
 
     def speed(self, v: Array) -> Array:
-        """What x' = J(x) . is of, (nv,)."""
+        """Return the argument of x' = J(x) ., (nv,)."""
         return v + self.slip
 
     def forward(self, dx: Array, dxhat: Array, dy: Array, dp: Array, clock: Array | None = None) -> Array:
@@ -50,7 +50,7 @@ class GGLStageSensitivity(SaddleStageSensitivity):
         return np.concatenate([super().forward(dx, dxhat, dy, dp, clock), self.dslip])
 
     def rate(self, dx: Array, dxhat: Array, dy: Array, dp: Array, dq: Array, du: Array, clock: Array | None) -> Array:
-        """Return dx', (nv, m); leaves dslip."""
+        """Return dx', (nv, m); stores dslip."""
         nv, hat = self.s.nv, self.hat
         held = super().rate(dx, dxhat, dy, dp, dq, du, clock)
         moved = hat.A @ dy[:nv] + hat.R @ (dxhat[:nv] + self.factor * held)
@@ -84,14 +84,14 @@ class GGLStageSensitivity(SaddleStageSensitivity):
 
 
 class GGLSensitivity(Index2Sensitivity):
-    """The slopes of what a half-explicit run in the stabilised form is made of; (slip, v', s', w') is carried."""
+    """Discrete sensitivity of a half-explicit run in the GGL form; the carry is (slip, v', s', w')."""
 
     system: "GGLSystem"
     of_stage = GGLStageSensitivity
 
     @property
     def width(self) -> int:
-        """How many numbers a stage has, (ny + nv,)."""
+        """Length of a stage, (ny + nv,)."""
         return self.ny + self.system.nv
 
     def first(self, dy: Array, carry: Array) -> Array:
@@ -116,5 +116,5 @@ class GGLSensitivity(Index2Sensitivity):
         return np.concatenate([np.zeros((nv, carry.shape[1])), carry[nv:], carry[:nv]])
 
     def renewed(self, t: float, y: Array) -> Array:
-        """Slopes of what is carried from y on, where mu = 0."""
+        """Return the partials of the carry restarted at y, where mu = 0."""
         return np.vstack([np.zeros((self.system.nv, self.ny + self.k)), super().renewed(t, y)])

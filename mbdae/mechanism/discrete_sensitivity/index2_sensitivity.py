@@ -1,10 +1,10 @@
-"""The slopes of what a mechanism's run is made of: stages, points of the hidden constraint, jumps, starts, energies.
+"""Discrete sensitivity of a mechanism's run: stages, points of the hidden constraint, jumps, starts, energies.
 
-Variations are those of a computed step, not of the motion: dy (ny, m) in the tangent at y, dp (k, m) of k parameters,
-m of them at once. What is no stage is linear in (dy, dp), and stands as a matrix.
+Variations are those of a computed step, not of the continuous motion: dy (ny, m) in the tangent at y, dp (k, m) of k
+parameters, m of them at once. All maps except stages are returned as matrices in (dy, dp).
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,17 +22,17 @@ from .stage_sensitivity import Saddle, SaddleStageSensitivity
 if TYPE_CHECKING:
     from ..formulations.index2_step import Index2Chart
 
-ASSEMBLED = 1e-11  # m or rad: what assembly leaves
-SHORT = 3  # how often widths of starts shrink: what assembly tolerates must not pass for a start
-JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
+ASSEMBLED = 1e-11  # m or rad: residual of assembly
+SHORT = 3  # number of times the width of starts shrinks: the assembly tolerance must not dominate
+JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions
 
 
 class TimeDerivativePartials(NamedTuple):
-    """Slopes of y' and of lam of all rows at a point of the hidden constraint.
+    """Partial derivatives of y' and of lam of all rows at a point of the hidden constraint.
 
     Attributes:
         rate: by (dy, dp, dt), (ny, ny + k + 1).
-        lam: alike, (ng, ny + k + 1).
+        lam: similarly, (ng, ny + k + 1).
     """
 
     rate: Array
@@ -40,39 +40,31 @@ class TimeDerivativePartials(NamedTuple):
 
 
 class Index2Sensitivity(ProjectionSensitivity):
-    """The slopes of what a run of a mechanism is made of, see `mbdae.system.DiscreteSensitivity`.
+    """Partial derivatives of the maps that make up a run, see `mbdae.system.DiscreteSensitivity`.
 
     Args:
-        system: a workspace that holds the rows in use.
-        parameters: the numbers that vary.
+        system: a workspace that freezes the rows in use.
+        parameters: the varied parameters.
     """
 
-    of_stage: type[SaddleStageSensitivity] = SaddleStageSensitivity
+    of_stage: type[Any] = SaddleStageSensitivity
 
-    def stage(
-        self,
-        chart: "Index2Chart",
-        times: tuple[float, float],
-        x: Array,
-        xhat: Array,
-        factor: float,
-        F: Array,
-        lam: Array,
-    ) -> SaddleStageSensitivity:
-        """Take the slopes of a stage at t and that, of x', (ny,), and lam, (r,)."""
-        return self.of_stage(chart, times, x, xhat, factor, F, lam, self.parameters)
+    def stage(self, chart: "Index2Chart", *stage: Any) -> SaddleStageSensitivity:
+        """Take the slopes of a stage, of its times, x, xhat, factor, x' and lam, see `SaddleStageSensitivity`."""
+        found: SaddleStageSensitivity = self.of_stage(chart, *stage, self.parameters)
+        return found
 
     def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StagePartials:
-        """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
+        """Return the partial derivatives of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
         return chart.slopes(t, x, F, z, self.parameters)
 
     @property
     def width(self) -> int:
-        """How many numbers a stage has."""
+        """Length of a stage."""
         return self.ny
 
     def renewed(self, t: float, y: Array) -> Array:
-        """Slopes of what is carried from y on, where it is found anew, (nc, ny + k)."""
+        """Return the partials of the carry restarted at y, (nc, ny + k)."""
         return self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
 
     def first(self, dy: Array, carry: Array) -> Array:
@@ -101,7 +93,7 @@ class Index2Sensitivity(ProjectionSensitivity):
         return Y, X
 
     def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
-        """Take the slopes of y', and of all multipliers unless left out, on M v' = f + G^T lam, 0 = G v' + gamma."""
+        """Return the partials of y', and of all multipliers if requested, on M v' = f + G^T lam, 0 = G v' + gamma."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, found = s.derivative(t, y)
         found = found[: s.ng]
@@ -132,7 +124,7 @@ class Index2Sensitivity(ProjectionSensitivity):
     def _all(
         self, t: float, q: Array, v: Array, inner: Array, found: Array, whole: Array, rows: Array, dlam: Array
     ) -> Array:
-        """Slopes of the multipliers of all rows, of least norm, from those in use, (ng, ...).
+        """Return the partials of the multipliers of all rows, of least norm, from those in use, (ng, ...).
 
         With A = G^T of fixed rank, y = (A^+)^T lam: dlam = A^+ (dF - dA lam) + (1 - A^+ A) d(G y), F = G^T lam.
         """
@@ -156,7 +148,7 @@ class Index2Sensitivity(ProjectionSensitivity):
         return inverse @ force + turned - left @ (left.T @ turned)
 
     def jumped(self, t: float, y: Array) -> Array:
-        """Slopes of `mbdae.system.System.jump` at y, (ny, ny + k): differences of the controllers alone."""
+        """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
             moved = numerical_jacobian(
@@ -171,16 +163,16 @@ class Index2Sensitivity(ProjectionSensitivity):
         return out
 
     def struck(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Bring v onto the rows of a mode, where a run begins: the point, and slopes with the work of that."""
+        """Project v onto the rows of a mode at a start: the point, and its partials, including the impact work."""
         (q, v), (x, out) = self.system.split(y), self.onto_rows(t, y)
         before, after = (self.energy(q, w)[0] for w in (v, v - x))
         out[-1] += after @ np.vstack([out, self._unit()]) - before
         return np.concatenate([q, v - x, y[self.system.nq + self.system.nv :]]), out
 
     def start(self, t: float, given: Array) -> Array:
-        """Slopes of q and v of the mechanism's own start with respect to the parameters, (ny, k).
+        """Return the partials of q and v of the mechanism's start by the parameters, (ny, k).
 
-        Differences of assembly, of order six; what closures determine is then made exact.
+        Sixth-order differences of assembly; the components that closures determine are then made exact.
         """
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
@@ -198,13 +190,13 @@ class Index2Sensitivity(ProjectionSensitivity):
         decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
             if decided and all(m.start_values == mech.start_values for m in p.first):
-                continue  # closures and what is held say all
+                continue  # closures and fixed coordinates determine all
             try:
                 found = converged_difference(
                     lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
                     p.width, ASSEMBLED, SHORT,
                 )  # fmt: skip
-            except AssemblyError as e:  # as far apart as that
+            except AssemblyError as e:  # the parameter change is too large
                 if p.name.startswith("start.") or not decided:
                     raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
                 continue
@@ -215,14 +207,14 @@ class Index2Sensitivity(ProjectionSensitivity):
             return out
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
         out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
-        pin.computeJointJacobians(s.model, s.data, q)
+        pin.computeJointJacobians(s.model, s.workspace, q)
         B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
         out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=1e-8) @ left
         return out
 
     def start_states(self) -> Array:
-        """Slopes of the start values of states with respect to the parameters, (ns, k)."""
+        """Return the partials of the start values of states by the parameters, (ns, k)."""
         out = np.zeros((self.system.ns, self.k))
         for i, p in enumerate(self.parameters.all):
             if any(m.states != self.parameters.mech.states for m in p.first):
@@ -230,15 +222,15 @@ class Index2Sensitivity(ProjectionSensitivity):
         return out
 
     def energy(self, q: Array, v: Array) -> Array:
-        """Slopes of the kinetic and of the potential energy, (2, ny + k)."""
+        """Return the partials of the kinetic and the potential energy, (2, ny + k)."""
         s, nv, out = self.system, self.system.nv, np.zeros((2, self.ny + self.k))
         still = np.zeros(nv)
         M, weight, _ = (a.copy() for a in s.inertial.slopes(q, still, still))
         out[0, :nv] = 0.5 * v @ (s.inertial.slopes(q, still, v)[1] - weight)
         out[0, nv : 2 * nv] = M @ v
-        gravity = pin.nonLinearEffects(s.model, s.data, q, still).copy()
-        pin.forwardKinematics(s.model, s.data, q, still)
-        pin.computeJointJacobians(s.model, s.data, q)
+        gravity = pin.nonLinearEffects(s.model, s.workspace, q, still).copy()
+        pin.forwardKinematics(s.model, s.workspace, q, still)
+        pin.computeJointJacobians(s.model, s.workspace, q)
         out[1, :nv] = gravity - s.laws.parts(0.0, q, still, np.zeros(s.ns))[0]
         for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.near, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
@@ -246,5 +238,5 @@ class Index2Sensitivity(ProjectionSensitivity):
 
 
 def _decide(G: Array) -> bool:
-    """Say whether rows of a start's free coordinates determine them all."""
+    """Return whether the rows determine all free coordinates of a start."""
     return int(np.linalg.matrix_rank(G, 1e-8)) == G.shape[1] if G.size else not G.shape[1]

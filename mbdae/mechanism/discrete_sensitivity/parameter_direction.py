@@ -1,4 +1,4 @@
-"""A number of a mechanism as a direction in what it is made of, found from mechanisms with other values."""
+"""One parameter of a mechanism as a direction in its components, found from mechanisms with other values."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,14 +18,14 @@ from ..formulations.index2 import Index2System
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
-KNOT = 1e-5  # of the value, where it is a time between pieces of a curve
-FIRST = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they tell degree 2
-ROUNDING = 1e-14  # of a number: what its third difference may be then
+WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: also moves positions of centimetres
+KNOT = 1e-5  # of the value, where it is a time between polynomials of a curve
+FIRST = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they detect degree 2
+ROUNDING = 1e-14  # of a number: tolerance of its third difference
 
 
 class PerturbedMechanisms(Mapping[int, "Mechanism"]):
-    """The mechanisms with a parameter changed by k h, at the places of differences, made when they are asked for."""
+    """Mechanisms with a parameter changed by k h, at the points of a difference stencil, created on demand."""
 
     def __init__(self, make: Callable[[float], "Mechanism"], h: float, places: tuple[int, ...]) -> None:
         self.make, self.h, self.places = make, h, places
@@ -41,15 +41,15 @@ class PerturbedMechanisms(Mapping[int, "Mechanism"]):
 
 
 def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tuple[int, ...]]:
-    """A width at which mechanisms exist (not all inertias of small bodies do), on both sides, or else on one.
+    """Return a width at which mechanisms exist, on both sides or else on one (small bodies limit inertias).
 
     Args:
-        make: makes the mechanism with a number changed by so much.
+        make: creates the mechanism with a parameter changed by the given amount.
         h: the largest width.
 
     Returns:
-        the width, and places as `mbdae.finite_differences.central_difference` takes them; the given one and those of
-        both sides where there are mechanisms on neither.
+        the width, and a stencil as `mbdae.finite_differences.central_difference` takes it; the given width and the
+        two-sided stencil if there are mechanisms on neither side.
     """
     for places, first in FIRST.items():
         for i in range(TIMES):
@@ -60,18 +60,18 @@ def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tup
 
 
 class Parameter:
-    """A direction in the numbers of a mechanism.
+    """A parameter as a direction in a mechanism's components.
 
     Args:
         name: for messages.
         mech: the mechanism.
-        make: makes that with the parameter changed by so much.
+        make: creates the mechanism with the parameter changed by the given amount.
         width: the largest width of differences.
 
     Attributes:
         h: the width for laws and rows.
         near: the mechanisms with the parameter changed by k h.
-        places_beside: those k; on one side only where there are no mechanisms on the other.
+        places_beside: those k; one-sided where there are no mechanisms on the other side.
     """
 
     def __init__(self, name: str, mech: "Mechanism", make: Callable[[float], "Mechanism"], width: float) -> None:
@@ -93,7 +93,7 @@ class Parameter:
         self.gravity = self.rate(lambda m: m.model.gravity.linear)
         self.armature = self.rate(lambda m: m.model.armature)
         self.forces = self.changed(mech.forces, lambda m: m.forces)
-        for i in self.forces:  # a controller's
+        for i in self.forces:  # parameters of controllers
             own = [m.forces[i] for m in (mech, *self.first)]
             if len({(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in own}) > 1:
                 raise InputError(f"parameter {name!r} moves the instants of {mech.forces[i].name!r}: no derivative")
@@ -104,37 +104,37 @@ class Parameter:
             self._held(*(m.constraints[i] for m in (mech, *self.first)))
 
     def use(self, h: float) -> None:
-        """Take differences of this width."""
+        """Use differences of this width."""
         self.h, self.near = h, self.beside(h)
 
     def beside(self, h: float) -> PerturbedMechanisms:
-        """The mechanisms with it changed by k h."""
+        """Return the mechanisms with it changed by k h."""
         return PerturbedMechanisms(self.make, h, self.places_beside)
 
     @property
     def side(self) -> str:
-        """From where its derivative is taken, in words, if from one side only."""
+        """Description of the side of a one-sided derivative; empty if it is two-sided."""
         return {STENCIL: "", ABOVE: "above", BELOW: "below"}[self.places_beside]
 
     def _held(self, own: Any, *others: Any) -> None:
-        """Refuse what moves times at which a signal jumps; where it moves those between pieces, few points see both."""
+        """Reject changes of times at which a signal jumps; changes of other knots affect few points."""
         if any(_times(x, "breaks") != _times(own, "breaks") for x in others):
             raise InputError(f"parameter {self.name!r} moves the instants of {own.name!r}: no derivative")
         if any(_times(x, "knots") != _times(own, "knots") for x in others):
             self.use(min(self.h, KNOT * self.width / WIDTH))
 
     def changed(self, own: Sequence[Any], of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
-        """Numbers of the forces, or of the closures and drivers, that it changes."""
+        """Return the indices of the forces, or of the closures and drivers, that it changes."""
         if any(len(of(m)) != len(own) for m in self.first):
             raise InputError(f"parameter {self.name!r} changes how many forces or closures there are")
         return [i for i, x in enumerate(own) if any(of(m)[i] != x for m in self.first)]
 
     def quotient(self, values: Mapping[int, Array]) -> Array:
-        """Difference of order six of values at k h; exactly zero where they do not change."""
+        """Return the sixth-order difference of values at k h; exactly zero where they do not change."""
         return np.array(central_difference(values, self.h))
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
-        """Derivative of what a mechanism is made of: from the first values where these are exact."""
+        """Return the derivative of a component of a mechanism: from the first values where these are exact."""
         (a, b, c), here = (value(m) for m in self.first), value(self.mech)
         size = np.abs(here) + np.abs(b) + np.abs(c)
         if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= ROUNDING * size).all():
@@ -144,33 +144,33 @@ class Parameter:
         return converged_difference(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
-        """Derivatives of the parts 1 to n - 1 of a mechanism that change."""
+        """Return the derivatives of the components 1 to n - 1 of a mechanism that change."""
         found = {i: self.rate(lambda m, i=i: value(m, i)) for i in range(1, n)}  # type: ignore[misc]
         return {i: d for i, d in found.items() if d.any()}
 
     def moved(self, mech: "Mechanism", n: int, place: Callable[["Mechanism", int], pin.SE3]) -> dict[int, Array]:
-        """The motions (6,) of places that change, in their own axes."""
+        """Return the motions (6,) of changing placements, in their own axes."""
         found = self.each(n, lambda m, i: place(m, i).homogeneous)
         twists = {i: place(mech, i).inverse().homogeneous @ d for i, d in found.items()}
         return {i: np.array([*T[:3, 3], T[2, 1], T[0, 2], T[1, 0]]) for i, T in twists.items()}
 
 
 class LawDifferences:
-    """The forces that a parameter changes, with their other numbers, in one workspace."""
+    """The forces that a parameter changes, with their perturbed values, in one workspace."""
 
     def __init__(self, p: Parameter, s: Index2System, near: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
         beside = near.items() if p.forces else ()
-        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in beside}
+        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in beside}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
-        """(tau, s', power) with the other numbers, (nv + ns + 1,)."""
+        """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""
         return {k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.near.items()}
 
     def add(self, to: Array, t: float, q: Array, v: Array, s: Array) -> None:
-        """Add the slopes of (tau, s', power), (nv + ns + 1,)."""
+        """Add the partial derivatives of (tau, s', power), (nv + ns + 1,)."""
         if self.near:
             found = self.p.quotient(self.values(t, q, v, s))
             to[: self.nv] += found[: self.nv]
@@ -179,22 +179,22 @@ class LawDifferences:
 
 
 class RowDifferences:
-    """The closures and drivers that a parameter changes, with their other numbers, in one workspace."""
+    """The closures and drivers that a parameter changes, with their perturbed values, in one workspace."""
 
     def __init__(self, p: Parameter, s: Index2System, near: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
         beside = near.items() if p.specs else ()
-        self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in beside}
+        self.near = {k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in beside}
 
     def forces(self, t: float, lam: Array) -> dict[int, Array]:
-        """(G^T lam, lam . u') with the other numbers, (nv + 1,)."""
+        """Return (G^T lam, lam . u') with the perturbed values, (nv + 1,)."""
         own = lam[self.at]
         return {k: np.append(own @ c.jacobian(), own @ c.motion(t)[1]) for k, c in self.near.items()}
 
     def rates(self, t: float, v: Array) -> dict[int, Array]:
-        """G v + g_t and g with the other numbers, (2, r)."""
+        """Return G v + g_t and g with the perturbed values, (2, r)."""
         out = {}
         for k, c in self.near.items():
             value, G = c.value(t)
@@ -202,30 +202,30 @@ class RowDifferences:
         return out
 
     def add_forces(self, to: Array, t: float, lam: Array) -> None:
-        """Add the slopes of G^T lam and of the drivers' power lam . u'; J stands."""
+        """Add the partial derivatives of G^T lam and of the drivers' power lam . u'; J must be current."""
         if self.near:
             slope = self.p.quotient(self.forces(t, lam))
             to[: self.nv] += slope[:-1]
             to[-1] += slope[-1]
 
     def add_rates(self, Q: Array, g: Array, t: float, v: Array) -> None:
-        """Add the slopes of G v + g_t and of g; J stands."""
+        """Add the partial derivatives of G v + g_t and of g; J must be current."""
         if self.near:
             rate, value = self.p.quotient(self.rates(t, v))
             Q[self.at] += rate
             g[self.at] += value
 
     def add_bias(self, to: Array, t: float, v: Array) -> None:
-        """Add the slope of gamma; velocities stand, with accelerations for v' = 0."""
+        """Add the partial derivatives of gamma; velocities must be current, with accelerations for v' = 0."""
         if self.near:
             to[self.at] += self.p.quotient(self.biases(t, v))
 
     def biases(self, t: float, v: Array) -> dict[int, Array]:
-        """Gamma with the other numbers, (r,)."""
+        """Return gamma with the perturbed values, (r,)."""
         return {k: c.bias(v) - c.motion(t)[2] for k, c in self.near.items()}
 
 
 def _times(x: Any, kind: str) -> list[float]:
-    """The breaks, or the knots, of the signals of a force, closure or driver."""
+    """Return the breaks, or the knots, of the signals of a force, closure or driver."""
     parts = x if isinstance(x, tuple) else vars(x).values()
     return [t for signal in parts if hasattr(signal, kind) for t in getattr(signal, kind)]

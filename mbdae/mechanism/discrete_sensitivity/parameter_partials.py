@@ -1,13 +1,13 @@
-"""Exact derivatives of a mechanism's equations with respect to its numbers: masses, places, lengths, stiffnesses, ...
+"""Exact derivatives of a mechanism's equations by its parameters: masses, placements, lengths, stiffnesses, ...
 
-A parameter is a direction in what a mechanism is made of: ten inertial numbers dpi of a body, a motion xi of a joint's
-place or of a frame, gravity, armature, the numbers of closures, drivers and forces. The directions are found once,
-from mechanisms made with other values. At a point
+A parameter is a direction in the components of a mechanism: ten inertial parameters dpi of a body, a motion xi of a
+joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The directions are found
+once, from mechanisms with other values. At a point
 
-    inertial numbers             d(M v' + nle) = Y dpi with the bodies' regressors Y
-    places and frames            columns of K, B, G and gamma_q of a frozen free joint there, times xi
-    closures, drivers, forces    differences of these rows and laws alone, of order six: exact for numbers on which they
-                                 depend by polynomials; for others so narrow that narrower ones agree along a run
+    inertial parameters          d(M v' + nle) = Y dpi with the bodies' regressors Y
+    placements and frames        columns of K, B, G and gamma_q of a frozen free joint there, times xi
+    closures, drivers, forces    sixth-order differences of these rows and laws alone: exact for polynomial dependence;
+                                 otherwise with a width for which narrower ones agree along a run
 """
 
 import warnings
@@ -36,14 +36,14 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and what is nothing but rounding
-APART = 1e-5  # of a slope: what differences of two widths differ by where there is none
+REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and rounding
+APART = 1e-5  # relative difference of two widths where there is no derivative
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
 
 
 class ParameterPartials(NamedTuple):
-    """Slopes with respect to k parameters at a point (t, q, v, s, v', lam), all but the parameters held.
+    """Partials with respect to k parameters at a point (t, q, v, s, v', lam), all else constant.
 
     Attributes:
         P: d(f + G^T lam - M v', h, power)/dp, (nv + ns + 1, k).
@@ -59,22 +59,22 @@ class ParameterPartials(NamedTuple):
 
 
 class Parameters:
-    """Derivatives with respect to some numbers of a mechanism, bound to a workspace.
+    """Derivatives with respect to parameters of a mechanism, bound to a workspace.
 
     Args:
-        make: makes a mechanism with these values, for instance `mbdae.mechanism.formats.template.Template.make`.
+        make: creates a mechanism with these values, for instance `mbdae.mechanism.formats.template.Template.make`.
         values: names and values of the parameters.
-        native: the compiled core, for slopes of places and frames.
-        own: the values are those that ``make`` gives of itself.
-        along: points where differences of laws and rows are to hold.
-        mode: of the mechanism there; without one, all rows count.
+        native: the compiled core, for partials by placements and frames.
+        own: whether the values are the defaults of ``make``.
+        along: points where differences of laws and rows must be accurate.
+        mode: of the mechanism there; without one, all rows are active.
 
     Attributes:
         mech: the mechanism with these values.
         all: the parameters, k of them.
 
     Raises:
-        InputError: for a parameter that changes more than numbers.
+        InputError: for a parameter that changes more than numerical values.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Parameters:
         places = sorted({j for p in self.all for j in p.places})
         frames = sorted({i for p in self.all for i in p.frames})
         self.opened = PlacementTree(mech, places, frames, s, native) if places or frames else None
-        self.plain: Any = None  # what the compiled core takes, see `compiled_parameters`
+        self.plain: Any = None  # core data, see `core_parameters`
         self._found: dict[str, tuple[Any, Any]] = {}
         self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
 
@@ -106,10 +106,10 @@ class Parameters:
         return len(self.all)
 
     def _choose_width(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
-        """Let differences of laws and rows be so narrow that they hold along a run: a frequency acts with the time.
+        """Choose widths of differences of laws and rows that are accurate along a run: a frequency acts over time.
 
         Raises:
-            InputError: where they hold with no width.
+            InputError: if no width is accurate.
         """
         s, kept = self.system, np.ones(self.system.ng)
         if mode:
@@ -119,8 +119,8 @@ class Parameters:
             near, found = p.beside(h), []
             laws, rows = LawDifferences(p, s, near), RowDifferences(p, s, near)
             for t, q, v, inner in along:
-                pin.forwardKinematics(s.model, s.data, q, v, np.zeros(s.nv))
-                pin.computeJointJacobians(s.model, s.data, q)
+                pin.forwardKinematics(s.model, s.workspace, q, v, np.zeros(s.nv))
+                pin.computeJointJacobians(s.model, s.workspace, q)
                 own, pulls = kept[rows.at], rows.forces(t, kept)
                 moves = [{k: x * own for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
                 kinds = [x for x in (laws.values(t, q, v, inner), pulls, *moves) if x]
@@ -133,7 +133,7 @@ class Parameters:
         p.use(held.h)
 
     def enter(self, mode: Mode) -> None:
-        """Go on in another mode: rows that it leaves out are 0."""
+        """Enter another mode: its inactive rows are 0."""
         if mode == self.system.mode:
             return
         self.system.enter(mode)
@@ -145,7 +145,7 @@ class Parameters:
                         other.sign[:] = own.sign
 
     def workspace(self, formulation: str, native: ModuleType | None) -> Any:
-        """A workspace that runs share; in the core, where that is given and has the mechanism."""
+        """Return a workspace shared by runs; in the core, if it is given and supports the mechanism."""
 
         def find() -> Any:
             with suppress(NotCompiled):
@@ -156,17 +156,17 @@ class Parameters:
         return self.once("workspace", (formulation, native), find)
 
     def once(self, name: str, key: Any, find: Callable[[], Any]) -> Any:
-        """What runs share, a workspace or slopes at their start: found last for the same key, or found now."""
+        """Return a shared workspace or partials at a start: cached for the same key, or computed."""
         if name not in self._found or self._found[name][0] != key:
             self._found[name] = key, find()
         return self._found[name][1]
 
     def slopes(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterPartials:
-        """Take the slopes at (t, q, v, s, v', lam), lam (ng,) for all rows."""
+        """Return the partial derivatives at (t, q, v, s, v', lam), lam (ng,) for all rows."""
         return ParameterPartials(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
 
     def of_forces(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
-        """Take P of `ParameterPartials`, (nv + ns + 1, k)."""
+        """Return P of `ParameterPartials`, (nv + ns + 1, k)."""
         system, nv = self.system, self.system.nv
         out = np.zeros((nv + len(s) + 1, len(self)))
         if not len(self):
@@ -175,21 +175,21 @@ class Parameters:
             K = self.opened.torques(t, q, v, vdot, lam) @ self.motions
             out[:nv] += K[:nv]
             out[-1] += K[-1]
-        pin.forwardKinematics(system.model, system.data, q, v, vdot)
-        J = pin.computeJointJacobians(system.model, system.data, q)
+        pin.forwardKinematics(system.model, system.workspace, q, v, vdot)
+        J = pin.computeJointJacobians(system.model, system.workspace, q)
         for i, p in enumerate(self.all):
             out[:nv, i] -= self._inertial(p, J) + p.armature * vdot
         if any(laws.near for laws in self.laws):
-            pin.forwardKinematics(system.model, system.data, q, v, np.zeros(nv))
+            pin.forwardKinematics(system.model, system.workspace, q, v, np.zeros(nv))
         for i, (laws, rows) in enumerate(zip(self.laws, self.rows, strict=True)):
             laws.add(out[:, i], t, q, v, s)
             rows.add_forces(out[:, i], t, lam)
         return out
 
     def of_friction(self, q: Array, v: Array, lam: Array, rows: Array) -> Array:
-        """Take the slopes of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
+        """Return the partial derivatives of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
 
-        By differences of that friction alone, in mechanisms with other numbers; lam (r,) of the rows in use.
+        By differences of that friction alone, in perturbed mechanisms; lam (r,) of the rows in use.
         """
         out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
         for i, (p, near) in enumerate(zip(self.all, self.near, strict=True)):
@@ -201,39 +201,39 @@ class Parameters:
 
     @cached_property
     def near(self) -> list[dict[int, Index2System]]:
-        """Workspaces of the mechanisms with other numbers."""
+        """Workspaces of the perturbed mechanisms."""
         return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
 
     @cached_property
     def perturbed_friction(self) -> list[dict[int, ClosureFriction]]:
-        """What slides with other numbers of forces and closures, in the own workspace."""
+        """Closure friction with perturbed forces and closures, in the same workspace."""
         s, out = self.system, []
         for p in self.all:
             near = p.near.items() if s.sliding.places and (p.forces or p.specs) else ()
-            rows = {k: Constraints(s.model, s.data, m.constraints) for k, m in near}
+            rows = {k: Constraints(s.model, s.workspace, m.constraints) for k, m in near}
             out.append({k: ClosureFriction(m.forces, m.closures, rows[k]) for k, m in near})
         return out
 
     def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Take Q and g of `ParameterPartials`, (ng, k) each."""
+        """Return Q and g of `ParameterPartials`, (ng, k) each."""
         Q, g = np.zeros((2, self.system.ng, len(self)))
         if self.opened:
             B, G = self.opened.rows(t, q, v)
             Q, g = B @ self.motions, G @ self.motions
         if any(rows.near for rows in self.rows):
-            pin.computeJointJacobians(self.system.model, self.system.data, q)
+            pin.computeJointJacobians(self.system.model, self.system.workspace, q)
             for i, rows in enumerate(self.rows):
                 rows.add_rates(Q[:, i], g[:, i], t, v)
         Q[self.system.constraints.off] = g[self.system.constraints.off] = 0.0
         return Q, g
 
     def of_bias(self, t: float, q: Array, v: Array) -> Array:
-        """Take gamma of `ParameterPartials`, (ng, k)."""
+        """Return gamma of `ParameterPartials`, (ng, k)."""
         out = np.zeros((self.system.ng, len(self)))
         if self.opened:
             out = self.opened.bias(q, v) @ self.motions
         if any(rows.near for rows in self.rows):
-            pin.forwardKinematics(self.system.model, self.system.data, q, v, np.zeros(self.system.nv))
+            pin.forwardKinematics(self.system.model, self.system.workspace, q, v, np.zeros(self.system.nv))
             for i, rows in enumerate(self.rows):
                 rows.add_bias(out[:, i], t, v)
         out[self.system.constraints.off] = 0.0
@@ -241,7 +241,7 @@ class Parameters:
 
     def _inertial(self, p: Parameter, J: Array) -> Array:
         """Slope of M v' + nle, (nv,), without armature; velocities and accelerations stand."""
-        model, data, out = self.system.model, self.system.data, np.zeros(self.system.nv)
+        model, data, out = self.system.model, self.system.workspace, np.zeros(self.system.nv)
         for j in set(p.inertias) | (set(range(1, model.njoints)) if p.gravity.any() else set()):
             place, wrench = data.oMi[j], np.zeros(6)
             if j in p.inertias:
@@ -252,7 +252,7 @@ class Parameters:
         return out
 
     def refuse_lost(self, t: float, q: Array) -> None:
-        """Refuse a configuration where a force has no direction, in the mechanism or in one with other numbers.
+        """Reject a configuration where a force has no direction, in the mechanism or in a perturbed one.
 
         Raises:
             InputError: names the force.
@@ -262,7 +262,7 @@ class Parameters:
             laws.refuse_lost()
 
     def refuse(self, t: float, q: Array) -> None:
-        """Refuse parameters that open closures in a way that no motion closes: rows that depend on others.
+        """Reject parameters that violate closures in a way that no motion can correct: redundant rows.
 
         Raises:
             InputError: names the parameter.
@@ -276,10 +276,10 @@ class Parameters:
 
 
 def _moved(make: Make, values: Mapping[str, float], name: str, value: float, by: float) -> "Mechanism":
-    """The mechanism with one parameter changed.
+    """Return the mechanism with one parameter changed.
 
     Raises:
-        InputError: where there is none: a parameter at the edge of what is possible.
+        InputError: if there is none: a parameter at the limit of its valid range.
     """
     try:
         return make({**values, name: value + by})

@@ -1,4 +1,4 @@
-"""A mechanism whose joints and frames can be moved in their places, by frozen free joints."""
+"""Mechanism with frozen free joints that displace joints and frames."""
 
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class PlacementTree:
-    """The mechanism with frozen free joints before joints whose place changes, and below frames that are moved."""
+    """The mechanism with frozen free joints before joints whose placement changes, and below displaced frames."""
 
     def __init__(
         self, mech: "Mechanism", places: list[int], frames: list[int], s: Index2System, native: ModuleType | None
@@ -55,19 +55,19 @@ class PlacementTree:
         forces = [f for f, (law, _) in zip(mech.forces, s.laws.bound, strict=False) if isinstance(law, PairElement)]
         other = type(mech)(model, mech.closures, forces, drivers=mech.drivers)
         self.model, self.ng = model, s.ng
-        names = [c.name for c in mech.closures] + [d.name for d in mech.drivers]  # stops and brakes stand nowhere
+        names = [c.name for c in mech.closures] + [d.name for d in mech.drivers]  # stops and brakes have no frames
         spans = [s.constraints.spans[name] for name in names]
         self.kept = np.array([i for at in spans for i in range(at.start, at.stop)], int)
         try:
             self.system = other.system(native=None if other.switches else native)
         except NotCompiled:
             self.system = other.system()
-        self.system.constraints.off = np.empty(0, int)  # slopes are those of all rows, whatever the mode
+        self.system.constraints.off = np.empty(0, int)  # partials are those of all rows, in any mode
         self.system.hold(tuple(range(self.system.ng)))
         self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
 
     def whole(self, q: Array) -> Array:
-        """The configuration, frozen joints included."""
+        """Return the configuration, frozen joints included."""
         out = pin.neutral(self.model)
         out[self.iq] = q
         return out
@@ -78,22 +78,22 @@ class PlacementTree:
         return self.system.slopes(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
 
     def _all(self, own: Array) -> Array:
-        """Slopes of all rows of the mechanism, (ng, 6 n)."""
+        """Return the partials of all rows of the mechanism, (ng, 6 n)."""
         out = np.zeros((self.ng, len(self.at)))
         out[self.kept] = own[:, self.at]
         return out
 
     def torques(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Array:
-        """Columns of K of the frozen joints, (nv + 1, 6 n); the rows are those of the real ones, and power."""
+        """Return columns of K of the frozen joints, (nv + 1, 6 n); the rows are those of the real ones, and power."""
         return self._slopes(t, q, v, vdot, lam).K[np.ix_([*self.real, -1], self.at)]
 
     def rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Columns of B and G of the frozen joints, (ng, 6 n) each."""
+        """Return columns of B and G of the frozen joints, (ng, 6 n) each."""
         found = self._slopes(t, q, v, np.zeros(len(v)), np.zeros(self.ng))
         return self._all(found.B), self._all(found.G)
 
     def bias(self, q: Array, v: Array) -> Array:
-        """Columns of gamma_q of the frozen joints, (ng, 6 n)."""
+        """Return columns of gamma_q of the frozen joints, (ng, 6 n)."""
         if not v.any():  # it is quadratic in v
             return np.zeros((self.ng, len(self.at)))
         u = np.zeros(self.model.nv)
@@ -101,6 +101,6 @@ class PlacementTree:
         return self._all(gamma_partials(self.system, self.whole(q), u)[0])
 
     def motion(self, p: Parameter) -> Array:
-        """What a parameter moves the frozen joints by, (6 n,)."""
+        """Return the motion of the frozen joints by a parameter, (6 n,)."""
         known = {"place": p.places, "frame": p.frames}
         return np.concatenate([known[kind].get(i, np.zeros(6)) for kind, i in self.frozen])

@@ -1,10 +1,10 @@
-"""The slopes of projections: states brought back to the closures, and velocities onto rows newly in use.
+"""Partial derivatives of projections: states onto the closures, and velocities onto rows newly in use.
 
 A correction is the x of least x^T M x with G x = r, so that with multipliers eta
 
     M dx - G^T deta = d(G^T eta) dq + (G^T eta - M x)_p dp - dM x dq_0,   G dx = dr - d(G x) dq - (G x)_p dp
 
-where M stands at q_0, the end of the step, and G at q, on the way from it to the closures.
+where M is evaluated at q_0, the end of the step, and G at q, on the way from it to the closures.
 """
 
 from typing import TYPE_CHECKING
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 class ProjectionSensitivity:
-    """The slopes of `mbdae.system.System.restore` and `settle` of a mechanism.
+    """Partial derivatives of `mbdae.system.System.restore` and `settle` of a mechanism.
 
     Args:
-        system: a workspace that holds the rows in use.
-        parameters: the numbers that vary, k of them.
+        system: a workspace that freezes the rows in use.
+        parameters: the varied parameters, k of them.
     """
 
     def __init__(self, system: "Index2System", parameters: Parameters) -> None:
@@ -33,7 +33,7 @@ class ProjectionSensitivity:
         self.k, self.ny = len(parameters), system.ny
 
     def restored(self, t: float, y: Array) -> Array:
-        """Slopes of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""
+        """Return the partials of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""
         s, nv, dp = self.system, self.system.nv, self._unit()
         out = np.eye(self.ny, self.ny + self.k)
         if not s.ng:
@@ -42,7 +42,7 @@ class ProjectionSensitivity:
         U = s.inertia(t, q)
         path, *_ = project_positions(s, t, q, U)
         start, dq = q, out[:nv].copy()
-        for q in path[:-1] or path:  # where nothing was amiss, what varies may be
+        for q in path[:-1] or path:  # even without a correction, its derivative may be nonzero
             (g, G), Q = s.closures(q, t), self.parameters.of_rows(t, q, np.zeros(nv))[1]
             x, dx = self._correction(t, start, q, g, G, G @ dq + Q @ dp, out[:nv], dq, s.constraints.positional)
             turn = s.manifold.turned(-x, x)
@@ -55,11 +55,11 @@ class ProjectionSensitivity:
         return out
 
     def settled(self, t: float, y: Array) -> Array:
-        """Slopes of v brought onto rows newly in use, `mbdae.system.System.settle`, (ny, ny + k)."""
+        """Return the partials of v projected onto rows newly in use, `mbdae.system.System.settle`, (ny, ny + k)."""
         return self.onto_rows(t, y)[1]
 
     def onto_rows(self, t: float, y: Array) -> tuple[Array, Array]:
-        """What v loses on the rows in use, (nv,), and slopes of y behind that, (ny, ny + k)."""
+        """Return the change of v by the rows in use, (nv,), and the partials of y after it, (ny, ny + k)."""
         s, nv, dp = self.system, self.system.nv, self._unit()
         out = np.eye(self.ny, self.ny + self.k)
         q, v = s.split(y)
@@ -82,10 +82,10 @@ class ProjectionSensitivity:
         dq: Array,
         kept: Array | None = None,
     ) -> tuple[Array, Array]:
-        """The correction x (nv,) of r (ng,), and its slopes, of those of r, q0 and q, (..., ny + k)."""
+        """Return the correction x (nv,) of r (ng,), and its partials, from those of r, q0 and q, (..., ny + k)."""
         s, nv, rows, p = self.system, self.system.nv, np.array(self.system.in_use, int), self.parameters
         still, inner = np.zeros(nv), np.zeros(s.ns)
-        if kept is not None:  # rows of velocity only have no g
+        if kept is not None:  # velocity rows have no g
             rows = rows[kept[rows]]
         M, before, _ = (a.copy() for a in s.inertial.slopes(q0, still, still))
         saddle = Saddle(M, G[rows], G[rows])
@@ -105,5 +105,5 @@ class ProjectionSensitivity:
         return x, saddle.solve(above, below)[0]
 
     def _unit(self) -> Array:
-        """The parameters among (dy, dp), (k, ny + k)."""
+        """Return the partials of the parameters by (dy, dp), (k, ny + k)."""
         return np.eye(self.k, self.ny + self.k, self.ny)

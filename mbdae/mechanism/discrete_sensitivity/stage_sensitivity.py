@@ -1,14 +1,14 @@
-"""The slopes of a stage of a half-explicit step of a mechanism.
+"""Partial derivatives of a stage of a half-explicit step of a mechanism.
 
 In coordinates x of a step, q = q_n (+) x, with A, R, J, T of `mbdae.mechanism.manifold.IntegratePartials` and the
-slopes K, D, B of `mbdae.mechanism.formulations.equation_partials`,
+partials K, D, B of `mbdae.mechanism.formulations.equation_partials`,
 
     dq = A dq_n + R dx,   dx' = J dv + T dx,   dqhat = Ahat dq_n + Rhat (dxhat + factor dx')
     [M  -G^T] [dv' ]   [K dq + D du + P dp                                            ]
     [Ghat  0] [dlam] = [-(Bhat dqhat + Ghat (dv_n + dvhat) + Q dp) / factor           ]
 
-in which the matrix is the stage's own; cotangents go through its transpose. Where friction depends on lam, its slope
-by lam stands beside G^T.
+with the matrix of the stage itself; cotangents use its transpose. Where friction depends on lam, its partials by lam
+are added to G^T.
 """
 
 from typing import TYPE_CHECKING
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 
 class Saddle:
-    """[M -G^T; Ghat 0], factorized: solved for a stage's variations, and transposed for cotangents.
+    """[M -G^T; Ghat 0], factorized: solved for the tangents of a stage, and transposed for cotangents.
 
     Raises:
-        StepError: where it is singular.
+        StepError: if it is singular.
     """
 
     def __init__(self, M: Array, G: Array, Ghat: Array) -> None:
@@ -42,13 +42,23 @@ class Saddle:
             raise StepError("singular", "the equations of a stage are singular where its slopes are taken")
 
     def solve(self, above: Array, below: Array, transposed: int = 0) -> tuple[Array, Array]:
-        """Return both parts of the solution, of right sides (nv, m) and (r, m)."""
+        """Return both blocks of the solution for right-hand sides (nv, m) and (r, m)."""
         x = dgetrs(self.lu, self.pivots, np.concatenate([above, below]), trans=transposed)[0]
         return x[: self.nv], x[self.nv :]
 
 
 class SaddleStageSensitivity:
-    """The slopes of a stage, see `mbdae.system.StageSensitivity`."""
+    """The slopes of a stage, see `mbdae.system.StageSensitivity`.
+
+    Args:
+        chart: of its step.
+        times: t of its equations of motion, and that of its constraints.
+        x, xhat: increments of y there, (ny,); the second without its own part.
+        factor: of x' in the increment at that.
+        F: x', (ny,).
+        lam: its multipliers, (r,).
+        parameters: the numbers that vary.
+    """
 
     def __init__(
         self,
@@ -114,7 +124,7 @@ class SaddleStageSensitivity:
         return x, xhat, y, p
 
     def speed(self, v: Array) -> Array:
-        """What x' = J(x) . is of, (nv,)."""
+        """Return the argument of x' = J(x) ., (nv,)."""
         return v
 
     def rate(self, dx: Array, dxhat: Array, dy: Array, dp: Array, dq: Array, du: Array, clock: Array | None) -> Array:

@@ -1,4 +1,4 @@
-"""What acts: force laws and controllers, one file each, from what a user writes to the generalised forces."""
+"""Force laws and controllers, one file each, from the user's description to generalised forces."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Union
@@ -40,10 +40,10 @@ else:
 
 
 def named_force(force: Any, i: int) -> Any:
-    """Return a force, the i-th of a mechanism, with a name: a described one gets its kind and number if it has none.
+    """Return a force, the i-th of a mechanism, with a name: a described one without a name gets its kind and number.
 
     Raises:
-        InputError: for what is no force.
+        InputError: if it is not a force.
     """
     if callable(force) or isinstance(force, PYTHON_FORCES):
         return force
@@ -54,10 +54,10 @@ def named_force(force: Any, i: int) -> Any:
 
 
 def stiction_joints(model: pin.Model, forces: Sequence[Any]) -> tuple[HeldJoint, ...]:
-    """Return the joints that friction may hold.
+    """Return the joints with exact dry friction.
 
     Raises:
-        UnknownNameError, InputError: for joints that do not exist or do not fit, or with two frictions.
+        UnknownNameError, InputError: for unknown or unsuitable joints, or joints with two frictions.
     """
     found = tuple(h for f in forces if isinstance(f, JointFriction) for h in f.holds(model))
     for name in {b.joint for b in found if [x.joint for x in found].count(b.joint) > 1}:
@@ -65,11 +65,16 @@ def stiction_joints(model: pin.Model, forces: Sequence[Any]) -> tuple[HeldJoint,
     return found
 
 
+def is_custom(force: Any) -> bool:
+    """Return whether a force is bound by code outside mbdae, which may call any algorithm on the workspace."""
+    return hasattr(force, "bind") and type(force).__module__.partition(".")[0] != "mbdae"
+
+
 def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> ForceElements:
-    """Bind forces to a workspace; the model's own damping counts where no joint_damping replaces it.
+    """Bind forces to a workspace, and the model's own damping where no joint_damping replaces it.
 
     Raises:
-        UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
+        UnknownNameError, InputError: for unknown or unsuitable frames and joints.
     """
     laws = [TorqueElement(f, model) if callable(f) else f.bind(model, data) for f in forces]
     damping, seen = np.array(model.damping), set[str]()

@@ -1,4 +1,4 @@
-"""Forces with states of their own, in Python. The states are integrated with the motion."""
+"""Forces with internal states, in Python. The states are integrated with the motion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,11 +17,11 @@ StateFunction = Callable[[float, Array, Array, Array], Array]
 
 @dataclass(frozen=True)
 class Actuator(PythonForce):
-    """A force with ns states s of its own, as Python functions of (t, q, v, s).
+    """A force with ns internal states s, as Python functions of (t, q, v, s).
 
         tau = torque(t, q, v, s),   s' = rate(t, q, v, s)
 
-    The states count in the error control; ``sol.s`` returns them.
+    The states are included in the error control; ``sol.s`` returns them.
 
     Args:
         torque: generalised force, (nv,) in N m and N; its work is integrated.

@@ -22,7 +22,7 @@ class Bushing(Force):
 
     With the gap p = R_a^T (p_b - p_a) and the rotation vector theta = log(R_a^T R_b), both (3,) in axes of the first
     frame, the potential is sum(k_i p_i^2)/2 + sum(k_i theta_i^2)/2. The dampers act on the relative velocity at the
-    second frame's origin and on the relative angular velocity, in the same axes. The relative turn must stay
+    second frame's origin and on the relative angular velocity, in the same axes. The relative rotation must stay
     below 3 rad.
 
     Attributes:
@@ -33,7 +33,7 @@ class Bushing(Force):
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["bushing"] = "bushing"
@@ -72,7 +72,7 @@ class BushingElement(PairElement):
         """Return the torques of springs and dampers.
 
         Raises:
-            StepError: when the relative turn reaches 3 rad.
+            StepError: when the relative rotation reaches 3 rad.
         """
         gap, theta = self.gap()
         if np.sqrt(theta @ theta) > LARGEST_TURN:
@@ -85,7 +85,7 @@ class BushingElement(PairElement):
         return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
 
     def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
-        """See `PairElement`; a motion d of both frames with all velocities turns a wrench to d x* F, which gives Da."""
+        """See `PairElement`; a common motion d of both frames and their velocities rotates F by d x* F, hence Da."""
         gap, theta = self.gap()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         point = np.hstack([np.eye(3), -skew(pb)])  # velocity of the point p_b
@@ -118,7 +118,7 @@ class BushingElement(PairElement):
         return (self.pair.pb - self.pair.pa) @ Ra, rotation_vector(Ra.T @ Rb)
 
     def _on_b(self, force: Array, moment: Array) -> Array:
-        """Generalised force of a force and a moment in axes of a, at the origin of b."""
+        """Return the generalised force of a force and a moment in axes of a, at the origin of b."""
         n, m = self.pair.Ra @ force, self.pair.Ra @ moment
         return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 
@@ -132,7 +132,7 @@ class BushingElement(PairElement):
 
 
 def rotation_vector(R: Array) -> Array:
-    """The vector theta (3,) in rad with R = exp(theta x .), accurate from 0 to 3 rad."""
+    """Return the vector theta (3,) in rad with R = exp(theta x .), accurate from 0 to 3 rad."""
     axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine = float(np.sqrt(axis @ axis))
     angle = np.arctan2(sine, 0.5 * (np.trace(R) - 1))

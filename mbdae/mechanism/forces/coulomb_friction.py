@@ -1,4 +1,4 @@
-"""Dry friction of a closure from the force that it carries."""
+"""Dry friction of a closure, proportional to its reaction."""
 
 from typing import Literal
 
@@ -11,28 +11,28 @@ from .linear import LinearElement
 
 
 class CoulombFriction(Force):
-    """Friction of a closure by its own reaction, mu |F| against sliding, mu r |F| against turning.
+    """Friction of a closure from its reaction, mu |F| against sliding, mu r |F| against rotation.
 
-    F is the force between both bodies: all of it in a closure that turns (revolute, point); that across the axis in one
-    that slides along it (prismatic, cylindrical, in_line); the normal force where bodies touch (in_plane, slot,
-    rolling), which slide against the relative velocity of the point of contact. Forces depend on multipliers then, and
-    not in a linear way: methods have their general order (`mbdae methods`), not that for f linear in z.
+    F is the force between both bodies: the full force in a closure that rotates (revolute, point); the force
+    perpendicular to the axis in one that slides along it (prismatic, cylindrical, in_line); the normal force at a
+    contact (in_plane, slot, rolling), where friction opposes the relative velocity of the contact point. Forces then
+    depend nonlinearly on multipliers: methods have their general order (`mbdae methods`), not that for f linear in z.
 
     Attributes:
         closure: name of the closure.
         coefficient: mu, without unit.
-        radius: r of the bearing in m, of a closure that turns.
-        velocity: where regularised friction has reached three quarters of its value, in rad/s or m/s, 0.01 when left
-            out, as of `JointFriction`.
-        static: mu of what grips, at least ``coefficient``, which is taken when left out.
-        exact: a rolling body grips, with all rows of its grip, as long as that takes no more than mu_s N, and slides
-            else; true where ``static`` is given. For closures of kind rolling, whose grip is kept otherwise.
+        radius: r of the bearing in m, for a closure that rotates.
+        velocity: where regularised friction reaches three quarters of its value, in rad/s or m/s, 0.01 when left out,
+            as of `JointFriction`.
+        static: mu while sticking, at least ``coefficient``, which is the default.
+        exact: a rolling body sticks, with all its no-slip rows, while that takes no more than mu_s N, and slides
+            otherwise; true where ``static`` is given. For closures of kind rolling, which otherwise never slide.
         name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
-        InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is made,
-            for a closure that neither turns nor slides.
-        UnknownNameError: when a mechanism is made, for a closure that it does not have.
+        InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is created,
+            for a closure that neither rotates nor slides.
+        UnknownNameError: when a mechanism is created, for an unknown closure.
     """
 
     kind: Literal["coulomb_friction"] = "coulomb_friction"
@@ -53,12 +53,12 @@ class CoulombFriction(Force):
 
     @property
     def sticks(self) -> bool:
-        """It is exact."""
+        """Whether it is exact."""
         return self.exact or self.static is not None
 
     @property
     def width(self) -> float:
-        """Where regularised friction has reached three quarters of its value."""
+        """Speed at which regularised friction reaches three quarters of its value."""
         return self.velocity or VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
@@ -66,6 +66,6 @@ class CoulombFriction(Force):
 
 
 class CoulombElement(LinearElement):
-    """No force by q and v alone: `mbdae.mechanism.formulations.closure_friction` adds friction by multipliers."""
+    """No force by q and v alone: `mbdae.mechanism.formulations.closure_friction` adds friction from multipliers."""
 
     by_state = False

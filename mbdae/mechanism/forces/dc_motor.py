@@ -1,4 +1,4 @@
-"""DC motors: their currents are states."""
+"""DC motors, with currents as states."""
 
 from typing import Literal
 
@@ -13,7 +13,7 @@ from .linear import LinearElement, Term
 class DCMotor(Force):
     """A DC motor on a joint: tau = gear constant i,   inductance i' = voltage(t) - resistance i - constant gear v.
 
-    The rotor's inertia, gear^2 J, belongs to the joint's armature. Without inductance the current has no state.
+    The rotor's inertia, gear^2 J, belongs to the joint's armature. Without inductance the current is not a state.
 
     Attributes:
         joint: a joint with one velocity.
@@ -27,7 +27,7 @@ class DCMotor(Force):
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["dc_motor"] = "dc_motor"

@@ -1,4 +1,4 @@
-"""All laws of a workspace together: their sum, and the states of those that have some."""
+"""All force laws of a workspace: their sum, and their states."""
 
 from collections.abc import Sequence
 from math import inf
@@ -14,12 +14,12 @@ Bound = tuple[ForceElement, slice]
 
 
 class ForceElements:
-    """All laws of a workspace, and the states of those that have some, one behind the other: s (ns,).
+    """All force laws of a workspace; their states are concatenated to s (ns,).
 
     Attributes:
         names: of the laws.
-        bound: the laws, and where their states stand in s.
-        acting: the same with all linear laws as one.
+        bound: the laws, and the slices of their states in s.
+        acting: the same with all linear laws combined.
         ns: number of states.
     """
 
@@ -47,7 +47,7 @@ class ForceElements:
         return {f"{law.name}.{key}": value for law in laws for key, value in law.states.items()}
 
     def refuse_lost(self) -> None:
-        """Refuse a configuration where a force has no direction; the kinematics stand.
+        """Reject a configuration where a force has no direction; kinematics must be current.
 
         Raises:
             InputError: names the force.
@@ -57,13 +57,13 @@ class ForceElements:
                 raise InputError(f"force {law.name!r} has no direction where its points coincide, and no slope there")
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
-        """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,)."""
+        """Return tau (nv,), and s' and the power of non-conservative forces, (ns + 1,)."""
         conservative, other, rates = self.parts(t, q, v, s)
         rates[-1] = other.dot(v)
         return conservative + other, rates
 
     def parts(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
-        """Return the conservative and the other part of tau, (nv,) each, and s' with a zero behind, (ns + 1,)."""
+        """Return the conservative and the other part of tau, (nv,) each, and s' with a zero appended, (ns + 1,)."""
         rates = np.zeros(self.ns + 1)
         if not self.acting:
             return 0.0, np.zeros(self.nv), rates
@@ -77,7 +77,7 @@ class ForceElements:
         return conservative, other if isinstance(other, np.ndarray) else np.zeros(self.nv), rates
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return the sum of the exact slopes, (nv + ns + 1, 2 nv + ns), see `ForceElement`; kinematics stand at q."""
+        """Return the sum of the partial derivatives, (nv + ns + 1, 2 nv + ns); kinematics must be current at q."""
         nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:
@@ -89,7 +89,7 @@ class ForceElements:
         return out
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return the sum of what `ForceElement.by_time` gives, (nv + ns + 1,); kinematics stand at q."""
+        """Return the sum of `ForceElement.by_time`, (nv + ns + 1,); kinematics must be current at q."""
         nv, out = self.nv, np.zeros(self.nv + self.ns + 1)
         for law, at in self.acting:
             known = np.zeros(nv + at.stop - at.start + 1) + law.by_time(t, q, v, s[at])
@@ -99,11 +99,11 @@ class ForceElements:
         return out
 
     def potential(self, q: Array) -> float:
-        """Potential energy in J; the kinematics stand at q."""
+        """Potential energy in J; kinematics must be current at q."""
         return sum(law.potential(q) for law, _ in self.acting)
 
     def breaks(self) -> list[float]:
-        """The times at which functions of time in the laws are not smooth."""
+        """Times at which functions of time in the laws are not smooth."""
         return sorted({x for law, _ in self.bound for signal in law.signals for x in signal.breaks})
 
     def breakpoint(self, t: float, sign: float) -> float:
@@ -111,7 +111,7 @@ class ForceElements:
         return sign * min((sign * law.breakpoint(t, sign) for law, _ in self.bound), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s just after time t, (ns,); each law sees the states before."""
+        """Return s just after time t, (ns,); each law receives the states before it."""
         out = s.copy()
         for law, at in self.bound:
             if law.states:

@@ -1,7 +1,7 @@
-"""What a force is: a description that stands in a file binds to a workspace and becomes a law.
+"""Base of forces: a description, possibly from a file, is bound to a workspace and becomes a law.
 
-A law's generalised force tau (nv,) comes in two parts, one that derives from its potential and one whose work is
-integrated along the motion. A law may have states s of its own, s' = h(t, q, v, s), which may jump at certain times.
+A law's generalised force tau (nv,) has two parts: one derived from its potential, and one whose work is integrated
+along the motion. A law may have internal states s, s' = h(t, q, v, s), which may jump at certain times.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ Joints = str | tuple[str, ...]
 
 
 class ForceElement:
-    """A force bound to a workspace whose kinematics stand at q when it is called.
+    """A force bound to a workspace whose kinematics must be current at q when it is called.
 
     Args:
         name: for messages.
@@ -38,7 +38,7 @@ class ForceElement:
         self.signals = [s for s in signals if not isinstance(s, Constant)]
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Part, Part]:
-        """Return the conservative and the other part of tau, (nv,) each, and s' (ns,); 0 where there is nothing."""
+        """Return the conservative and the other part of tau, (nv,) each, and s' (ns,); 0 for missing parts."""
         return *self.torque(t, q, v), 0.0
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
@@ -48,11 +48,11 @@ class ForceElement:
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the exact derivatives of (tau, s', power of the other part), (nv + ns + 1, 2 nv + ns).
 
-        They are those with respect to (q, v, s), q in the tangent. Python functions of the user are differentiated by
-        central differences, where they do not bring slopes of their own.
+        They are taken with respect to (q, v, s), q in the tangent. Python functions of the user without partial
+        derivatives are differentiated by central differences.
 
         Raises:
-            InputError: of a law that has none.
+            InputError: for a law without partial derivatives.
         """
         what = "implicit methods, equilibria and gradients take the method slopes(t, q, v, s) of its law"
         raise InputError(f"force {self.name!r} has no slopes: {what} {type(self).__name__}")
@@ -66,20 +66,20 @@ class ForceElement:
         return 0.0
 
     def lost(self) -> bool:
-        """Say whether it acts along a line between points that coincide; the kinematics stand."""
+        """Return whether its line of action is undefined because its ends coincide; kinematics must be current."""
         return False
 
-    tension = False  # a pull between two points
-    differenced = False  # its slopes are differences
-    by_state = True  # it follows from (t, q, v, s), without multipliers and modes
-    deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity component and "", or -1 and what is deflected
+    tension = False  # a tensile force between two points
+    differenced = False  # its partial derivatives are finite differences
+    by_state = True  # it depends on (t, q, v, s) only, not on multipliers and modes
+    deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity index and "", or -1 and a description
 
     def acts(self, nv: int) -> list[int]:
-        """The velocity components that it may act on; all where nothing else is known."""
+        """Velocity components that it may act on; all if unknown."""
         return list(range(nv))
 
     def deflection(self, q: Array) -> Array:
-        """Return how far its springs are deflected, in rad or m, one number for each of ``deflections``."""
+        """Return the deflections of its springs, in rad or m, one for each of ``deflections``."""
         return np.empty(0)
 
     def breakpoint(self, t: float, sign: float) -> float:
@@ -87,22 +87,22 @@ class ForceElement:
         return sign * min((sign * s.jump(t, sign) for s in self.signals), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s just after time t, (ns,); kinematics do not stand at q."""
+        """Return s just after time t, (ns,); kinematics need not be current."""
         return s
 
     def plain(self) -> dict[str, Any]:
-        """Return what the core takes: ``kind``, the name of a file in native/mechanism/laws, and what it reads.
+        """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its arguments.
 
         Raises:
-            NotCompiled: if the core does not have it.
+            NotCompiled: if the core does not support it.
         """
         raise NotCompiled(f"force {self.name!r} of kind {type(self).__name__}")
 
 
 class WrenchPartials(NamedTuple):
-    """A wrench F (6,) on frame b and -F on a, and how it changes: dF = Da d_a + Db d_b + C d(V_b - V_a), (6, 6) each.
+    """A wrench F (6,) on b, -F on a, and its partials: dF = Da d_a + Db d_b + C d(V_b - V_a), (6, 6) each.
 
-    Motions d of the frames are taken with V held.
+    Motions d of the frames are taken at constant V.
     """
 
     F: Array
@@ -121,7 +121,7 @@ class PairElement(ForceElement):
         raise NotImplementedError
 
     def rising(self, t: float) -> Array | float:
-        """Return the rate of the wrench in time alone, (6,), or 0; the pair is located."""
+        """Return the time derivative of the wrench at fixed motion, (6,), or 0; the pair is located."""
         return 0.0
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
@@ -142,7 +142,7 @@ class PairElement(ForceElement):
 
 
 class Force(Table):
-    """A force as it stands in a file.
+    """Base of forces that can be described in a file.
 
     Attributes:
         name: the kind and a number when left out.
@@ -152,16 +152,18 @@ class Force(Table):
     name: str = ""
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        """Return the law in a workspace.
+        """Return the law in a workspace, whose kinematics are current when the law is evaluated.
+
+        Bound by a class of another package, the workspace has room for all algorithms of Pinocchio, 32 nv^3 bytes.
 
         Raises:
-            UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
+            UnknownNameError, InputError: for unknown or unsuitable frames and joints.
         """
         raise NotImplementedError
 
 
 class PythonForce:
-    """A force that consists of Python functions and stands in no file but by its name."""
+    """Base of forces defined by Python functions; files refer to them by name only."""
 
     name: str
 
@@ -196,10 +198,10 @@ def one_velocity(model: pin.Model, name: str, what: str) -> pin.JointModel:
 
 
 def start_values(name: str, start: Mapping[str, float]) -> dict[str, float]:
-    """Return names and start values of states as plain numbers.
+    """Return names and start values of states as floats.
 
     Raises:
-        InputError: for anything else.
+        InputError: for any other value.
     """
     numbers = isinstance(start, Mapping) and all(
         isinstance(x, int | float | np.number) and np.isfinite(x) for x in start.values()

@@ -21,7 +21,7 @@ class JointDamping(Force):
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["joint_damping"] = "joint_damping"

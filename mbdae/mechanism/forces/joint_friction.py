@@ -15,13 +15,13 @@ VELOCITY = 0.01  # rad/s or m/s
 
 
 class HeldJoint(NamedTuple):
-    """A joint that friction may hold.
+    """A joint with exact dry friction.
 
     Attributes:
         joint: its name.
         force: name of the friction.
         kinetic: friction while it slips, in N m or N.
-        static: the largest that holds it.
+        static: largest friction while it sticks.
     """
 
     joint: str
@@ -33,25 +33,25 @@ class HeldJoint(NamedTuple):
 class JointFriction(Force):
     """Coulomb friction on each coordinate of the joints.
 
-    Regularised: tau = -friction * tanh(v / velocity). A joint under load creeps then, and the problem is stiff.
+    Regularised: tau = -friction * tanh(v / velocity). A loaded joint then creeps, and the problem is stiff.
 
     Exact, where ``static`` is given or ``exact`` is true: a joint slips, tau = -friction * sign(v), or sticks, v = 0,
-    as long as that takes no more than ``static``. A run locates where it sticks and slips, see
-    `mbdae.mechanism.hybrid`; outside of runs there is no friction.
+    as long as that takes no more than ``static``. A run locates these transitions, see `mbdae.mechanism.hybrid`;
+    outside of runs there is no friction.
 
     Attributes:
         joint: one joint or several; all joints when left out.
         friction: N m or N; the values of the source, URDF ``<dynamics friction>`` and MJCF ``frictionloss``, one for
             each coordinate, when left out.
-        velocity: where regularised friction has reached three quarters of its value, in rad/s or m/s; not too small:
-            the problem's time constant is inertia * velocity / friction. 0.01 when left out.
-        static: what holds a joint that sticks, in N m or N, at least ``friction``, which is taken when left out.
-        exact: the joint sticks; true where ``static`` is given.
+        velocity: where regularised friction reaches three quarters of its value, in rad/s or m/s; not too small: the
+            problem's time constant is inertia * velocity / friction. 0.01 when left out.
+        static: largest friction of a sticking joint, in N m or N, at least ``friction``, which is the default.
+        exact: the joint can stick; true where ``static`` is given.
         name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["joint_friction"] = "joint_friction"
@@ -71,11 +71,11 @@ class JointFriction(Force):
 
     @property
     def sticks(self) -> bool:
-        """It is exact."""
+        """Whether it is exact."""
         return self.exact or self.static is not None
 
     def holds(self, model: pin.Model) -> Iterator[HeldJoint]:
-        """Yield the joints that it may hold; none for regularised friction.
+        """Yield the joints that can stick; none for regularised friction.
 
         Raises:
             InputError: for a joint of several coordinates, or less static friction than the source's.
@@ -138,7 +138,7 @@ class FrictionElement(ForceElement):
 
 
 class KineticFrictionElement(ForceElement):
-    """tau = -d * sign with d (nv,); sign (nv,): where joints slip to in a mode, 0 where they stick."""
+    """tau = -d * sign with d (nv,); sign (nv,): direction of slip in a mode, 0 for sticking joints."""
 
     by_state = False
 

@@ -21,8 +21,8 @@ class JointSpring(Force):
     Attributes:
         joint: one joint or several.
         stiffness: c(x) = stiffness * x, in N m/rad or N/m.
-        table: points (deflection, restoring torque) of a nonlinear c instead, deflections increasing; straight on
-            beyond its ends. The potential is the exact integral.
+        table: points (deflection, restoring torque) of a nonlinear c instead, deflections increasing; linear
+            extrapolation beyond its ends. The potential is the exact integral.
         interpolation: of the table: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
         rest: rad or m.
         damping: N m s/rad or N s/m, besides the joint's own.
@@ -30,7 +30,7 @@ class JointSpring(Force):
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["joint_spring"] = "joint_spring"

@@ -14,19 +14,19 @@ from .linear import LinearElement, Term
 class JointTorque(Force):
     """A torque (N m) or force (N) on a joint, one for each of its nv coordinates: tau_k = gear torque_k(t).
 
-    With a bias tau = gear torque(t) + b_0 + b_1 q + b_2 v, as of the actuators of MJCF files: where b_1 < 0 it holds a
+    With a bias tau = gear torque(t) + b_0 + b_1 q + b_2 v, like the actuators of MJCF files: b_1 < 0 controls the
     position.
 
     Attributes:
         joint: one joint.
         torque: one constant or function of time, or nv of them.
         gear: a factor on all of them.
-        bias: what is added on a joint of one coordinate, b_0 + b_1 q + b_2 v; in N m or N, per rad or m, and s.
+        bias: added on a joint of one coordinate, b_0 + b_1 q + b_2 v; in N m or N, per rad or m, and s.
         name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["joint_torque"] = "joint_torque"

@@ -1,6 +1,6 @@
-"""The linear element: [tau; s'] = C [q; v; s; u(t); u'(t); 1], and springs, which have a potential.
+"""Linear elements: [tau; s'] = C [q; v; s; u(t); u'(t); 1], and springs, which have a potential.
 
-Dampers, springs, torques, controllers, motors and held torques are such elements. All those of a workspace are
+Dampers, springs, torques, controllers, motors and held torques are linear elements. All those of a workspace are
 computed together, from the entries of one sparse C, in Python and in the core.
 """
 
@@ -32,7 +32,7 @@ class Spring(NamedTuple):
 
 
 class LinearElement(ForceElement):
-    """A linear force; the work of what is no spring is integrated.
+    """A linear force; the work of all terms except springs is integrated.
 
     Args:
         name: for messages.
@@ -65,7 +65,7 @@ class LinearElement(ForceElement):
 class Linear(ForceElement):
     """All linear laws of a workspace, y = C x as one product.
 
-    y = (tau of springs, other tau, s') and x = (q, v, s, 1, those of u and u' that count).
+    y = (tau of springs, other tau, s') and x = (q, v, s, 1, and the u and u' in use).
 
     Args:
         laws: each with the slice of its states in s.
@@ -94,7 +94,7 @@ class Linear(ForceElement):
         self.y, self.x = y.astype(int), x.astype(int)
 
     def _input(self, u: TimeFunction, k: int, value: float) -> tuple[int, float]:
-        """Column and value of an entry for u or u'; a constant stands at 1."""
+        """Return column and value of an entry for u or u'; constants use the column of 1."""
         one = self.nq + self.nv + self.ns
         if isinstance(u, Constant):
             return one, value * u.at(0.0, k)

@@ -1,4 +1,4 @@
-"""Slopes of Python laws: the user's own, or central differences of that law alone."""
+"""Partial derivatives of Python laws: given by the user, or by central differences of that law alone."""
 
 from collections.abc import Callable
 from typing import Any
@@ -31,13 +31,13 @@ def law_partials(
     v: Array,
     s: Array,
 ) -> Array:
-    """Return the slopes of (tau, s', power) with respect to (q, v, s), (nv + ns + 1, 2 nv + ns).
+    """Return the partial derivatives of (tau, s', power) with respect to (q, v, s), (nv + ns + 1, 2 nv + ns).
 
     Args:
         law: (q, v, s) -> (tau, s'), (nv + ns,).
-        own: slopes of it by the user, called with (t, q, v) and, where there are states, s; or None.
-        what: what law it is, for messages.
-        model: says what q (+) e is.
+        own: partial derivatives from the user, called with (t, q, v) and, if there are states, s; or None.
+        what: kind of law, for messages.
+        model: defines q (+) e.
         t: time.
         q: configuration.
         v: velocity.

@@ -1,8 +1,8 @@
-"""Sampled controllers: what a computer does at a rate.
+"""Sampled (discrete-time) controllers.
 
-A sampled controller looks at the mechanism at the instants t_k = offset + k/rate and holds its torque until the next
-one. The held torque and the controller's memory are states with s' = 0 that jump at the instants: a rejected step
-repeats nothing, and a state contains all that the motion from there depends on.
+A sampled controller reads the mechanism at the instants t_k = offset + k/rate and holds its torque until the next one.
+The held torque and the controller's memory are states with s' = 0 that jump at the instants: a rejected step calls
+nothing twice, and the state determines all of the following motion.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +19,7 @@ from ..frames import find_joints, joint_names
 from .force import Array, Joints, PythonForce, start_values
 from .linear import LinearElement, Term
 
-COINCIDE = 1e-6  # of a period: how near a time must be to count as a sampling instant
+COINCIDE = 1e-6  # of a period: largest distance of a time from its sampling instant
 Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 
 
@@ -29,15 +29,15 @@ class Sampled(PythonForce):
 
         without memory:  tau = function(t, q, v)             with memory:  tau, x_next = function(t, q, v, x)
 
-    A run that does not start at a sampling instant holds a torque of zero until the first one. Runs go forwards only.
+    A run that does not start at a sampling instant has zero torque until the first one. Runs go forwards only.
 
     Args:
         function: returns tau (m,), one value for each coordinate of the joints, and the next memory (n,) if it has one.
         rate: samples per second in Hz.
-        joints: names of the joints it drives; all when left out.
-        memory: names of what it remembers from sample to sample, and the start values; none when left out.
+        joints: names of the actuated joints; all when left out.
+        memory: names and start values of the values kept from sample to sample; none when left out.
         offset: a sampling instant in s.
-        name: of the function when left out.
+        name: name of the function when left out.
 
     Raises:
         InputError: for a rate that is not positive.
@@ -89,7 +89,7 @@ class SampledElement(LinearElement):
         offset: a sampling instant in s.
         held: names of the torques by the index of their velocity.
         memory: names and start values.
-        known: the controller as the core takes it; Python is called when left out.
+        known: core data of the controller; Python is called when left out.
     """
 
     def __init__(
@@ -111,14 +111,14 @@ class SampledElement(LinearElement):
         """Return the next sampling instant.
 
         Raises:
-            InputError: backwards in time.
+            InputError: for a run backwards in time.
         """
         if sign < 0:
             raise InputError(f"controller {self.name!r} is sampled: a run with it cannot go backwards in time")
         return self.offset + (floor((t - self.offset) * self.rate + COINCIDE) + 1) / self.rate
 
     def sampler(self) -> dict[str, Any]:
-        """Return what the core takes."""
+        """Return the core data."""
         return {**self.known, "rate": self.rate, "offset": self.offset, "coincide": COINCIDE}
 
     def _again(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Springs, dampers and thrusts from point to point."""
+"""Springs, dampers and force actuators between two points."""
 
 from typing import Any, Literal
 
@@ -11,7 +11,7 @@ from ..time_functions import Constant, TimeFunction
 from ..wrench_partials import line_wrench_partials
 from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
 
-COINCIDE = 1e-13  # m, and of places: points as near stand apart by rounding
+COINCIDE = 1e-13  # m, and relative to positions: points this close differ by rounding only
 
 
 class SpringDamper(Force):
@@ -29,7 +29,7 @@ class SpringDamper(Force):
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["spring_damper"] = "spring_damper"

@@ -13,10 +13,10 @@ TorqueFunction = Callable[[float, Array, Array], Array]
 
 
 class TorqueElement(ForceElement):
-    """A function tau(t, q, v) -> (nv,) of the user; its work is integrated.
+    """A user function tau(t, q, v) -> (nv,); its work is integrated.
 
     It may have an attribute ``slopes``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;
-    central differences stand for it where implicit methods need it.
+    otherwise implicit methods use central differences.
     """
 
     def __init__(self, function: TorqueFunction, model: pin.Model) -> None:

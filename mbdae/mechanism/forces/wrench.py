@@ -18,15 +18,15 @@ class Wrench(Force):
     """A force at the origin of a frame and a torque, constants or functions of time: tau = J^T [force; torque].
 
     Attributes:
-        frame: where it acts.
+        frame: the loaded frame.
         force: components of the force in N, (3,).
         torque: components of the torque in N m, (3,).
-        axes: the components' axes: ``"world"``, or those of the ``"frame"``, turning with it.
+        axes: axes of the components: ``"world"``, or those of the ``"frame"``, rotating with it.
         name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
-        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+        UnknownNameError: when a mechanism is created, for an unknown joint or frame.
     """
 
     kind: Literal["wrench"] = "wrench"
@@ -59,7 +59,7 @@ class WrenchElement(PairElement):
         return np.concatenate([n, m + skew(self.pair.pb) @ n])
 
     def vectors(self, t: float, *, slope: bool = False) -> tuple[Array, Array]:
-        """Return force and torque in the axes of the world, or their slopes in time, (3,) each."""
+        """Return force and torque in the axes of the world, or their partial derivatives in time, (3,) each."""
         parts = (self.spec.force, self.spec.torque)
         n, m = (np.array([s.slope(t) if slope else s.at(t) for s in part]) for part in parts)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)

@@ -1,1 +1,1 @@
-"""Where mechanisms come from: mechanism files, URDF, robot.yaml, Python, saved runs."""
+"""Sources of mechanisms: mechanism files, URDF, MJCF, SDF, robot.yaml, Python, saved runs."""

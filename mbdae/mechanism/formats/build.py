@@ -16,16 +16,16 @@ from .schema import Body, Frame, MechanismFile, Source
 
 
 def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
-    """Return the model and its visuals: sources, extra bodies and frames, joints of other kinds, locked joints.
+    """Return the model and its visuals: sources, extra bodies and frames, replaced joints, locked joints.
 
     Args:
         file: the mechanism file.
-        parts: its sources, read.
-        name: of the model.
+        parts: its imported sources.
+        name: name of the model.
 
     Raises:
-        UnknownNameError: for a frame or joint that does not exist.
-        InputError: for a name that is taken, frames that hang on each other, or numbers that are not finite.
+        UnknownNameError: for an unknown frame or joint.
+        InputError: for a duplicate name, circular parents of frames, or numbers that are not finite.
     """
     tree = Tree(parts[0].model.name if len(parts) == 1 else name)
     waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
@@ -53,7 +53,7 @@ def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tup
 
 
 def refuse_infinite(model: pin.Model) -> None:
-    """Refuse inertias and placements that are not finite or wild, or a negative mass.
+    """Reject inertias and placements that are infinite or extremely large, and negative masses.
 
     Raises:
         InputError: names the joint.
@@ -67,10 +67,10 @@ def refuse_infinite(model: pin.Model) -> None:
 
 
 def refuse_acting(model: pin.Model) -> None:
-    """Refuse names of joints and frames with control characters, which could act on a terminal.
+    """Reject names of joints and frames with control characters, which could affect a terminal.
 
     Raises:
-        InputError: names the name.
+        InputError: names the joint or frame.
     """
     for name in (*model.names, *(f.name for f in model.frames)):
         if printable(name) != name:
@@ -78,7 +78,7 @@ def refuse_acting(model: pin.Model) -> None:
 
 
 def _refuse(waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], known: Sequence[str]) -> NoReturn:
-    """None of what is left finds its parent: it does not exist, or it waits for its own child."""
+    """Raise for frames without a valid parent: it is unknown, or a descendant."""
     names = [x.name for x, _ in waiting if isinstance(x, Frame)]
     lost = [x.parent for x, _ in waiting if x.parent not in names]
     if lost or not names:
@@ -87,7 +87,7 @@ def _refuse(waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], know
 
 
 def placement(x: Source | Frame) -> pin.SE3:
-    """The placement that ``xyz`` and ``rpy`` say."""
+    """Return the placement from ``xyz`` and ``rpy``."""
     return pin.SE3(pin.rpy.rpyToMatrix(np.array(x.rpy)), np.array(x.xyz))
 
 
@@ -109,10 +109,10 @@ def _add(model: pin.Model, x: Frame) -> None:
 
 
 def body_inertia(x: Body) -> pin.Inertia | None:
-    """The inertia that ``mass``, ``com`` and ``inertia`` say; None for none.
+    """Return the inertia from ``mass``, ``com`` and ``inertia``; None if there is none.
 
     Raises:
-        InputError: as `judged_inertia`.
+        InputError: as for `judged_inertia`.
     """
     ixx, iyy, izz, ixy, ixz, iyz = x.inertia
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
@@ -130,7 +130,7 @@ def _joint(x: Body) -> pin.JointModel:
         case "revolute":
             return pin.JointModelRevoluteUnaligned(axis)
         case "continuous":
-            return pin.JointModelRUBZ()  # about the z axis of a turned frame: the unaligned one takes no axis
+            return pin.JointModelRUBZ()  # about z of a rotated frame: the unaligned one takes no axis
         case "prismatic":
             return pin.JointModelPrismaticUnaligned(axis)
         case "universal":
@@ -145,5 +145,5 @@ def _joint(x: Body) -> pin.JointModel:
 
 
 def _turn(x: Body) -> pin.SE3:
-    """The placement of the joint's own frame in the body's: continuous and planar joints have their axis as its z."""
+    """Return the placement of the joint frame in the body's: the axis of continuous and planar joints is its z."""
     return turn_of_z(x.axis) if x.joint in ("continuous", "planar") else pin.SE3.Identity()

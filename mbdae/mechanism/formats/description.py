@@ -1,4 +1,4 @@
-"""What a saved solution remembers of a mechanism, and the mechanism made again from it."""
+"""Description of a mechanism in a saved solution, and the mechanism recreated from it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,14 +15,13 @@ from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
 from ..model_serialization import model_from_data, model_to_data
 from ..model_settings import Motor
-from ..pinocchio_data import make_data
 from .load import Recipe, make, of_file, plain
 from .schema import MechanismFile
 from .sources import restored
 
 
 def describe(mech: Mechanism) -> dict[str, Any]:
-    """What a saved solution remembers of a mechanism: plain JSON data; functions by name only."""
+    """Return the description of a mechanism for a saved solution: JSON data; functions by name only."""
     functions = _functions(mech)
     if mech.source:
         return {**mech.source, "parts": [record() for record in mech.source["parts"]], "functions": functions}
@@ -42,7 +41,7 @@ def describe(mech: Mechanism) -> dict[str, Any]:
 
 
 class _Functions(Table):
-    """A Python force: its name, its place among all forces, and the start values of its states."""
+    """A Python force: its name, its index among all forces, and the start values of its states."""
 
     name: str
     at: int = Field(ge=0)
@@ -50,7 +49,7 @@ class _Functions(Table):
 
 
 class _Parameter(Table):
-    """A parameter of a mechanism.py: its value, and what it takes."""
+    """A parameter of a mechanism.py: its value, and its type in words."""
 
     name: str
     value: Any
@@ -58,7 +57,7 @@ class _Parameter(Table):
 
 
 class _Description(Table):
-    """What `describe` gives: a file with its parts, or with a model."""
+    """Result of `describe`: a file with its sources, or with a model."""
 
     name: str
     file: MechanismFile
@@ -71,10 +70,10 @@ class _Description(Table):
 
 
 def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mechanism:
-    """Make the mechanism that `describe` described, without Python force laws; read meshes from these folders only.
+    """Recreate a mechanism from its description, without Python forces; read meshes from these folders only.
 
     Raises:
-        InputError: for a description that is damaged.
+        InputError: for a damaged description.
     """
     try:
         d = _Description.model_validate(description)
@@ -93,7 +92,7 @@ def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mech
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:
     """Names of the Python forces, their places among all forces, and the start values of their states."""
-    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).bound if law.states}
+    states = {law.name: law.states for law, _ in mech.bind_forces(mech.make_workspace()).bound if law.states}
     python = [
         (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
         for i, f in enumerate(mech.forces)
@@ -103,7 +102,7 @@ def _functions(mech: Mechanism) -> list[dict[str, Any]]:
 
 
 def _missing(name: str, states: dict[str, float] | None) -> Any:
-    """A force that refuses to act."""
+    """Return a force that raises an error when evaluated."""
 
     def missing(*point: Any) -> np.ndarray:
         raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")

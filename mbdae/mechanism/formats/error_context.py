@@ -1,4 +1,4 @@
-"""What is wrong with a mechanism file, said with the file and the place in it; all names that do not exist at once."""
+"""Errors of a mechanism file, with the file and key path; all unknown names at once."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,12 +16,12 @@ TABLES = {"motor": "motor"} | dict.fromkeys(("lock", "joint_type", "q", "v", "gu
 
 @contextmanager
 def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedModel]) -> Iterator[None]:
-    """Put the path of a file before what is raised, and say all names that do not exist; nothing without a path.
+    """Add the path of a file to errors, and report all unknown names together; no effect without a path.
 
     Args:
-        path: of the file.
-        file: what it says.
-        parts: its sources, read.
+        path: path of the file.
+        file: its contents.
+        parts: its imported sources.
     """
     try:
         yield
@@ -33,11 +33,11 @@ def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedM
 
 
 def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedModel]) -> list[str]:
-    """A name that was not found and all others that do not exist, by kinds, behind each of them those that do."""
+    """Return the unknown name and all others, by kind, each with the valid names."""
     known, out = _known(file, parts), list[str]()
     uses = [use for use in _uses(file.model_dump()) if use[2] not in known[use[0]] or use[::2] == (e.kind, e.name)]
     for kind in dict.fromkeys(kind for kind, *_ in uses):
-        valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are joined one after the other
+        valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are resolved one after the other
         faults = {place: UnknownNameError(kind, name, valid) for of, place, name in uses if of == kind}
         out += [f"{place}: {fault.what}" for place, fault in faults.items()]
         out.append(next(iter(faults.values())).choice)
@@ -45,7 +45,7 @@ def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedM
 
 
 def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, list[str]]:
-    """The names of each kind that a file may say."""
+    """Return the valid names of each kind in a file."""
     sources = list(zip((s.prefix for s in file.source), parts, strict=True))
     joints = [prefix + n for prefix, part in sources for n in joint_names(part.model)]
     joints += [body.name for body in file.body if body.joint != "fixed"]
@@ -62,7 +62,7 @@ def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, lis
 
 
 def _uses(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
-    """Kind, place and name, wherever a file says one of something else."""
+    """Yield kind, place and name of each reference in a file."""
     entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list | tuple) else ()
     for key, value in entries:
         label = value.get("name") or key if isinstance(value, dict) else key

@@ -1,4 +1,4 @@
-"""The inertia of a body as a file states it, judged before Pinocchio takes it."""
+"""Inertia of a body from a file, checked before it is passed to Pinocchio."""
 
 import numpy as np
 import pinocchio as pin
@@ -6,17 +6,17 @@ import pinocchio as pin
 from ...errors import InputError
 from ...system import Array
 
-ROUNDED = 1e-12  # of the largest entry of a tensor: a negative eigenvalue as small is a rounded 0
+ROUNDED = 1e-12  # of the largest entry of a tensor: smaller negative eigenvalues are rounded zeros
 
 
 def judged_inertia(mass: float, com: Array, tensor: Array, of: str) -> pin.Inertia:
-    """The inertia of a mass, its centre (3,) in m, and its tensor (3, 3) about that centre in kg m^2.
+    """Return the inertia of a mass, its centre (3,) in m, and its tensor (3, 3) about that centre in kg m^2.
 
     Args:
         mass: in kg.
         com: centre of mass, (3,).
         tensor: symmetric, (3, 3).
-        of: what has it, for messages.
+        of: name of the body, for messages.
 
     Raises:
         InputError: for a negative mass, or a tensor that is not positive semi-definite.

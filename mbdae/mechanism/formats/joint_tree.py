@@ -1,4 +1,4 @@
-"""Copies of joint trees: numbered depth first, joints locked or of another kind, several trees in one."""
+"""Copies of joint trees: renumbered depth first, with locked or replaced joints, or several trees merged."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -21,11 +21,11 @@ PLAIN: dict[str, Callable[[], pin.JointModel]] = {
 
 
 class Tree:
-    """A model and its visuals that grow together.
+    """A model and its visuals, extended together.
 
     Attributes:
         model: the joints, bodies and frames.
-        visuals: what is to be seen of them.
+        visuals: its visual geometry.
     """
 
     def __init__(self, name: str = "") -> None:
@@ -44,27 +44,27 @@ class Tree:
         turns: Mapping[str, pin.SE3] | None = None,
         locked: Mapping[str, np.ndarray] | None = None,
     ) -> "Tree":
-        """Append a copy of a model, its joints in depth-first order, and return the tree.
+        """Append a copy of a model, with joints in depth-first order, and return the tree.
 
         Args:
-            model: stays as it is.
-            visuals: stay as they are.
+            model: remains unchanged.
+            visuals: remain unchanged.
             parent: frame of this tree that carries the copy; the world when left out.
             placement: of the copy's world in the parent frame.
-            prefix: before the name of every joint, frame and visual.
-            kinds: joints, by their old names, that become joints of another kind in the same place.
-            turns: placements of joints, by their old names, in what was their frame; bodies stay where they were.
-            locked: joints, by their old names, that are fixed at a configuration of theirs.
+            prefix: added to the name of every joint, frame and visual.
+            kinds: new kinds of joints, by their old names, at the same placement.
+            turns: placements of joints, by their old names, in their old frame; bodies keep their placement.
+            locked: configurations of joints to lock, by their old names.
 
         Raises:
-            UnknownNameError: for a joint that does not exist.
-            InputError: for a name that is taken.
+            UnknownNameError: for an unknown joint.
+            InputError: for a duplicate name.
         """
         kinds, turns, locked = kinds or {}, turns or {}, locked or {}
         for name in (*kinds, *turns, *locked):
             find_joint(model, name)
         base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
-        number, where = {0: parent.parentJoint if parent else 0}, {0: base}  # old joint: new joint, its place there
+        number, where = {0: parent.parentJoint if parent else 0}, {0: base}  # old joint: new joint, placement in it
         self._append_inertia(number[0], model.inertias[0], base)
         for j in _walk(model, 0):
             old, name = model.joints[j], model.names[j]
@@ -100,7 +100,7 @@ class Tree:
         locked: set[str],
         parent: pin.Frame | None,
     ) -> dict[int, int]:
-        """Copy frames; return the new number of each."""
+        """Copy frames; return the new index of each."""
         frames = {0: self.model.getFrameId(parent.name, parent.type) if parent else 0}
         taken = {(f.name, f.type) for f in self.model.frames}
         for i, f in enumerate(list(model.frames)[1:], 1):
@@ -134,20 +134,20 @@ def settled(
     lock: Mapping[str, Any],
     normals: Mapping[str, Axis] | None = None,
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
-    """Return the model with joints of other kinds, joints locked at values, and all of them numbered depth first.
+    """Return the model with replaced joints, joints locked at values, and all of them numbered depth first.
 
-    Pinocchio's planar joint moves in its frame's xy plane: that of a joint with a normal, or in the place of one with
-    an axis, is turned.
+    Pinocchio's planar joint moves in its frame's xy plane: the frame of a joint with a normal, or one that replaces a
+    joint with an axis, is rotated accordingly.
 
     Args:
-        model: stays as it is.
-        visuals: stay as they are.
+        model: remains unchanged.
+        visuals: remain unchanged.
         kinds: joint = kind.
         lock: joint = value.
         normals: of the planes of planar joints, in their frames.
 
     Raises:
-        UnknownNameError, InputError: for a joint that does not exist or a wrong number of values.
+        UnknownNameError, InputError: for an unknown joint or a wrong number of values.
     """
     gravity, name = model.gravity, model.name
     axes = {n: axis for n, axis in (normals or {}).items() if kinds.get(n, "planar") == "planar"}
@@ -179,13 +179,13 @@ def depth_first(
 
 
 def override(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
-    """Return a joint of another kind that takes the place of one.
+    """Return a joint of another kind that replaces one.
 
-    A revolute one keeps the axis that it had; a universal joint turns about axes of the joint's own frame, x then y
-    unless its name says otherwise.
+    A revolute one keeps its axis; a universal joint rotates about axes of the joint frame, x then y unless its name
+    specifies otherwise.
 
     Raises:
-        InputError: for a revolute joint in the place of one without an axis of rotation.
+        InputError: for a revolute joint that replaces one without an axis of rotation.
     """
     if kind in PLAIN:
         return PLAIN[kind]()
@@ -201,20 +201,20 @@ def override(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
 
 
 def turn_of_z(axis: Axis) -> pin.SE3:
-    """The shortest turn that takes z to an axis."""
+    """Return the shortest rotation that maps z to an axis."""
     return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(axis) / np.linalg.norm(axis)), np.zeros(3))
 
 
 def _axis(joint: pin.JointModel) -> Axis:
-    """The axis of a joint with one coordinate, in its own frame; z for other joints."""
+    """Return the axis of a joint with one coordinate, in its frame; z for other joints."""
     if joint.nv != 1:
         return Z
-    x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # one of both parts is zero
+    x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # one of the halves is zero
     return float(x), float(y), float(z)
 
 
 def _copy_arrays(model: pin.Model, new: pin.JointModel, source: pin.Model, old: pin.JointModel) -> None:
-    """Copy what a model says about a joint; one number becomes that of every coordinate of another kind of joint."""
+    """Copy a model's values of a joint; one number is repeated for all coordinates of a replacing joint."""
     for name in PER_VELOCITY:
         values = np.array(getattr(source, name))[old.idx_v : old.idx_v + old.nv]
         if old.nv == new.nv or len(set(values.tolist())) == 1:

@@ -21,10 +21,12 @@ from ..mechanism import Mechanism
 from ..model_settings import Motor
 from .build import build
 from .error_context import with_error_context
-from .model_library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
+from .merge import merged
+from .model_library import IN_FOLDER, find, model_names
 from .parametric import read_parametric, split
+from .readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
 from .schema import MechanismFile, Source, read_toml
-from .sources import merged, read_source, restored
+from .sources import read_source, restored
 
 
 def load(
@@ -45,22 +47,22 @@ def load(
 
     Args:
         path: the name of a model that comes with mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a
-            robot.yaml beside a robot.urdf, or a folder with one of these.
-        closures: more closures, behind those of the file.
-        drivers: more drivers, behind those of the file.
-        stops: more stops, behind those of the file.
+            robot.yaml next to a robot.urdf, or a folder with one of these.
+        closures: more closures, after those of the file.
+        drivers: more drivers, after those of the file.
+        stops: more stops, after those of the file.
         clutches: more clutches.
-        forces: more forces, behind those of the file.
+        forces: more forces, after those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
         key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
-        assemble: make the file's start consistent; False takes it as it is, and refuses it where a closure is open.
+        assemble: make the file's start consistent; False keeps it as it is, and rejects it if it violates a closure.
         free_flyer: put a free joint, ``root_joint``, under the root link of each URDF source, which otherwise is fixed
             to the world; the same as ``free_flyer = true`` of a mechanism file.
-        parameters: of a mechanism.py, also written behind the name: ``"n_four_bar?N=10"``.
+        parameters: of a mechanism.py, also written after the name: ``"n_four_bar?N=10"``.
 
     Raises:
-        UnknownNameError: for a model, parameter, frame, joint, motor or keyframe that does not exist; lists what does.
-        InputError: for a file that is wrong: one line with the key and what was expected.
+        UnknownNameError: for an unknown model, parameter, frame, joint, motor or keyframe; lists the valid names.
+        InputError: for an invalid file: one line with the key and what was expected.
     """
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
@@ -75,16 +77,16 @@ def load(
 
 
 class Recipe(NamedTuple):
-    """What files say of a mechanism, read and merged: what is made of it.
+    """The merged contents of all files of a mechanism.
 
     Attributes:
-        file: the mechanism file with what its sources say.
-        name: of the model.
-        parts: the sources, read.
+        file: the mechanism file, merged with its sources.
+        name: name of the model.
+        parts: the imported sources.
         motors: named inputs.
-        left_out: what the files say and the mechanism will not have.
-        parameters: name, value and what it takes, of each parameter of a mechanism.py.
-        remarks: what is left out of sources that are not ``quiet``.
+        left_out: features of the files that are not supported.
+        parameters: name, value and type in words, of each parameter of a mechanism.py.
+        remarks: unsupported features of sources that are not ``quiet``.
     """
 
     file: MechanismFile
@@ -129,20 +131,20 @@ def read(
 
 
 def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
-    """The mechanism file, and what is known of its parameters."""
+    """Return the mechanism file, and a description of its parameters."""
     if found.suffix == PARAMETRIC:
         return read_parametric(found, name, values)
     if values:
         raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
-    if found.suffix in READERS:
-        return read_toml(told(found), str(found)), ()
+    if found.suffix in CONVERTERS:
+        return read_toml(converted(found), str(found)), ()
     if found.suffix == MECHANISM:
         return read_toml(text_of(found), str(found)), ()
     return MechanismFile(source=(Source(file=found.name),), title=name), ()
 
 
 def _remark_open(mech: Mechanism, name: str) -> None:
-    """Warn where a source says how every joint stands and leaves a closure open; assembly will move the joints."""
+    """Warn if a source specifies all joint values and violates a closure; assembly will move the joints."""
     gap = mech.gap_as_given
     if gap and gap.relative > START:
         warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
@@ -153,15 +155,15 @@ def _with_options(source: Source, free_flyer: bool, key: str) -> Source:
 
 
 def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = True) -> Mechanism:
-    """Make the mechanism that files describe.
+    """Create the mechanism that files describe.
 
     Args:
-        recipe: the files, read.
-        functions: Python forces, behind those of the file.
-        remembered: keep the files for `describe`; False where their numbers were changed since they were read.
+        recipe: the merged files.
+        functions: Python forces, after those of the file.
+        remembered: keep the files for `describe`; False if their values were changed since they were read.
 
     Raises:
-        UnknownNameError, InputError: for what does not fit together.
+        UnknownNameError, InputError: for inconsistent input.
     """
     file, name = recipe.file, recipe.name
     if not recipe.parts and not file.body:
@@ -177,7 +179,7 @@ def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = Tr
 
 
 def _source(recipe: Recipe) -> dict[str, Any]:
-    """What `describe` says of a mechanism from files."""
+    """Return the description of a mechanism from files."""
     return {
         "name": recipe.name,
         "file": plain(recipe.file),
@@ -189,7 +191,7 @@ def _source(recipe: Recipe) -> dict[str, Any]:
 
 
 def of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any) -> Mechanism:
-    """The mechanism over a model, with what the tables of a file say besides."""
+    """Return the mechanism of a model, with the other tables of a file."""
     return Mechanism(
         model, file.closure, forces, drivers=file.driver, stops=file.stop, clutches=file.clutch, start=file.start,
         title=title, duration=file.duration, order=file.order, settings=file.solve, **rest,
@@ -197,7 +199,7 @@ def of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title:
 
 
 def recipe_of(mech: Mechanism) -> Recipe:
-    """The files that a mechanism was made from, without what is only seen."""
+    """Return the files of a mechanism, without visuals."""
     said: dict[str, Any] = mech.source or {}
     file = MechanismFile.model_validate(said["file"])
     parts = [replace(restored(record()), visuals=None) for record in said["parts"]]
@@ -205,7 +207,7 @@ def recipe_of(mech: Mechanism) -> Recipe:
 
 
 def plain(file: MechanismFile) -> dict[str, Any]:
-    """The file as JSON data; closures and bodies without their defaults: not every kind takes every key."""
+    """Return the file as JSON data; closures and bodies without defaults, since keys depend on the kind."""
     bodies = [x.model_dump(mode="json", exclude_defaults=True) for x in file.body]
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
     return {**file.model_dump(mode="json", exclude={"body", "closure"}), "body": bodies, "closure": closures}

@@ -1,4 +1,4 @@
-"""The numbers of mechanisms that were loaded: what they are now, and mechanisms with other ones."""
+"""Parameters of loaded mechanisms: current values, and mechanisms with other values."""
 
 import json
 from functools import lru_cache
@@ -15,13 +15,13 @@ from .template import KEPT, Template, as_body, head, split_joint
 
 
 class LoadedModel(Template):
-    """The files that a mechanism was made from, as it remembers them.
+    """The files of a mechanism, as kept by it.
 
     Args:
         mech: from `mbdae.load`.
 
     Raises:
-        InputError: for a mechanism that was not made from files.
+        InputError: for a mechanism that was not created from files.
     """
 
     def __init__(self, mech: Mechanism) -> None:
@@ -35,11 +35,11 @@ class LoadedModel(Template):
 
 
 def number(template: Template, name: str) -> float:
-    """The number that a dotted name stands for.
+    """Return the number that a dotted name refers to.
 
     Raises:
-        UnknownNameError: for a name that leads nowhere.
-        InputError: for what is no number, or not said.
+        UnknownNameError: for an invalid path.
+        InputError: for an entry that is not a number, or is missing.
     """
     recipe = template.recipe({})
     given = {p["name"]: p["value"] for p in recipe.parameters}
@@ -63,7 +63,7 @@ def _entry(at: Any, key: str) -> Any:
 
 
 def _joint(recipe: Recipe, path: str) -> tuple[Body, str]:
-    """The joint of a source, in the words of a file, and what of it a path names."""
+    """Return the joint of a source as a body table, and the key that a path names."""
     for source, part in zip(recipe.file.source, recipe.parts, strict=True):
         names = [source.prefix + n for n in joint_names(part.model)]
         if any(path.startswith(f"{n}.") for n in names):

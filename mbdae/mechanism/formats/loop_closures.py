@@ -1,4 +1,4 @@
-"""loop_closures.yaml beside a URDF: the hinges that CAD exporters cut to make a tree of a linkage.
+"""loop_closures.yaml next to a URDF: the hinges that CAD exporters cut to obtain a tree.
 
 ================================  ======================================================================
 closures: [{link_a, link_b,       a hinge between two links: a point on it in m, and its direction, both in
@@ -25,8 +25,8 @@ from ..frames import find_joint, place
 from ..imported_model import ImportedModel
 from ..model_settings import Motor
 from ..pinocchio_data import make_data
-from .robot_yaml import yaml_table
 from .schema import Frame, Vector
+from .yaml_table import yaml_table
 
 FILE, BASE = "loop_closures.yaml", "base_link"
 
@@ -41,7 +41,7 @@ class CutHinge(Table):
 
 
 class CutLoops(Table):
-    """Everything that may stand in a loop_closures.yaml."""
+    """Valid entries of a loop_closures.yaml."""
 
     closures: tuple[CutHinge, ...] = ()
     dependent: tuple[str, ...] = ()
@@ -49,11 +49,11 @@ class CutLoops(Table):
 
 
 def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> ImportedModel:
-    """Add the closures that a loop_closures.yaml beside a URDF says, or in the package above its folder ``urdf``.
+    """Add the closures of a loop_closures.yaml next to a URDF, or in the package above its folder ``urdf``.
 
     Raises:
         InputError: one line with the key and what was expected.
-        UnknownNameError: for a link or joint that does not exist.
+        UnknownNameError: for an unknown link or joint.
     """
     above = path.parent.parent
     beside = [path.parent / FILE, *((above / FILE, above / "config" / FILE) if path.parent.name == "urdf" else ())]
@@ -86,6 +86,6 @@ def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> Importe
 
 
 def _base(model: pin.Model) -> str:
-    """The base link, or the first of all links."""
+    """Return the base link, or the first of all links."""
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.name != "universe"]
     return BASE if BASE in links else links[0]

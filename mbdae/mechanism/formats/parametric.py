@@ -3,7 +3,7 @@
     def mechanism(N: Annotated[int, Field(ge=1)] = 2) -> dict:
         return {"title": f"{N} four-bars", "body": [...], "closure": [...]}
 
-The annotations say which values the parameters take, the defaults stand for those left out.
+The annotations define valid values of the parameters; defaults are used for missing ones.
 """
 
 import inspect
@@ -49,11 +49,11 @@ def read_parametric(path: Path, name: str, values: Mapping[str, Any]) -> tuple[M
     """Call the function of a file.
 
     Returns:
-        The mechanism file; and name, value and what it takes (kind, range and default in words) of each parameter.
+        The mechanism file; and name, value and type (kind, range and default in words) of each parameter.
 
     Raises:
-        UnknownNameError: for a parameter that does not exist; lists those that do, with their defaults.
-        InputError: for a value that does not fit, or a file or function that fails.
+        UnknownNameError: for an unknown parameter; lists the valid ones, with their defaults.
+        InputError: for an invalid value, or a file or function that fails.
     """
     function = _function(path)
     fields = _fields(function, path)
@@ -86,7 +86,7 @@ def parameter_names(path: Path) -> tuple[str, ...]:
     """Names of the parameters that a mechanism.py takes.
 
     Raises:
-        InputError: for a file that cannot be run, or whose function is not fit.
+        InputError: for a file that cannot be run, or an invalid function.
     """
     return tuple(_fields(_function(path), path))
 
@@ -102,7 +102,7 @@ def _function(path: Path) -> Any:
 
 
 def _fields(function: Any, path: Path) -> dict[str, FieldInfo]:
-    """What is known of each parameter: annotation, limits, default."""
+    """Return annotation, limits and default of each parameter."""
     parameters = inspect.signature(function).parameters
     if any(p.kind not in KEYWORDS for p in parameters.values()):
         raise InputError(f"{path}: {FUNCTION}() takes parameters by name only, no *args and no **kwargs")

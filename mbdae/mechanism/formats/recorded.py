@@ -1,8 +1,8 @@
-"""XML elements that record what of them was read: the rest is named, whatever it is.
+"""XML elements that record which of their contents were read, so that the rest can be reported.
 
-A reader asks a `Recorded` element for its children, attributes and text; what it never asked for is what the mechanism
-does not have. Where another program reads a file (Pinocchio a URDF, MuJoCo an MJCF), `Recorded.mark` takes a table of
-what of its result is carried over.
+A reader queries a `Recorded` element for its children, attributes and text; whatever it never queried is not part of
+the mechanism. Where another program reads a file (Pinocchio a URDF, MuJoCo an MJCF), `Recorded.mark` takes a table of
+the contents that are carried over.
 """
 
 import xml.etree.ElementTree as ET
@@ -15,11 +15,11 @@ NAME, ALL = "name", "*"
 
 
 class Recorded:
-    """An XML element, and which of its attributes, its children and its text were read.
+    """An XML element, and a record of which attributes, children and text were read.
 
     Attributes:
         tag: of the element.
-        names: of the element and of those that hold it, without the root's, joined by ``/``.
+        names: of the element and its ancestors, without the root's, joined by ``/``.
     """
 
     def __init__(self, element: ET.Element, above: "Recorded | None" = None) -> None:
@@ -31,19 +31,19 @@ class Recorded:
 
     @classmethod
     def parse(cls, text: str | bytes, name: str) -> "Recorded":
-        """The root element of a text.
+        """Return the root element of a text.
 
         Raises:
             InputError: for a text that is not XML.
         """
         try:
             return cls(ET.fromstring(text))
-        except (ET.ParseError, ValueError, LookupError) as e:  # LookupError: an encoding that nobody knows
+        except (ET.ParseError, ValueError, LookupError) as e:  # LookupError: an unknown encoding
             raise InputError(f"{name} is not XML: {e}") from None
 
     @property
     def children(self) -> "list[Recorded]":
-        """All children; asking for them reads none."""
+        """All children; this does not mark them as read."""
         if self._made is None:
             self._made = [Recorded(e, self) for e in self._element]
         return self._made
@@ -54,7 +54,7 @@ class Recorded:
         return self._element.get(key, default)
 
     def skip_blank(self, key: str) -> None:
-        """Take an attribute as read if it is empty."""
+        """Mark an attribute as read if it is empty."""
         if not self._element.get(key, "").strip():
             self._attributes.add(key)
 
@@ -75,7 +75,7 @@ class Recorded:
         return at
 
     def text(self, path: str = "") -> str | None:
-        """Read the text of the element, or of the first one along a path; None where there is none."""
+        """Read the text of the element, or of the first one along a path; None if there is none."""
         e = self.first(path) if path else self
         if e is None:
             return None
@@ -83,11 +83,12 @@ class Recorded:
         return (e._element.text or "").strip()
 
     def mark(self, table: Mapping[str, str]) -> None:
-        """Mark what a table says as read, in the element and all below it.
+        """Mark the contents of a table as read, in the element and all below it.
 
         Args:
-            table: ``"tag"``, or ``"parent/tag"`` where that differs from the rest, and the attributes read, divided by
-                spaces: ``"*"`` is all of them, ``"**"`` also everything below. A tag followed by ``!`` is read once.
+            table: ``"tag"``, or ``"parent/tag"`` where that differs from the rest, and the attributes read, separated
+                by
+            spaces: ``"*"`` is all of them, ``"**"`` also everything below. A tag followed by ``!`` is read once.
         """
         waiting = [self]
         while waiting:
@@ -117,10 +118,10 @@ class Recorded:
                 waiting += e.children
 
     def unread(self, but: "Collection[Recorded]" = ()) -> Iterator[tuple[str, str]]:
-        """Path and names, from this element on, of what was not read: elements, attributes (``@``) and text.
+        """Yield path and names, from this element on, of unread contents: elements, attributes (``@``) and text.
 
         Args:
-            but: elements that are left to themselves.
+            but: elements to skip.
         """
         waiting = [(self, "")]
         while waiting:
@@ -129,7 +130,7 @@ class Recorded:
             if not at._visited:
                 yield path, names
                 continue
-            for key in at._element.keys():  # noqa: SIM118 - an element is no mapping
+            for key in at._element.keys():  # noqa: SIM118 - an element is not a mapping
                 if key not in at._attributes:
                     yield f"{path}/@{key}".strip("/"), names
             written = (at._element.text, *(e._element.tail for e in at.children))
@@ -139,7 +140,7 @@ class Recorded:
 
 
 def unread_phrases(unread: Iterator[tuple[str, str]]) -> list[str]:
-    """What was not read, one phrase for each path with the names of all elements that have it."""
+    """Return one phrase for each unread path, with the names of all elements that have it."""
     found: dict[str, dict[str, None]] = {}
     for path, name in unread:
         found.setdefault(printable(path), {})[printable(name)] = None

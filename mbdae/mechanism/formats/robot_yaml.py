@@ -1,4 +1,4 @@
-"""robot.urdf with robot.yaml: the tables in which parallel robots write what a URDF cannot say.
+"""robot.urdf with robot.yaml: tables of parallel robots that supplement the URDF.
 
 ==============================  ========================================================================
 closed_loop: [[frame, frame]]   pairs of frames that coincide
@@ -8,16 +8,14 @@ joint_name: [joint]             joints of another kind than the URDF says,
 joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
 ==============================  ========================================================================
 
-A universal joint takes the place of the URDF's joint and keeps its name; it has two coordinates.
+A universal joint replaces the URDF's joint and keeps its name; it has two coordinates.
 """
 
-import math
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ...errors import InputError
@@ -28,7 +26,10 @@ from ..closures.closure import Closure
 from ..frames import find_joint, joint_names
 from ..imported_model import ImportedModel
 from ..model_settings import Motor
+from .reader import KEY, Reader
+from .schema import Source
 from .urdf import read_urdf
+from .yaml_table import yaml_table
 
 FILE, URDF = "robot.yaml", "robot.urdf"
 CLOSURES: dict[str, Any] = {"6d": "frame", "3d": "point"}
@@ -38,11 +39,10 @@ KINDS = {
     **{f"UJOINT_{a}{b}": f"universal_{a}{b}".lower() for a, b in permutations("XYZ", 2)},
 }
 FIXED = "FIXED"
-LARGEST = 100_000  # entries of a robot.yaml
 
 
 class RobotTables(BaseModel):
-    """What may stand in a robot.yaml; other keys are left out, by name."""
+    """Valid entries of a robot.yaml; other keys are left out, by name."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -53,17 +53,17 @@ class RobotTables(BaseModel):
     joint_type: tuple[str, ...] = ()
 
 
-def read_robot_yaml(path: Path, places: AllowedPaths, free_flyer: bool = False) -> ImportedModel:
+def read_robot_yaml(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
     """Read a robot.yaml and the robot.urdf beside it.
 
     Args:
         path: of the robot.yaml.
         places: where meshes are looked up.
-        free_flyer: put a free joint under the root link.
+        source: whether a free joint is put under the root link.
 
     Raises:
         InputError: one line with the key and what was expected.
-        UnknownNameError: for a joint that does not exist.
+        UnknownNameError: for an unknown joint.
     """
     tables, urdf = read_tables(text_of(path), path.name), path.with_name(URDF)
     kinds = {n: t.upper() for n, t in zip(tables.joint_name, tables.joint_type, strict=True)}
@@ -71,7 +71,7 @@ def read_robot_yaml(path: Path, places: AllowedPaths, free_flyer: bool = False) 
         text_of(urdf),
         urdf.name,
         places,
-        free_flyer,
+        source.free_flyer,
         kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
         lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
     )
@@ -119,51 +119,6 @@ def read_tables(text: str, name: str) -> RobotTables:
     return tables
 
 
-def yaml_table(text: str, name: str) -> Any:
-    """Read YAML whose aliases stand for no more entries than a file would have.
-
-    Raises:
-        InputError: for a text that is none.
-    """
-    try:
-        node = yaml.compose(text, yaml.SafeLoader)
-        if (size := _written_out(node, {})) > LARGEST:
-            raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
-        if twice := _said_twice(node):
-            raise InputError(f"{name}: the key {twice!r} is there more than once")
-        return yaml.safe_load(text)
-    except InputError:
-        raise
-    except (yaml.YAMLError, ValueError, RecursionError) as e:
-        raise InputError(f"{name} is not YAML: {' '.join(str(e).split())[:200]}") from None
-
-
-def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:
-    """Number of entries of a node where every alias is written out; without end where one stands for itself."""
-    if not isinstance(node, yaml.CollectionNode):
-        return 1
-    if id(node) not in known:
-        known[id(node)] = math.inf  # while it is open
-        inner = (x for entry in node.value for x in (entry if isinstance(entry, tuple) else (entry,)))
-        known[id(node)] = 1 + sum(_written_out(x, known) for x in inner)
-    return known[id(node)]
-
-
-def _said_twice(node: yaml.Node | None) -> str:
-    """A key that a table has more than once, of which YAML takes the last; empty where there is none."""
-    waiting = [node]
-    while waiting:
-        at = waiting.pop()
-        if isinstance(at, yaml.MappingNode):
-            keys = [str(key.value) for key, _ in at.value if isinstance(key, yaml.ScalarNode)]
-            if twice := next((key for key in keys if keys.count(key) > 1), ""):
-                return twice
-            waiting += [value for _, value in at.value]
-        elif isinstance(at, yaml.SequenceNode):
-            waiting += at.value
-    return ""
-
-
 def _same_length(name: str, key: str, values: tuple[Any, ...], other: str, others: tuple[Any, ...]) -> None:
     if len(values) != len(others):
         raise InputError(f"{name}: {key} has {len(values)} entries, {other} has {len(others)}: one for each")
@@ -172,3 +127,6 @@ def _same_length(name: str, key: str, values: tuple[Any, ...], other: str, other
 def _one_of(name: str, key: str, value: str, valid: Any) -> None:
     if value not in valid:
         raise InputError(f"{name}: {key} {value[:40]!r}; known: {', '.join(valid)}")
+
+
+robot_yaml = Reader("robot.yaml", (".yaml",), read_robot_yaml, refused=KEY)

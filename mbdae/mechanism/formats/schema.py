@@ -1,4 +1,4 @@
-"""The mechanism file: its keys, their types and defaults. Unknown keys are errors that list the known ones."""
+"""Mechanism file: its keys, their types and defaults. For unknown keys, the error lists the valid ones."""
 
 import math
 import tomllib
@@ -36,10 +36,10 @@ class Frame(Table):
     """An extra frame on a link.
 
     Attributes:
-        name: of the frame.
+        name: name of the frame.
         parent: the link, body, joint or frame that carries it, or ``"world"``.
-        xyz: place in the parent frame, in m.
-        rpy: turn in the parent frame, in rad: roll, pitch, yaw as in URDF.
+        xyz: position in the parent frame, in m.
+        rpy: rotation in the parent frame, in rad: roll, pitch, yaw as in URDF.
     """
 
     name: str
@@ -53,8 +53,8 @@ class Body(Frame):
 
     Attributes:
         name: of joint, link and the frame at the joint.
-        joint: its kind; a continuous joint turns without end, a translation is one along x, y and z.
-        axis: of a revolute, continuous or prismatic joint; the normal of a planar joint's plane; others have none.
+        joint: its kind; a continuous joint is unbounded, a translation is one along x, y and z.
+        axis: of a revolute, continuous or prismatic joint; the normal of a planar joint's plane; not for others.
         mass: in kg.
         com: centre of mass in the body's frame, in m.
         inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, in kg m^2.
@@ -74,18 +74,18 @@ class Body(Frame):
 
 
 class Source(Table):
-    """A file that brings joints and bodies: URDF, MJCF, or robot.yaml beside a robot.urdf.
+    """A file with joints and bodies: URDF, MJCF, or robot.yaml next to a robot.urdf.
 
     Attributes:
-        file: beside the mechanism file, or ``"example-robot-data:..."``.
-        prefix: before every name that the file brings.
+        file: relative to the mechanism file, or ``"example-robot-data:..."``.
+        prefix: added to every name of the file.
         parent: frame that carries it; ``"world"`` or a frame of another source or body.
-        xyz: place in the parent frame, in m.
-        rpy: turn in the parent frame, in rad.
+        xyz: position in the parent frame, in m.
+        rpy: rotation in the parent frame, in rad.
         free_flyer: put a free joint under the root link of a URDF.
         key: keyframe of an MJCF file to start from.
-        quiet: what the file says and the mechanism does not have is in ``mbdae info`` only, and no warning.
-        packages: more folders in which what the file names is looked up, ``package://`` names too, and may be read.
+        quiet: report unsupported features of the file in ``mbdae info`` only, without a warning.
+        packages: more folders from which files named in the source may be read, also by ``package://`` names.
     """
 
     file: str
@@ -100,22 +100,22 @@ class Source(Table):
 
 
 class MechanismFile(Table):
-    """Everything that may stand in a mechanism.toml.
+    """Contents of a mechanism.toml.
 
     Attributes:
         title: one line for tables and figures.
-        source: name of a file, or tables ``[[source]]``; several put several robots into one mechanism.
+        source: name of a file, or tables ``[[source]]``; several sources are merged into one mechanism.
         gravity: acceleration in m/s^2, along the world's axes.
         free_flyer: put a free joint under the root link of each source.
-        lock: joints that are removed, standing at this value in rad or m.
-        joint_type: joints of a URDF that are of another kind.
+        lock: joints that are removed, locked at this value in rad or m.
+        joint_type: joints of a URDF that are replaced by another kind.
         motor: controls of named inputs.
-        duration: how long a run takes when nobody says, in s.
+        duration: default duration of a run, in s.
         frame: extra frames.
         body: extra bodies with their joints.
         closure: loop closures.
         driver: joints or distances that follow a function of time.
-        stop: ends of the ways of joints.
+        stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
         force: springs, dampers, motors, controllers.
         start: the start state.
@@ -161,11 +161,11 @@ def read_toml(text: str, name: str) -> MechanismFile:
     """Read a mechanism file.
 
     Raises:
-        InputError: one line with the key, what is wrong with it, and the known keys.
+        InputError: one line with the key, the error, and the valid keys.
     """
     try:
         content = tomllib.loads(text)
-    except (ValueError, RecursionError) as e:  # ValueError: also a number of thousands of digits
+    except (ValueError, RecursionError) as e:  # ValueError: also a number with thousands of digits
         raise InputError(f"{name} is not TOML: {e}") from None
     return checked(content, name)
 
@@ -174,7 +174,7 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
     """Check the tables of a mechanism file.
 
     Raises:
-        InputError: one line with the key, what is wrong with it, and the known keys.
+        InputError: one line with the key, the error, and the valid keys.
     """
     wild = next(_wild(content), None)
     if wild is not None:
@@ -186,7 +186,7 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
 
 
 def _wild(value: Any, where: str = "") -> Iterator[str]:
-    """Keys of numbers whose products would overflow, and of texts that would act on a terminal."""
+    """Yield keys of numbers whose products would overflow, and of texts that would affect a terminal."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             if printable(str(key)) != str(key):

@@ -1,12 +1,12 @@
-"""Mechanisms with other numbers: files are read once, and entries of their tables changed by dotted paths.
+"""Mechanisms with other parameters: files are read once, and entries of their tables changed by dotted paths.
 
 gravity.2                       an entry of a list, counted from 0
 force.spring.stiffness          a force, closure, driver, stop, clutch, frame or body by its name, and a key of it
 start.q.crank, start.v.crank    a start value of a joint
-joint.crank_pin.xyz.0           what a source (URDF, MJCF) says of a joint: `xyz` and `rpy` of its place in the body
-                                before it, `mass`, `com`, `inertia` of the body behind it, as in a [[body]] table
+joint.crank_pin.xyz.0           an entry of a source (URDF, MJCF) for a joint: `xyz` and `rpy` in the parent body,
+                                `mass`, `com`, `inertia` of the child body, as in a [[body]] table
 
-Names may hold dots themselves; the longest that fits counts.
+Names may contain dots; the longest match is used.
 """
 
 import json
@@ -34,17 +34,17 @@ from .parametric import parameter_names, split
 from .schema import Body, MechanismFile
 
 TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of a file
-JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # what a source says of a joint
+JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
-WHOLE = ("duration", "gravity")  # that may be given whole
-KEPT = 8  # mechanisms with equal numbers, of several threads
+WHOLE = ("duration", "gravity")  # that may be given as a whole
+KEPT = 8  # mechanisms with equal parameters, of several threads
 
 
 class Template:
-    """A mechanism file whose numbers can be changed.
+    """A mechanism file with parameters that can be changed.
 
     Args:
-        path: what `mbdae.load` takes, parameters behind the name included.
+        path: as for `mbdae.load`, including parameters after the name.
 
     Attributes:
         parameters: names of the parameters of a mechanism.py, to be changed besides its tables.
@@ -63,14 +63,14 @@ class Template:
         self._made = lru_cache(KEPT)(lambda text: self._make(*json.loads(text)))
 
     def recipe(self, values: Mapping[str, Any]) -> Recipe:
-        """The files as read with the parameters among ``values``; visuals are left out."""
+        """Return the files for the parameters among ``values``; visuals are left out."""
         return self._read(json.dumps({n: x for n, x in values.items() if n in self.parameters}))
 
     def check(self, values: Mapping[str, Any]) -> None:
-        """Refuse names that lead nowhere.
+        """Reject invalid names.
 
         Raises:
-            UnknownNameError: with the names that exist in its place.
+            UnknownNameError: with the valid names.
         """
         mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
         joints = [s.prefix + n for s, p in zip(recipe.file.source, recipe.parts, strict=True)
@@ -93,10 +93,10 @@ class Template:
                 _check(recipe.file, name)
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
-        """The mechanism with these numbers; one object serves runs that differ in their start alone.
+        """Return the mechanism with these values; one object serves runs that differ only in their start.
 
         Raises:
-            UnknownNameError, InputError: for names that lead nowhere, or values that do not fit.
+            UnknownNameError, InputError: for invalid names or values.
         """
         plain = {n: x for n, x in values.items() if n in self.parameters}
         changed = {n: x for n, x in values.items() if n not in plain and not n.startswith(START)}
@@ -116,10 +116,10 @@ class Template:
 
 
 def check_start(mech: Mechanism, name: str) -> None:
-    """Refuse a name of a start value, ``start.q.crank``, that leads nowhere.
+    """Reject an invalid name of a start value, ``start.q.crank``.
 
     Raises:
-        UnknownNameError: lists the names that exist.
+        UnknownNameError: lists the valid names.
     """
     table, _, joint = name.removeprefix(START).partition(".")
     if table not in mech.start_values.tables:
@@ -128,11 +128,11 @@ def check_start(mech: Mechanism, name: str) -> None:
 
 
 def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
-    """The mechanism with other start values, ``start.q.crank = 0.3``; the rest is shared.
+    """Return the mechanism with other start values, ``start.q.crank = 0.3``; the rest is shared.
 
     Raises:
-        UnknownNameError: for a joint that does not exist.
-        InputError: for values that do not fit.
+        UnknownNameError: for an unknown joint.
+        InputError: for invalid values.
     """
     if not values:
         return mech
@@ -148,17 +148,17 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
 
 
 def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
-    """Return a checked table, or what stands in it, with another value at the end of a dotted path.
+    """Return a checked table, or an entry of it, with another value at the end of a dotted path.
 
     Args:
         thing: a table, a list or a dict.
-        path: where the value goes, below ``thing``.
+        path: of the value, below ``thing``.
         value: the value.
         whole: the path from the top, for messages.
 
     Raises:
-        UnknownNameError: where the path leads nowhere.
-        InputError: for a value that does not fit.
+        UnknownNameError: for an invalid path.
+        InputError: for an invalid value.
     """
     if not path:
         return value
@@ -178,8 +178,8 @@ def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
 
 
 def head(thing: Any, path: str, whole: str) -> tuple[str, str]:
-    """The first key of a path, which may hold dots, and the rest; entries of lists are numbered."""
-    if isinstance(thing, dict):  # joint = value: which joints there are is known to the model
+    """Return the first key of a path, which may contain dots, and the rest; entries of lists are numbered."""
+    if isinstance(thing, dict):  # joint = value: the valid joints are known to the model
         return path, ""
     keys = _keys(thing)
     found = [k for k in keys if path == k or path.startswith(f"{k}.")]
@@ -191,7 +191,7 @@ def head(thing: Any, path: str, whole: str) -> tuple[str, str]:
 
 
 def _keys(thing: Any) -> dict[str, str]:
-    """What may stand behind a thing in a path, and the key or number that it means."""
+    """Return the valid next keys of a path, and the key or index that each means."""
     if isinstance(thing, MechanismFile):
         return {k: k for k in TABLES}
     if isinstance(thing, Table):
@@ -202,7 +202,7 @@ def _keys(thing: Any) -> dict[str, str]:
 
 
 def _names(entries: tuple[Any, ...]) -> dict[str, str]:
-    """Names of the entries of a table list, and their numbers; those without a name have their kind and number."""
+    """Return names of the entries of a table list, and their indices; unnamed ones have their kind and number."""
     out = {}
     for i, entry in enumerate(entries):
         if isinstance(entry, Table) and "name" in type(entry).model_fields:
@@ -211,20 +211,20 @@ def _names(entries: tuple[Any, ...]) -> dict[str, str]:
 
 
 def _check(file: MechanismFile, name: str) -> None:
-    """Refuse a dotted path into the tables of a file that leads nowhere, or ends at a table."""
+    """Reject a dotted path into the tables of a file that is invalid, or ends at a table."""
     at: Any = file
     rest = name
     while rest:
         key, rest = head(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
-    if isinstance(at, Constant):  # a number that a function of time may stand for
+    if isinstance(at, Constant):  # a number in place of a function of time
         return
     if isinstance(at, Table) or _names(at if isinstance(at, tuple) else ()):
         raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(_keys(at))}")
 
 
 def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
-    """The joint and what of it a path names."""
+    """Return the joint and the key that a path names."""
     names = list(joints)
     found = [n for n in names if path.startswith(f"{n}.")]
     if not found and path in names:
@@ -241,7 +241,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
 
 
 def _changed(part: ImportedModel, prefix: str, moved: Mapping[str, Any]) -> ImportedModel:
-    """A source with other numbers at its joints."""
+    """Return a source with other values at its joints."""
     model = part.model.copy()
     bodies: dict[str, Any] = {}
     for path, value in moved.items():
@@ -262,7 +262,7 @@ def _changed(part: ImportedModel, prefix: str, moved: Mapping[str, Any]) -> Impo
 
 
 def as_body(model: pin.Model, joint: str) -> Body:
-    """A joint and the body behind it, in the words of a mechanism file."""
+    """Return a joint and its child body as a table of a mechanism file."""
     at = model.getJointId(joint)
     place, inertia = model.jointPlacements[at], model.inertias[at]
     tensor = inertia.inertia

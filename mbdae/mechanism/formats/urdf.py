@@ -1,29 +1,30 @@
-"""URDF: read by Pinocchio, beside which mimic joints and the axes of planar joints are read; the rest is named."""
+"""URDF: read by Pinocchio, plus mimic joints and the axes of planar joints; the rest is reported."""
 
-import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
-import coal
 import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..allowed_paths import AllowedPaths
-from ..checked_table import HUGE, Table
+from ...file_io import text_of
+from ..allowed_paths import AllowedPaths, installed
+from ..checked_table import Table
 from ..closures.closure import Axis
 from ..frames import find_joint, joint_names
 from ..imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, mimic_couplings, name_list
 from ..model_settings import Value
-from ..scene.meshes import stand_in
 from .joint_tree import settled
+from .loop_closures import with_loops
+from .reader import KEY, Reader
 from .recorded import Recorded, unread_phrases
-from .schema import WITH_AXIS
+from .schema import WITH_AXIS, Source
+from .urdf_visuals import short, visuals_found
 
-TOKEN = 10_000_000  # m: the size of boxes that stand for meshes
 PLACE = "xyz rpy"
-READ = {  # of a URDF, by Pinocchio or here, see `Recorded.mark`; joints have tables of their own
+READ = {  # of a URDF, by Pinocchio or here, see `Recorded.mark`; joints have separate tables
     "link": "",
     "inertial!": "",
     "origin!": PLACE,
@@ -46,7 +47,7 @@ OF_KIND = {
     "revolute": ENDS,
     "prismatic": ENDS,
     "planar": {**JOINT, "axis!": "xyz"},
-    "fixed": {**JOINT, "axis!": "xyz"},  # which it does not use, as the format says
+    "fixed": {**JOINT, "axis!": "xyz"},  # not used, as the format specifies
     "floating": {**JOINT, "axis!": "xyz"},
 }
 QUATERNIONS = ("", "1.0")  # versions of the format without them
@@ -65,8 +66,8 @@ def read_urdf(
 
     Args:
         text: the URDF.
-        name: of the file, for messages.
-        places: where meshes are looked up.
+        name: name of the file, for messages.
+        places: allowed paths of meshes.
         free_flyer: put a free joint, ``root_joint``, under the root link.
         kinds: joints of another kind than the URDF says.
         lock: joints that are locked at values.
@@ -74,21 +75,12 @@ def read_urdf(
     Raises:
         InputError: if the text is not a URDF that Pinocchio accepts, or a joint's axis is zero.
     """
-    try:
-        root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
-        model = pin.buildModelFromXML(text, *root)
-        tree = ET.fromstring(text)
-        mimics, axes = _mimics(tree), _axes(tree)
-    except (ValueError, RuntimeError, IndexError, ET.ParseError) as e:
-        raise InputError(f"{name} is not a URDF that Pinocchio reads: {_short(e)}") from None
-    names, recorded = joint_names(model), _recorded(tree)
-    lost = [m.joint for m in mimics if m.joint in names and m.other not in names]
-    mimics = tuple(m for m in mimics if m.joint in names and m.other in names)
-    kinds, lock = dict(kinds or {}), mimic_couplings(mimics, dict(lock or {}), names)[1]
-    axes = {n: x for n, x in axes.items() if n not in kinds and n not in lock}
-    for joint, (_, axis) in axes.items():
-        if not 0 < np.linalg.norm(axis) < np.inf:
-            raise InputError(f"{name}: the axis of joint {joint!r} is no direction: {' '.join(map(str, axis))}")
+    said = _parsed(text, name, free_flyer)
+    names, recorded = joint_names(said.model), _recorded(said.tree)
+    kinds, lock = dict(kinds or {}), mimic_couplings(said.mimics, dict(lock or {}), names)[1]
+    changed = {*kinds, *lock}
+    axes = {n: x for n, x in said.axes.items() if n not in changed}
+    _refuse_zero(name, axes)
     record = {
         "urdf": text,
         "folder": str(places.folder),
@@ -97,28 +89,52 @@ def read_urdf(
         "kinds": kinds,
         "lock": lock,
     }
-    said = [n for n in names if n not in kinds and n not in lock]
-    left_out = [*_not_acting(model, recorded, said), (LOST, lost)]
-    rest = unread_phrases(recorded.unread())
-    try:
-        visuals = _visuals(model, tree, places)
-    except (ValueError, RuntimeError) as e:
-        reason = str(e) if isinstance(e, InputError) else _short(e)
-        warnings.warn(f"{name}: visuals left out, {reason}", stacklevel=2)
-        visuals = None
-    model, visuals = settled(model, visuals, kinds, lock)
+    left_out = _not_acting(said, recorded, [n for n in names if n not in changed])
+    model, visuals = settled(said.model, visuals_found(name, said.model, said.tree, places), kinds, lock)
     return ImportedModel(
         model,
         visuals,
         record.copy,
-        mimics=tuple(m for m in mimics if m.joint not in lock),
+        mimics=tuple(m for m in said.mimics if m.joint not in lock),
         normals={n: axis for n, (kind, axis) in axes.items() if kind == "planar"},
-        left_out=(*(name_list(what, n) for what, n in left_out if n), *rest),
+        left_out=left_out,
     )
 
 
+class _Parsed(NamedTuple):
+    """A URDF: Pinocchio's model, its elements, and what these say that Pinocchio does not read.
+
+    ``lost`` are joints that follow one that does not move.
+    """
+
+    model: pin.Model
+    tree: ET.Element
+    mimics: tuple[Mimic, ...]
+    lost: list[str]
+    axes: dict[str, tuple[str, Axis]]
+
+
+def _parsed(text: str, name: str, free_flyer: bool) -> _Parsed:
+    try:
+        root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
+        model = pin.buildModelFromXML(text, *root)
+        tree = ET.fromstring(text)
+        names, axes = joint_names(model), _axes(tree)
+        mimics = [m for m in _mimics(tree) if m.joint in names]
+    except (ValueError, RuntimeError, IndexError, ET.ParseError) as e:
+        raise InputError(f"{name} is not a URDF that Pinocchio reads: {short(e)}") from None
+    lost = [m.joint for m in mimics if m.other not in names]
+    return _Parsed(model, tree, tuple(m for m in mimics if m.joint not in lost), lost, axes)
+
+
+def _refuse_zero(name: str, axes: Mapping[str, tuple[str, Axis]]) -> None:
+    for joint, (_, axis) in axes.items():
+        if not 0 < np.linalg.norm(axis) < np.inf:
+            raise InputError(f"{name}: the axis of joint {joint!r} is no direction: {' '.join(map(str, axis))}")
+
+
 class Record(Table):
-    """What a part remembers of itself, see `read_urdf`."""
+    """Record of an imported model, see `read_urdf`."""
 
     urdf: str
     folder: str
@@ -129,7 +145,7 @@ class Record(Table):
 
 
 def _recorded(tree: ET.Element) -> Recorded:
-    """The elements, marked where they are read."""
+    """Return the elements, marked where they are read."""
     robot = Recorded(tree)
     place = PLACE if robot.get("version") in QUATERNIONS else f"{PLACE} quat_xyzw"
     robot.mark({**READ, "origin!": place})
@@ -141,47 +157,24 @@ def _recorded(tree: ET.Element) -> Recorded:
     return robot
 
 
-def _not_acting(model: pin.Model, robot: Recorded, names: list[str]) -> list[tuple[str, list[str]]]:
-    """What the model has of joints and the motion does not."""
+def _not_acting(said: _Parsed, robot: Recorded, names: list[str]) -> tuple[str, ...]:
+    """What the file says and the motion does not have: of joints ``names``, of mimics that are lost, and the rest."""
+    dry = np.array(said.model.upperDryFrictionLimit)
+    joints = {n: find_joint(said.model, n) for n in names}
+    limits = _limits(robot, names)
+    found = {
+        LIMITS: [n for n in limits if joints[n].nq == 1],
+        EFFORTS: [n for n, x in limits.items() if any(float(x.get(key) or 0) for key in ("effort", "velocity"))],
+        FRICTION: [n for n, j in joints.items() if dry[j.idx_v : j.idx_v + j.nv].any()],
+        LOST: said.lost,
+    }
+    return (*(name_list(what, n) for what, n in found.items() if n), *unread_phrases(robot.unread()))
+
+
+def _limits(robot: Recorded, names: list[str]) -> dict[str, Recorded]:
+    """The element of the limits of each joint that has one."""
     of_one = [e for e in robot.all("joint") if e.get("name") in names and "limit!" in OF_KIND[e.get("type")]]
-    limits = {e.get("name"): x for e in of_one if (x := e.first("limit"))}
-    ends = [n for n in limits if find_joint(model, n).nq == 1]
-    bounds = [n for n, x in limits.items() if any(float(x.get(key) or 0) for key in ("effort", "velocity"))]
-    dry = np.array(model.upperDryFrictionLimit)
-    with_friction = [n for n in names if (j := find_joint(model, n)) and dry[j.idx_v : j.idx_v + j.nv].any()]
-    return [(LIMITS, ends), (EFFORTS, bounds), (FRICTION, with_friction)]
-
-
-def _visuals(model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.GeometryModel:
-    """The visuals, whose meshes are files that may be read: Pinocchio sees a box for each, by whose size it is known.
-
-    Raises:
-        InputError: for a mesh that is missing, damaged, stands elsewhere, or is of a format that is not drawn.
-    """
-    meshes = []
-    for shape in tree.iterfind("link/visual/geometry"):
-        for mesh in shape.findall("mesh"):
-            meshes.append((places.find(mesh.get("filename", "")), _scale(mesh.get("scale", "1 1 1"))))
-            shape.remove(mesh)
-            ET.SubElement(shape, "box", size=f"{TOKEN + len(meshes) - 1} {TOKEN} {TOKEN}")
-    for material in tree.iter("material"):
-        for texture in material.findall("texture"):
-            material.remove(texture)
-    text = ET.tostring(tree, encoding="unicode")
-    visuals = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, None, [])
-    for g in visuals.geometryObjects:
-        size = 2 * g.geometry.halfSide if isinstance(g.geometry, coal.Box) else np.zeros(3)
-        if size[1] == size[2] == TOKEN:
-            path, g.meshScale = meshes[round(size[0] - TOKEN)]
-            g.meshPath, g.geometry = str(path), stand_in(path, g.meshScale)
-    return visuals
-
-
-def _scale(text: str) -> np.ndarray:
-    scale = np.array(text.split(), float)
-    if scale.shape != (3,) or not (np.abs(scale) <= HUGE).all():
-        raise InputError(f"the scale of a mesh is three finite numbers, got {text[:40]!r}")
-    return scale
+    return {e.get("name"): x for e in of_one if (x := e.first("limit"))}
 
 
 def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:
@@ -195,7 +188,7 @@ def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:
 
 
 def _axes(tree: ET.Element) -> dict[str, tuple[str, Axis]]:
-    """Kind and axis, x when left out, of the joints that have one; floating and fixed joints have none."""
+    """Return kind and axis, x when left out, of the joints that have one; floating and fixed joints have none."""
     out = {}
     for joint in tree.iter("joint"):
         if (kind := joint.get("type", "")) in WITH_AXIS:
@@ -206,5 +199,18 @@ def _axes(tree: ET.Element) -> dict[str, tuple[str, Axis]]:
     return out
 
 
-def _short(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
+def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
+    return with_loops(read_urdf(text_of(path), path.name, places, source.free_flyer), path, places)
+
+
+def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
+    r = Record.model_validate(record)
+    folders = tuple(map(Path, r.packages))
+    places = AllowedPaths(Path(r.folder), folders)
+    if meshes is not None:
+        asked = tuple(p.resolve() for p in meshes)
+        places = AllowedPaths(Path(r.folder), (*folders, *asked), (*asked, *installed()))
+    return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
+
+
+urdf = Reader("urdf", (".urdf", ".xml", ".mjcf"), _read, root="robot", refused=KEY, restore=_restored)

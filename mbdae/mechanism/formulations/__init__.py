@@ -1,1 +1,1 @@
-"""The equations of motion as a method meets them: index 2, GGL, index 1; in Python and in the compiled core."""
+"""Formulations of the equations of motion: index 2, GGL and index 1; in Python and in the compiled core."""

@@ -1,12 +1,12 @@
-"""Friction by the forces that closures carry: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, k over the places that slide.
+"""Friction proportional to constraint forces: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, for each friction interface k.
 
-e_k (nv,) is the generalised direction of a slip of speed e_k . v, and d_k its direction, between -1 and 1. A stage, or
-a point of the hidden constraint, solves
+e_k (nv,) is the generalised direction of a slip at speed e_k . v; d_k is its sense, between -1 and 1. A stage, or a
+point of the hidden constraint, solves
 
     M v' = f + G^T lam + sum_k e_k T_k,   Ghat v' = rhs,   T_k = -mu_k r_k |F_k(lam)| d_k
 
-v' and lam are affine in T, which the factors of one solve give; so this is a small system for T, solved by Newton's
-method. It has one solution where det(1 - dT/dT) > 0 all the way; otherwise friction wedges (Painleve).
+v' and lam are affine in T, with coefficients from the factors of one solve; the remaining small system for T is solved
+by Newton's method. The solution is unique if det(1 - dT/dT) > 0 throughout; otherwise friction jams (Painleve paradox).
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), chapter 5; E. Hairer, C. Lubich,
 M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
@@ -28,23 +28,23 @@ from .friction_interface import NOTHING, SLIDES, STILL, TOUCHES, TURNS, Friction
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that carry F; else 1
+CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that make F; else 1
 ITERATIONS = 50
-CONVERGED = 1e-15  # of the largest T
-STALLED = 1e-12  # of the largest T: nor is a change this small made better that does not halve
+CONVERGED = 1e-15  # relative to the largest T
+STALLED = 1e-12  # relative to the largest T: changes below this are accepted if they no longer halve
 
 
 class ClosureFriction:
-    """All places of a workspace where friction depends on multipliers.
+    """Friction interfaces of a workspace whose friction depends on multipliers.
 
     Args:
-        forces: of the mechanism.
-        closures: of the mechanism.
-        constraints: its rows in the workspace.
+        forces: force elements of the mechanism.
+        closures: closures of the mechanism.
+        constraints: rows of the mechanism in the workspace.
 
     Raises:
         UnknownNameError: for a closure that does not exist.
-        InputError: for one that neither turns nor slides, or a radius that does not fit.
+        InputError: for a closure that neither rotates nor slides, or for an invalid radius.
     """
 
     def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
@@ -60,7 +60,7 @@ class ClosureFriction:
                 rows = slice(start, start + CARRIED.get(closure.kind, 1))
                 self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
-        self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # what grips does not slide
+        self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # sticking does not slide
         self.slip_directions = np.tile([1.0, 0.0], (len(self.places), 1))
         self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.slip_directions, self.places, strict=True)]
 
@@ -69,15 +69,15 @@ class ClosureFriction:
 
     @property
     def grips(self) -> bool:
-        """Say whether what grips else slides."""
+        """Return whether any interface can stick instead of sliding."""
         return any(acts and place.force.sticks for acts, place in zip(self.acts, self.places, strict=True))
 
     def plain(self) -> list[dict[str, Any]]:
-        """Return what the core takes of the places; `acts` and `headings` it shares."""
+        """Return the core data of the interfaces; `acts` and `headings` are shared with the core."""
         return [place.plain() for place in self.places]
 
     def slips(self, v: Array) -> tuple[Array, Array, Array]:
-        """Return e (k, nv), e . v (k,) and the factors -mu r d (k,) where kinematics and G stand."""
+        """Return e (k, nv), e . v (k,) and the factors -mu r d (k,). Kinematics and G must be current."""
         W, k = self.constraints.W, len(self.places)
         e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
         for i, p in enumerate(self.places):
@@ -89,7 +89,7 @@ class ClosureFriction:
         return e, speed, -self.coefficient * d
 
     def whole(self, rows: Array) -> Array:
-        """Return the matrix (ng, r) of multipliers of all rows by those in use, where kinematics and G stand."""
+        """Return the matrix (ng, r) from multipliers in use to those of all rows. Kinematics and G must be current."""
         ng, r = self.constraints.ng, len(rows)
         if r == ng:
             return np.eye(ng)[:, rows]
@@ -97,14 +97,14 @@ class ClosureFriction:
         return np.array([minimum_norm(G, r, g) for g in G[rows]]).T
 
     def regularised_interfaces(self, name: str) -> list[int]:
-        """Return the numbers of the places of a closure with regularised friction, which no multiplier stands for."""
+        """Return the indices of a closure's interfaces with regularised friction, which is not a multiplier."""
         return [k for k, p in enumerate(self.places) if p.closure.name == name and not p.force.sticks]
 
     def wrench(self, name: str, v: Array, lam: Array) -> Array:
-        """Return the regularised friction of a closure on its second frame, at the world's origin, (6,); W stands.
+        """Return the regularised friction wrench of a closure on its second frame, at the world's origin, (6,).
 
         Args:
-            name: of the closure.
+            name: name of the closure.
             v: velocity, (nv,).
             lam: multipliers of all rows, (ng,).
         """
@@ -118,7 +118,7 @@ class ClosureFriction:
         return out
 
     def head(self, v: Array) -> bool:
-        """Head as grips slide, where W stands; False where one of them is at rest."""
+        """Update the slip directions of sliding interfaces; False if one of them is at rest. W must be current."""
         moving = True
         for k in np.flatnonzero(self.acts):
             if (place := self.places[k]).force.sticks:
@@ -129,7 +129,7 @@ class ClosureFriction:
         return moving
 
     def filled(self, v: Array, lam: Array) -> Array:
-        """Return multipliers with -mu |F| d for grips that slide, (ng,), whose rows a mode leaves out; W stands."""
+        """Return multipliers with -mu |F| d in the inactive no-slip rows of sliding interfaces, (ng,)."""
         out = lam.copy()
         for k in np.flatnonzero(self.acts):
             if (place := self.places[k]).force.sticks:
@@ -138,7 +138,7 @@ class ClosureFriction:
         return out
 
     def refuse(self, what: str) -> None:
-        """Refuse what does not know of forces that depend on multipliers.
+        """Raise for an analysis that does not support forces that depend on multipliers.
 
         Raises:
             InputError: naming the first friction.
@@ -147,7 +147,7 @@ class ClosureFriction:
             raise InputError(f"{what} does not know coulomb_friction, of closure {self.places[0].closure.name!r}")
 
     def carried(self, lam: Array) -> tuple[Array, Array]:
-        """Return |F| (k,) and its slopes (k, ng) for multipliers of all rows, (ng,)."""
+        """Return |F| (k,) and its partial derivatives (k, ng) for multipliers of all rows, (ng,)."""
         size, slope = np.zeros(len(self.places)), np.zeros((len(self.places), len(lam)))
         for k, place in enumerate(self.places):
             F = lam[place.rows]
@@ -158,14 +158,13 @@ class ClosureFriction:
     def solve(self, t: float, factor: Array, lam: Array, responses: Array) -> Array:
         """Return T (k,).
 
-        Args:
-            t: time, for messages.
-            factor: -mu r d, (k,).
-            lam: multipliers of all rows without friction, (ng,).
-            responses: and their changes by a unit of each T, (k, ng).
+        t: time, for messages.
+        factor: -mu r d, (k,).
+        lam: multipliers of all rows without friction, (ng,).
+        responses: changes of these multipliers per unit of each T, (k, ng).
 
         Raises:
-            StepError: where friction wedges.
+            StepError: where friction jams.
         """
         T, last = np.zeros(len(factor)), np.inf
         for _ in range(ITERATIONS):
@@ -198,18 +197,18 @@ def solve_with_friction(
     rhs: Array,
     slips: tuple[Array, Array, Array],
 ) -> tuple[Array, Array, float]:
-    """Solve a stage, see the module: v' (nv,), lam (r,) of the rows in use, and the power of friction in W.
+    """Solve a stage with friction (see the module): v' (nv,), lam (r,) of the rows in use, and the friction power in W.
 
     Args:
         s: the system.
         t: time.
         U: Cholesky factor of M at the stage.
         G: all rows there, (ng, nv).
-        rows: those in use, (r,).
-        Ghat: rows in use where the stage meets the constraint, (r, nv).
+        rows: rows in use, (r,).
+        Ghat: rows in use where the stage satisfies the constraint, (r, nv).
         f: other forces, (nv,).
         rhs: Ghat v', (r,).
-        slips: what `ClosureFriction.slips` gave at the stage.
+        slips: result of `ClosureFriction.slips` at the stage.
     """
     e, speed, factor = slips
     vdot, lam = s.saddle(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)

@@ -1,7 +1,7 @@
-"""The formulations of a mechanism in the compiled core: the same functions as their systems in Python, and whole steps.
+"""Formulations computed by the compiled core: the functions of the Python systems, and whole steps.
 
-The Python system is the specification. What the core cannot do at a point (a singular system, a value that is
-not finite, a force law that raises an error) it leaves to Python, which finds the words for it.
+The Python system is the specification. Where the core cannot compute a point (a singular system, a value that is
+not finite, a force law that raises an error), it falls back to Python, which raises the error with its message.
 """
 
 from collections.abc import Callable
@@ -30,14 +30,14 @@ COUNTS = tuple(Counts().to_dict())
 
 
 class CompiledSystem(Index2System):
-    """`mbdae.system.System` of a mechanism whose points and steps the core computes.
+    """`mbdae.system.System` of a mechanism whose points and steps are computed by the core.
 
     Args:
         mechanism: the mechanism.
         native: the core, see `mbdae.backend`.
 
     Raises:
-        NotCompiled: names what the core does not have.
+        NotCompiled: names the feature that the core does not support.
     """
 
     native: ModuleType
@@ -66,7 +66,7 @@ class CompiledSystem(Index2System):
         self._expanded = False
 
     def method(self, method: Any) -> Any:
-        """Return a method as the core takes it; an implicit one takes the expanded tree, too."""
+        """Return the core's version of a method; an implicit method also needs the expanded tree."""
         if self._method[0] is not method:
             self._method = method, method.compiled(self.native)
             if isinstance(self._method[1], self.native.Radau):
@@ -74,13 +74,13 @@ class CompiledSystem(Index2System):
         return self._method[1]
 
     def expand(self) -> None:
-        """Hand over the expanded tree, by which the core takes slopes."""
+        """Pass the expanded tree to the core, which takes partial derivatives on it."""
         if not self._expanded:
             self.core.expand(self.inertial.model)
             self._expanded = True
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """See `Index2System.derivative`; the first one, which finds the rank, is computed in Python."""
+        """See `Index2System.derivative`; the first call, which determines the rank, is computed in Python."""
         found = self.core.derivative(t, y) if self._begun else None
         self.after()
         if found is not None:
@@ -105,11 +105,11 @@ class CompiledSystem(Index2System):
         return Step(State(y, carry, low), z, errors)
 
     def carried(self, state: State) -> Any:
-        """Return what the core has carried from step to step; None for the stages of a step in Python."""
+        """Return the core's data carried from step to step; None within a step taken in Python."""
         return state.carry if isinstance(state.carry, np.ndarray | self.native.StageMemory) else None
 
     def advance(self, method: Any, run: "Run") -> None:
-        """Take many steps, see `mbdae.integrate.steppers.native`; the run has them even if this is interrupted."""
+        """Take many steps, see `mbdae.integrate.steppers.native`; the run keeps them even if interrupted."""
         try:
             self.core.advance(self.method(method), run)
         finally:
@@ -162,7 +162,7 @@ class CompiledSystem(Index2System):
         return super().pivot_ratio(t, y) if found is None else found
 
     def after(self) -> None:
-        """Take over what the core counted."""
+        """Take over the core's counters."""
         counts = self.core.counts
         now = [getattr(counts, name) for name in COUNTS]
         for name, new, old in zip(COUNTS, now, self._seen, strict=True):
@@ -175,13 +175,13 @@ class CompiledSystem(Index2System):
         self.largest_rate = max(self.largest_rate, self.core.largest_rate)
 
     def before_python(self) -> None:
-        """Let Python go on with the rows that the core uses."""
+        """Pass the core's rows in use to Python."""
         if self._begun and not self.held:
             self.rows = np.array(self.core.rows, int)
         self._last_q = np.full(self.nq, np.nan)
 
     def after_python(self) -> None:
-        """Let the core go on with the rows that Python uses."""
+        """Pass Python's rows in use to the core."""
         rows = [] if self.rows is None else self.rows.tolist()
         self.core.use(rows, len(rows), self.floor, self.held)
         self._begun = True
@@ -241,7 +241,7 @@ class CompiledIndex1(Index1System, CompiledSystem):
     """`Index1System` in the compiled core."""
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """See `Index1System.rate`; what it counts is taken over by `settle`, behind the step."""
+        """See `Index1System.rate`; `settle` takes over its counters after the step."""
         found = self.core.rate(t, y) if self._begun else None
         return super().rate(t, y) if found is None else found
 

@@ -1,4 +1,4 @@
-"""Closures, drivers, forces and thresholds as the plain numbers that the compiled core takes."""
+"""Core data of closures, drivers, forces and thresholds."""
 
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ Plain = dict[str, Any]
 
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
-    """Return all thresholds of points and steps; those of step-size control come with a run."""
+    """Return all thresholds of points and steps; those of step-size control belong to the run."""
     limits: Tolerances = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
@@ -40,6 +40,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         falling=projection.FALLING,
         open=projection.OPEN,
         stalled=projection.STALLED,
+        kept=projection.VELOCITY_TOLERANCE,
         iterations=projection.ITERATIONS,
         unmoved=projection.UNMOVED,
         row_scales=mechanism.row_scales.tolist(),
@@ -63,7 +64,7 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
     """Return pairs of frames, rows and drivers.
 
     Raises:
-        NotCompiled: for rows that the core does not have.
+        NotCompiled: for rows that the core does not support.
     """
     pairs: list[Any] = []
     rows: list[Plain] = [{}] * constraints.ng
@@ -87,7 +88,7 @@ def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
 
 
 def samplers_of(laws: ForceElements) -> list[Plain]:
-    """Return the controllers that are sampled."""
+    """Return the sampled controllers."""
     sampled = [(law, at) for law, at in laws.bound if isinstance(law, SampledElement)]
     return [{**law.sampler(), "state": at.start, "states": at.stop - at.start} for law, at in sampled]
 
@@ -96,7 +97,7 @@ def laws_of(laws: ForceElements) -> tuple[list[Any], list[Plain]]:
     """Return pairs of frames and force laws.
 
     Raises:
-        NotCompiled: for a law that the core does not have.
+        NotCompiled: for a law that the core does not support.
     """
     pairs: list[Any] = []
     out: list[Plain] = []

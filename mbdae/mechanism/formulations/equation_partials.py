@@ -1,9 +1,9 @@
-"""The exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
+"""Exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
-The inertial part M v' + nle comes from Pinocchio on the expanded tree, rows and laws know their own: see
-`mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials`, the files of closures and those of forces. Python
-functions of the user are differentiated by central differences of that function alone, where they bring no partial
-derivatives.
+The inertial part M v' + nle comes from Pinocchio on the expanded tree; rows and laws provide their own partial
+derivatives: see `mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials` and the modules of closures and
+forces. User functions in Python without partial derivatives are differentiated by central differences of that
+function alone.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class EquationPartials(NamedTuple):
-    """Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point; n = nv + ns + 1 and u = (v, s, w).
+    """Partial derivatives of (f + G^T lam - M v', h, power) and G v + g_t; n = nv + ns + 1, u = (v, s, w).
 
     Attributes:
         E: diag(M, 1), (n, n).
@@ -40,12 +40,12 @@ class EquationPartials(NamedTuple):
 def equation_partials(
     s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array
 ) -> EquationPartials:
-    """Take the slopes of a mechanism at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,)."""
+    """Return the partial derivatives at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,)."""
     nv, n, v = s.nv, len(u), u[: s.nv]
     s.counts.M += 1
     s.counts.f += 1
     M, by_q, by_v = s.inertial.slopes(q, v, vdot)
-    pin.computeJointJacobians(s.model, s.data, q)
+    pin.computeJointJacobians(s.model, s.workspace, q)
     laws, G = s.laws.slopes(t, q, v, u[nv:-1]), s.jacobian()[rows]
     whole = np.zeros(s.ng)
     whole[rows] = lam
@@ -54,7 +54,7 @@ def equation_partials(
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
     K[:nv] += by_turning - by_q
     D[:nv, :nv] -= by_v
-    if s.sliding:  # its slopes by q and v are left out: Newton's iterations find what they miss
+    if s.sliding:  # its partial derivatives by q and v are neglected: Newton's iteration corrects for them
         e, speed, factor = s.sliding.slips(v)
         all_rows = s.sliding.whole(rows)
         by_lam = factor[:, None] * (s.sliding.carried(all_rows @ lam)[1] @ all_rows)
@@ -71,14 +71,14 @@ def rate_partials(s: "Index2System", t: float, q: Array, v: Array, rows: Array) 
 
 
 def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the slopes of gamma with respect to q and v, over all rows, (ng, nv) each."""
+    """Return the partial derivatives of gamma with respect to q and v, over all rows, (ng, nv) each."""
     s.jacobian(q)
     return s.constraints.bias_slopes(v)
 
 
 def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
     """Return the slopes of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
-    pin.computeJointJacobians(s.model, s.data, q)
+    pin.computeJointJacobians(s.model, s.workspace, q)
     out, (_, _, bend) = s.laws.by_time(t, q, v, states), s.constraints.motion(t)
     out[-1] += lam @ bend
     third = np.zeros(s.ng)

@@ -1,13 +1,13 @@
-"""The balance of forces of a mechanism that rests, or moves steadily, and its exact slopes.
+"""Balance of forces of a mechanism at rest or in steady motion, and its exact partial derivatives.
 
     0 = f(t, q, v, s) + G^T lam,   0 = h(t, q, v, s),   0 = g(t, q),   v constant
 
-In coordinates y of the free motions, q (+) Z y, with the multipliers of least norm,
+In coordinates y of the free directions, q (+) Z y, with the multipliers of least norm,
 
     rho = Z^T f,   H = -Z^T K Z,   K = d(f + G^T lam)/dq - S h_s^+ h_q
 
-States that h determines (currents) follow the configuration. An integrator, for which h_s is singular, asks for a
-configuration, 0 = h; it is a row as a closure is one, and its state the multiplier.
+States that h determines (currents) follow the configuration. An integrator, for which h_s is singular, adds a
+condition on the configuration, 0 = h, like the row of a closure; its state is the multiplier.
 """
 
 import warnings
@@ -31,24 +31,24 @@ if TYPE_CHECKING:
 
 GRAVITY = "gravity"
 SETTLE = 20  # iterations for states
-ROUNDED = 1e-15  # of a state: a change that is none
+ROUNDED = 1e-15  # of a state: smaller changes are rounding
 
 
 class ForceBalance(NamedTuple):
-    """The balance at a configuration.
+    """Balance of forces at a configuration.
 
     Attributes:
         q: configuration, (nq,).
         s: states, (ns,).
         f: forces, (nv,).
-        load: the part of them that is scaled, (nv,).
+        load: scaled part of the forces, (nv,).
         rho: Z^T f, (k,).
         H: -d rho/dy, (k, k).
         lam: multipliers of closures and drivers, (ng,).
-        holding: what holds the coordinates that are held, N m or N, (m,).
-        free: the free motions.
-        size: |M^-1/2 f| with the reactions left out: what rho is compared with.
-        terms: sizes of the terms that were summed for K, (nv, nv), see `mbdae.mechanism.formulations.term_sizes`.
+        holding: holding forces or torques of the locked coordinates, N m or N, (m,).
+        free: null space of the rows.
+        size: |M^-1/2 f| without reactions: the reference for rho.
+        terms: sizes of the summed terms of K, (nv, nv), see `mbdae.mechanism.formulations.term_sizes`.
     """
 
     q: Array
@@ -65,24 +65,24 @@ class ForceBalance(NamedTuple):
 
     @property
     def noise(self) -> Array:
-        """How closely each entry of H is known, (k, k)."""
+        """Rounding error of each entry of H, (k, k)."""
         Z = np.abs(self.free.Z)
         return EPS * (Z.T @ self.terms @ Z)
 
 
 class Statics:
-    """The balance of a mechanism in a workspace, with some coordinates held and some forces scaled.
+    """Balance of forces of a mechanism, with some coordinates locked and some forces scaled.
 
     Args:
         mech: the mechanism.
         t: time in s.
-        v: constant speeds, (nv,), in coordinates that are held.
-        held: indices of the velocities whose coordinates are held.
-        loads: names of forces, or ``"gravity"``, that are scaled.
+        v: constant speeds, (nv,), in locked coordinates.
+        held: velocity indices of the locked coordinates.
+        loads: names of scaled forces, or ``"gravity"``.
 
     Raises:
         UnknownNameError: for a force that does not exist.
-        InputError: for a sampled controller, which has no balance.
+        InputError: for a sampled controller, which has no equilibrium.
     """
 
     def __init__(self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()) -> None:
@@ -107,13 +107,9 @@ class Statics:
 
     def point(self, q: Array, s: Array) -> ForceBalance:
         """Return the balance at a configuration that is closed, states near s."""
-        system, v = self.system, self.v
-        s = self.states(q, s)
-        U = system.inertia(self.t, q)
+        system = self.system
+        s, U, f, load, free, R = self._loaded(q, s)
         G = system.jacobian()
-        f, load = system.force(self.t, q, v, s)[0], self.load(q)
-        f = f + (self.factor - 1.0) * load
-        free, R = self.free(U, q, s)
         lam = free.multipliers(f)
         K, S, hq, hs = self.slopes(q, s, lam[: system.ng])
         terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
@@ -129,50 +125,62 @@ class Statics:
         rho, H = free.Z.T @ f, -free.Z.T @ K @ free.Z
         return ForceBalance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
 
+    def unbalanced(self, q: Array, s: Array) -> tuple[Array, NullSpace]:
+        """Return rho = Z^T f (k,) at a configuration, states near s, and the free motions, without any derivative."""
+        _, _, f, _, free, _ = self._loaded(q, s)
+        return free.Z.T @ f, free
+
+    def _loaded(self, q: Array, s: Array) -> tuple[Array, Array, Array, Array, NullSpace, Array]:
+        """Return s, U of M = U^T U, f, the load, the free motions and the rows of integrators at a configuration."""
+        s = self.states(q, s)
+        U = self.system.inertia(self.t, q)
+        f, load = self.system.force(self.t, q, self.v, s)[0], self.load(q)
+        return s, U, f + (self.factor - 1.0) * load, load, *self.free(U, q, s)
+
     def free(self, U: Array, q: Array, s: Array) -> tuple[NullSpace, Array]:
-        """Return the free motions at q, where J stands, and the rows of integrators among what keeps the others."""
+        """Return the null space at q and the integrator rows among its constraints; J must be current."""
         G, R = self.system.jacobian(), self.asked(q, s)[1]
         asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
         units = np.append(self.units, np.where(asked > 0, asked, 1.0))
         return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
 
     def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
-        """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and slopes."""
+        """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and partial derivatives."""
         forces = forces + self.sizes.forces(self.t, q, s) + abs(self.factor - 1.0) * np.abs(self.load(q))
         mu = np.linalg.norm(U, axis=0)
         return self.sizes.stiffness(mu, forces, K + self.sizes.slopes(self.t, q, s)[0])
 
     def met(self, here: ForceBalance) -> Array:
-        """Return the sizes of the terms of rho, and of what 1 rad or characteristic length would change of it, (k,)."""
+        """Return the sizes of the terms of rho and of its changes by 1 rad or characteristic length, (k,)."""
         return np.abs(here.free.Z.T) @ (here.terms @ self.sizes.l)
 
     def residual(self, here: ForceBalance) -> float:
-        """Return the largest share that rho is of its terms, see `met`."""
+        """Return the largest ratio of rho to the size of its terms, see `met`."""
         rho = np.abs(here.rho)
         return float(np.divide(rho, self.met(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
 
     def close(self, q: Array, s: Array) -> Array:
-        """Return the configuration near q that closes all loops and meets integrators.
+        """Return the configuration near q that closes all loops and satisfies integrators.
 
         Raises:
-            StepError: if loops stay open.
+            StepError: if loops cannot be closed.
         """
         more = (lambda x: self.asked(x, s)) if self.system.ns else None
         return close_loops(self.system, self.t, q, more)
 
     def load(self, q: Array) -> Array:
-        """Return the forces that are scaled, (nv,); the kinematics stand at q, and velocities."""
+        """Return the scaled forces, (nv,); kinematics must be current at q, and velocities."""
         s = self.system
         out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
         if self.weighs:
-            out = out - pin.rnea(s.model, s.data, q, np.zeros(s.nv), np.zeros(s.nv))
+            out = out - pin.rnea(s.model, s.workspace, q, np.zeros(s.nv), np.zeros(s.nv))
         return out
 
     def force(self, q: Array, s: Array) -> Array:
         """Return f at a configuration, (nv,)."""
         self.system.jacobian(q)
-        pin.forwardKinematics(self.system.model, self.system.data, q, self.v)
-        pin.computeJointJacobians(self.system.model, self.system.data, q)
+        pin.forwardKinematics(self.system.model, self.system.workspace, q, self.v)
+        pin.computeJointJacobians(self.system.model, self.system.workspace, q)
         return self.system.force(self.t, q, self.v, s)[0] + (self.factor - 1.0) * self.load(q)
 
     def slopes(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
@@ -189,7 +197,7 @@ class Statics:
         return K, found.D[:nv, nv:-1], found.K[nv:-1], found.D[nv:-1, nv:-1]
 
     def states(self, q: Array, s: Array) -> Array:
-        """Return the states (ns,) with h = 0 as far as h determines them."""
+        """Return the states (ns,) with h = 0, as far as h determines them."""
         if not len(s):
             return s
         for _ in range(SETTLE):
@@ -201,7 +209,7 @@ class Statics:
         return s
 
     def asked(self, q: Array, s: Array) -> tuple[Array, Array]:
-        """Return what integrators want to vanish, (m,), and its slopes, (m, nv)."""
+        """Return the residuals of integrators, (m,), and their partial derivatives, (m, nv)."""
         if not len(s):
             return np.empty(0), np.empty((0, self.system.nv))
         rates, hq, hs = self.rates(q, s)
@@ -211,14 +219,14 @@ class Statics:
     def rates(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
         """Return h (ns,), h_q (ns, nv) and h_s (ns, ns)."""
         system, nv = self.system, self.system.nv
-        pin.forwardKinematics(system.model, system.data, q, self.v)
-        pin.computeJointJacobians(system.model, system.data, q)
+        pin.forwardKinematics(system.model, system.workspace, q, self.v)
+        pin.computeJointJacobians(system.model, system.workspace, q)
         laws = system.laws.slopes(self.t, q, self.v, s)
         return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
 
 
 def partial_inverse(A: Array, e: Array) -> Array:
-    """Return X (n, n) with A X A = A (n, n), known to e (n, n): A^-1 on rows and columns of pivots, 0 elsewhere."""
+    """Return X (n, n) with A X A = A (n, n), known to e (n, n): A^-1 on pivot rows and columns, 0 elsewhere."""
     null, out = null_space(A, e), np.zeros_like(A)
     rows, columns = null.rows[: len(null.others)], null.others
     out[np.ix_(columns, rows)] = np.linalg.inv(A[np.ix_(rows, columns)])

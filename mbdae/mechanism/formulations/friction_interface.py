@@ -1,4 +1,4 @@
-"""A place where bodies slide on each other: along what, and how fast."""
+"""One friction interface: direction and speed of slip."""
 
 from typing import Any, NamedTuple
 
@@ -13,20 +13,20 @@ from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
 
 TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
-STILL = 1e-9  # m/s: a slower slip has no direction of its own
-TURNED = 0.7  # cosine: a slip that has turned further within a step does not tell its direction
-NOTHING = 1e-300  # keeps what is zero from being divided by
+STILL = 1e-9  # m/s: a slower slip has no defined direction
+TURNED = 0.7  # cosine: a slip that rotates further within one step has no reliable direction
+NOTHING = 1e-300  # avoids division by zero
 
 
 class FrictionInterface(NamedTuple):
-    """Where bodies slide on each other.
+    """Friction interface between two bodies.
 
     Attributes:
-        force: what the user wrote.
-        closure: the closure.
-        pair: its frames.
-        rows: those whose multipliers are F.
-        grip: those of a grip that may slide.
+        force: friction as given by the user.
+        closure: closure whose reaction causes the friction.
+        pair: frames of the closure.
+        rows: rows whose multipliers make up F.
+        grip: no-slip rows that may slide.
     """
 
     force: CoulombFriction
@@ -36,9 +36,9 @@ class FrictionInterface(NamedTuple):
     grip: slice
 
     def along(self, v: Array, W: Array, heading: Array) -> Array:
-        """Return the direction (m,) of a slip along rows of a grip that a mode leaves out; heading is kept up to date.
+        """Return the slip direction (m,) along inactive no-slip rows; updates heading.
 
-        Through a slip of zero its direction goes on as it is: there a mode ends.
+        Through zero slip the direction is continued: a mode ends there.
         """
         slip = W[:, self.grip].T @ self.pair.relative(v)
         size = float(np.sqrt(slip @ slip))
@@ -53,23 +53,23 @@ class FrictionInterface(NamedTuple):
         return along
 
     def along_grip(self, v: Array, W: Array, heading: Array) -> tuple[Array, float]:
-        """Return e (nv,) and e . v of a grip that slides, see `along`."""
+        """Return e (nv,) and e . v of a sliding no-slip contact, see `along`."""
         e = self.pair.torque(W[:, self.grip] @ self.along(v, W, heading))
         return e, float(e @ v)
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:
-        """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
+        """Return e (nv,) and e . v where kinematics are current; w (6, m) are the wrenches of the rows."""
         S = self.lever(w)
         slip = S @ v
         e = S[0] if len(S) == 1 else S.T @ unit_direction(slip)
         return e, float(e @ v)
 
     def lever(self, w: Array) -> Array:
-        """Return S (m, nv), the slip is S v, where the kinematics stand: m = 1 along an axis, else 3."""
+        """Return S (m, nv), slip = S v, where kinematics are current: m = 1 along an axis, otherwise 3."""
         return np.array([self.pair.torque(x) for x in self.ways(w)])
 
     def ways(self, w: Array) -> Array:
-        """Return wrenches A (m, 6) on the second frame, S = A J, for those of the rows, w (6, r)."""
+        """Return wrenches A (m, 6) on the second frame, S = A J, from those of the rows, w (6, r)."""
         pair, kind = self.pair, self.closure.kind
         if kind in TOUCHES:
             n, p = w[:3, 0], self.point()
@@ -81,7 +81,7 @@ class FrictionInterface(NamedTuple):
         return np.concatenate(parts, axis=1)
 
     def plain(self) -> dict[str, Any]:
-        """Return the numbers of the place for the compiled core."""
+        """Return the core data of the interface."""
         force, kind = self.force, self.closure.kind
         turns = "turns" if kind == "revolute" else "bears"
         return {
@@ -95,11 +95,11 @@ class FrictionInterface(NamedTuple):
         }
 
     def point(self) -> Array:
-        """Where the bodies touch, (3,)."""
+        """Contact point of the bodies, (3,)."""
         first = self.closure.primitives()[0]
         return first.lines(at_rest(self.pair)).p[:, 0] if isinstance(first, ContactHeightRow) else self.pair.pb
 
 
 def unit_direction(x: Array) -> Array:
-    """The unit vector along x; 0 of nothing."""
+    """Unit vector along x; 0 for a zero vector."""
     return x / (np.sqrt(x @ x) + NOTHING)

@@ -1,8 +1,8 @@
-"""The stabilised index-2 form of a mechanism: the positions of the closures are kept by a second multiplier.
+"""GGL stabilised index-2 form of a mechanism: a second multiplier enforces the position constraints.
 
     q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
-G_p are the rows that have a g: those of velocity only have no mu. On the exact solution mu = 0. Source: Gear, Gupta,
+G_p are the rows that have a g: velocity-only rows have no mu. On the exact solution mu = 0. Source: Gear, Gupta,
 Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
 """
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ITERATIONS = 12
-ROUNDING = 1e-15  # of 1 + |q|: a correction this small is not made, G belongs to the point without it
-STALLED = 1e-10  # of 1 + |q|: nor is one this small that does not shrink
-OPEN = 1e-7  # m or rad: what rows that are not in use may show
+ROUNDING = 1e-15  # of 1 + |q|: corrections below this are skipped; G belongs to the point before them
+STALLED = 1e-10  # of 1 + |q|: corrections below this are accepted if they no longer shrink
+OPEN = 1e-7  # m or rad: largest residual of rows that are not in use
 
 
 class GGLSystem(Index2System):
-    """`mbdae.system.System` of a mechanism with both levels kept: z = (lam, mu), (2 ng,), mu = 0 for rows of velocity.
+    """`mbdae.system.System` of a mechanism with both levels enforced: z = (lam, mu), (2 ng,), mu = 0 for velocity rows.
 
-    Rows: mu takes the rows in use, or independent ones of those that have a g where there are others. Where the rank is
-    constant 0 = g on these rows describes the same configurations as on all; the others are watched.
+    mu belongs to the rows in use, or to independent ones among those that have a g if the two differ. While the rank is
+    constant, 0 = g on these rows describes the same configurations as on all rows; the others are monitored.
     """
 
     formulation = "ggl"
@@ -51,7 +51,7 @@ class GGLSystem(Index2System):
         return GGLChart(self, t, y, rows, self.kept(t, y, rows))
 
     def kept(self, t: float, y: Array, rows: Array) -> Array:
-        """Independent rows of those that have a g, (k,): the rows in use where all have one."""
+        """Independent rows among those that have a g, (k,): the rows in use if all have one."""
         if len(self.positions) == self.ng:
             return rows
         U, G = self.point(t, self.split(y)[0])
@@ -61,7 +61,7 @@ class GGLSystem(Index2System):
         return np.sort(self.positions[order[: self.free]])
 
     def all_shifts(self, U: Array, G: Array, kept: Array, mu: Array) -> Array:
-        """The mu of all rows, (ng,), from those of the rows that are kept."""
+        """Return mu of all rows, (ng,), from those of the independent ones."""
         out = np.zeros(self.ng)
         if len(kept) == len(self.positions):
             out[kept] = mu
@@ -82,7 +82,7 @@ class GGLSystem(Index2System):
 
 
 class GGLChart(Index2Chart):
-    """A step of a mechanism in coordinates (x, v, w) with x' = J(x) (v + M^-1 G^T mu)."""
+    """Step of a mechanism in coordinates (x, v, w) with x' = J(x) (v + M^-1 G^T mu)."""
 
     system: GGLSystem
 
@@ -101,10 +101,10 @@ class GGLChart(Index2Chart):
     def solve_stage(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
-        """Newton's method for mu in 0 = g(that, q_n (+) (xhat + factor x')): x' (nv,), and G (r, nv) there.
+        """Solve for mu in 0 = g(that, q_n (+) (xhat + factor x')) by Newton's method: x' (nv,), and G (r, nv) there.
 
         Raises:
-            StepError: if it does not converge, or a row that is not in use stays open.
+            StepError: if it does not converge, or a row that is not in use is violated.
         """
         s, m = self.system, self.system.manifold
         self.mu, self._x = np.zeros(len(self.kept)), x
@@ -134,12 +134,12 @@ class GGLChart(Index2Chart):
             raise StepError("rank", f"closure {name!r} opens by {gap:.2g} at t = {t:.17g}: other rows keep it no more")
 
     def start(self) -> tuple[Array, Array]:
-        """Return (v, v', w') and (lam, mu = 0) of the rows in use and those kept, (r + k,)."""
+        """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""
         F, lam = super().start()
         return F, np.concatenate([lam, np.zeros(len(self.kept))])
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return J(x) (v + M^-1 G^T mu) - x' above the rest, (2 nv + 1,), and (-G v, -g), (r + k,)."""
+        """Return J(x) (v + M^-1 G^T mu) - x' followed by the rest, (2 nv + 1,), and (-G v, -g), (r + k,)."""
         s, nv, r = self.system, self.system.nv, len(self.rows)
         rest, c = super().residual(t, x, dx, z[:r])
         U = s.inertia(t, s.manifold.integrate(self.q, x[:nv]))
@@ -148,11 +148,11 @@ class GGLChart(Index2Chart):
         return rest, np.concatenate([c, -g[self.kept]])
 
     def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
-        """Take the slopes of the stage's equations, by parameters, too."""
+        """Return the partial derivatives of the stage's equations, by parameters, too."""
         return stabilised_stage(self, t, x, dx, z, parameters)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
-        """Take the slopes at (x, x', z)."""
+        """Return the partial derivatives at (x, x', z)."""
         found = LinearizedGGL(*super().linearize(x, dx, z[: len(self.rows)]))
         found.kept = self.system.jacobian()[self.kept]
         return found
@@ -182,9 +182,9 @@ class GGLChart(Index2Chart):
 
 
 class LinearizedGGL(Linearized):
-    """Slopes of the stabilised form at mu = 0, with x' = J(x) (v + N mu), N = M^-1 P^T, and 0 = g besides.
+    """Partial derivatives of the GGL form at mu = 0, with x' = J(x) (v + N mu), N = M^-1 P^T, and additionally 0 = g.
 
-    P are the rows of G that are kept, (k, nv).
+    P are the independent position rows of G, (k, nv).
 
     With the letters of `mbdae.mechanism.formulations.implicit_stage`, and m = h times an eigenvalue of the method's
     matrix,

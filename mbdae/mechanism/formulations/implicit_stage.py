@@ -1,18 +1,18 @@
-"""What implicit methods need of a mechanism: residuals of a stage, and the systems of a simplified Newton iteration.
+"""Residuals of implicit stages of a mechanism, and the linear systems of a simplified Newton iteration.
 
-In coordinates (x, v, s, w) of a step, q = q_n (+) x, a stage of an implicit method makes vanish
+In the coordinates (x, v, s, w) of a step, q = q_n (+) x, the residual of an implicit stage is
 
     J(x) v - x',   f(t, q, v, s) + G^T lam - M v',   h(t, q, v, s) - s',   power - w',   G v + g_t
 
 with r independent rows of G.
 
-Linearized, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated, and a system of size
+After linearisation, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated; a system of size
 nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros it is, for vector spaces,
 
     [ E - mu D - mu^2 K   -L ] [du' ]       K = d(f + G^T lam - M v', h, power)/dq,  D = d(f, h, power)/du,
     [ G + mu B             0 ] [dlam]       L = d(G^T lam, 0, -g_t lam)/dlam,        B = d(G v)/dq
 
-On manifolds x' = J(x) v and a change of x is J times one in the tangent: K S J stands for K and B S J for B,
+On manifolds x' = J(x) v, and a change of x is J times a tangent vector: K S J replaces K and B S J replaces B,
 S = J^-1 (I - mu d(J v)/dx)^-1.
 """
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class ImplicitStages:
-    """The part of a mechanism's chart that serves implicit methods."""
+    """Implicit stages of a step of a mechanism."""
 
     system: "Index2System"
     t: float
@@ -47,7 +47,7 @@ class ImplicitStages:
 
     @property
     def unknowns(self) -> tuple[int, ...]:
-        """The rows whose multipliers are unknown."""
+        """Rows whose multipliers are unknowns."""
         return tuple(self.rows.tolist())
 
     def start(self) -> tuple[Array, Array]:
@@ -63,14 +63,14 @@ class ImplicitStages:
         """Return the first four lines of the module's first equation, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
         s, nv = self.system, self.system.nv
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
-        pin.computeJointJacobians(s.model, s.data, q)
+        pin.computeJointJacobians(s.model, s.workspace, q)
         G = s.closures()[1][self.rows]
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
         if s.sliding:
             e, speed, factor = s.sliding.slips(v)
             T = factor * s.sliding.carried(s.sliding.whole(self.rows) @ z)[0]
             tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
-        inertial = pin.rnea(s.model, s.data, q, v, dx[nv : 2 * nv])
+        inertial = pin.rnea(s.model, s.workspace, q, v, dx[nv : 2 * nv])
         rate = s.manifold.tangent(x[:nv], v)
         g_t = s.g_t(t)[self.rows]
         rates[-1] -= z @ g_t
@@ -80,22 +80,22 @@ class ImplicitStages:
         return r, -(G @ v + g_t)
 
     def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
-        """Take the slopes of the stage's equations, by parameters, too."""
+        """Return the partial derivatives of the stage's equations, by parameters, too."""
         return implicit_stage(self, t, x, dx, z, parameters)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
-        """Take the slopes at (x, x', z)."""
+        """Return the partial derivatives at (x, x', z)."""
         s, nv = self.system, self.system.nv
         q, u = s.manifold.integrate(self.q, x[:nv]), self.y[s.nq :] + x[nv:]
         local = equation_partials(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
         return Linearized(local, _turning(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y and the multipliers of all rows, (ng,); mass matrix and G serve the next step's start.
+        """Return y and the multipliers of all rows, (ng,); the next step starts from this mass matrix and G.
 
-        The iteration leaves z with |G - G_0| times its last change, far behind x and x'. One linear solve ends it:
-        M^-1/2 (f + G^T z - M v') is made least. Where bodies turn far within a step, some directions that only rounding
-        excites converge slowly: the velocities in x are brought onto 0 = G v + g_t.
+        The error that the iteration leaves in z is |G - G_0| times its last change, much larger than in x and x'. One
+        linear solve removes it: M^-1/2 (f + G^T z - M v') is minimised. Where bodies rotate far within a step, some
+        directions that only rounding excites converge slowly: the velocities in x are projected onto 0 = G v + g_t.
         """
         s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
         q, _ = s.split(y)
@@ -117,12 +117,12 @@ def _turning(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:
 
 
 class Linearized(NamedTuple):
-    """Slopes of a mechanism at a point: `mbdae.system.Linearization`.
+    """Partial derivatives of a mechanism at a point: `mbdae.system.Linearization`.
 
     Attributes:
-        slopes: see there.
+        slopes: partial derivatives of the equations of motion.
         turning: J(x) and d(J(x) v)/dx, (nv, nv) each.
-        counts: those of the system.
+        counts: counters of the system.
         t: time, for messages.
     """
 
@@ -137,7 +137,7 @@ class Linearized(NamedTuple):
         return np.concatenate([e[:nv], self.slopes.E @ e[nv:]])
 
     def back(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
-        """Count and return the factorization b -> matrix^-1 b of a matrix of blocks."""
+        """Factorize a block matrix, count it, and return b -> matrix^-1 b."""
         self.counts.factorizations += 1
         return factorized(np.block(blocks), f"the linear system of an implicit step at t = {self.t:.17g}")
 
@@ -166,5 +166,5 @@ class Linearized(NamedTuple):
 
 
 def padded(G: Array, n: int) -> Array:
-    """Return G (r, nv) with columns of zeros behind, (r, n)."""
+    """Return G (r, nv) padded on the right with columns of zeros, (r, n)."""
     return np.hstack([G, np.zeros((len(G), n - G.shape[1]))])

@@ -1,15 +1,14 @@
-"""The slopes of a stage of a collocation method of a mechanism: of its equations, all stages being solved at once.
+"""Partial derivatives of the stage equations of a collocation method, where all stages are solved together.
 
 In coordinates x of a step, q = q_n (+) x, u = (v, s, w), with A, R, J, T of
-`mbdae.mechanism.manifold.IntegratePartials` and the slopes K, D, L, B, E of
+`mbdae.mechanism.manifold.IntegratePartials` and the partial derivatives K, D, L, B, E of
 `mbdae.mechanism.formulations.equation_partials`, dq = A dq_n + R dx and du = du_n + dx_u,
 
     dx'_q - J dv - T dx_q = 0
     E dx'_u - K dq - D du - L dlam = P dp + f_t dt
     G dv + B dq = -Q dp - (G v + g_t)_t dt
 
-and in the stabilised form, v + slip in place of v in the first line, slip = N mu, N = M^-1 P^T with the rows P of
-positions,
+and in the GGL form, v + slip in place of v in the first line, slip = N mu, N = M^-1 P^T with the position rows P,
 
     dslip = N dmu + M^-1 (d(P^T mu)/dq - dM/dq slip) dq + (...)_p dp,   P dq = -g_p dp - g_t dt
 """
@@ -36,9 +35,9 @@ def implicit_stage(
     parameters: "Parameters",
     slip: Array | None = None,
 ) -> StagePartials:
-    """Take the slopes of the equations of a stage at t, of x and x', (ny,) each, and lam, (r,).
+    """Return the partial derivatives of the equations of a stage at t, of x and x', (ny,) each, and lam, (r,).
 
-    ``slip`` (nv,) is what the stabilised form adds to v, held here.
+    ``slip`` (nv,) is the term that the GGL form adds to v, constant here.
     """
     s, rows = chart.system, chart.rows
     nv, ny, r, k = s.nv, s.ny, len(rows), len(parameters)
@@ -64,7 +63,7 @@ def implicit_stage(
 def stabilised_stage(
     chart: "GGLChart", t: float, x: Array, F: Array, z: Array, parameters: "Parameters"
 ) -> StagePartials:
-    """Take the slopes of a stage of the stabilised form, z = (lam, mu), (r + k,)."""
+    """Return the partial derivatives of a stage of the GGL form, z = (lam, mu), (r + k,)."""
     s, kept, r, nv, ny = chart.system, chart.kept, len(chart.rows), chart.system.nv, chart.system.ny
     q, still, inner, mu = s.manifold.integrate(chart.q, x[:nv]), np.zeros(s.nv), np.zeros(s.ns), np.zeros(s.ng)
     mu[kept] = z[r:]

@@ -1,10 +1,10 @@
-"""A mechanism as an ordinary differential equation: accelerations solved for.
+"""Index-1 form of a mechanism: an ordinary differential equation for the accelerations.
 
     q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G v' + gamma + 2 alpha (G v + g_t) + beta^2 g
 
-Explicit methods step it in the coordinates of a step, scipy's in raw ones of q: dq/dt = T(q) v with the tangent map T,
-the derivative of q (+) x at x = 0, (nq, nv). Neither g nor G v + g_t is kept: alpha and beta
-in 1/s draw them back to zero (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972)).
+Explicit methods advance it in the coordinates of a step, scipy's in the raw coordinates q: dq/dt = T(q) v with the
+tangent map T, the derivative of q (+) x at x = 0, (nq, nv). Neither g nor G v + g_t is enforced: alpha and beta in 1/s
+damp their drift (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972)).
 """
 
 from types import ModuleType
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 
 class Index1System(Index2System):
-    """The acceleration form of a mechanism, for solvers of y' = F(t, y) that know numbers only.
+    """Acceleration form of a mechanism, for solvers of y' = F(t, y) without manifold coordinates.
 
     Args:
-        mechanism: what moves.
+        mechanism: the mechanism.
         baumgarte: alpha and beta in 1/s; zeros for none.
         core: see `mbdae.mechanism.formulations.compiled_systems`.
 
     Raises:
-        InputError: for anything else than two numbers that are not negative.
+        InputError: unless baumgarte is two numbers that are not negative.
     """
 
     formulation = "index1"
@@ -47,7 +47,7 @@ class Index1System(Index2System):
         super().__init__(mechanism, **core)
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
-        """Return gamma + 2 alpha (G v + g_t) + beta^2 g over all rows, (ng,); the kinematics stand at q already."""
+        """Return gamma + 2 alpha (G v + g_t) + beta^2 g over all rows, (ng,); kinematics must be current at q."""
         gamma = super().gamma(q, v, t)
         if not (self.alpha or self.beta):
             return gamma
@@ -59,12 +59,12 @@ class Index1System(Index2System):
         return Index1Chart(self, t, y, super().chart(t, y).rows)
 
     def settle(self, t: float, state: State) -> State:
-        """Choose rows; v misses all of them by its drift, and stays as it is."""
+        """Choose the rows in use; v is not projected: it misses all rows by its drift."""
         super().settle(t, state)
         return state
 
     def normal(self, y: Array) -> Array:
-        """Return the point that raw coordinates stand for: quaternions and circles normalised."""
+        """Return the point of raw coordinates, with quaternions and circles normalised."""
         if self.manifold.flat:
             return y
         return np.concatenate([pin.normalize(self.model, y[: self.nq]), y[self.nq :]])
@@ -75,20 +75,20 @@ class Index1System(Index2System):
         F, lam = self.derivative(t, y)
         if self.manifold.flat:
             return F, lam
-        T = pin.tangentMap(self.model, y[: self.nq]).reshape(self.nq, self.nv)  # with nv = 1 it comes as a vector
+        T = pin.tangentMap(self.model, y[: self.nq]).reshape(self.nq, self.nv)  # with nv = 1 it is a vector
         dq = T @ F[: self.nv]
         return np.concatenate([dq, F[self.nv :]]), lam
 
 
 class Index1Chart(Index2Chart):
-    """A step in coordinates (x, v, s, w) whose stages meet nothing but the hidden constraint."""
+    """Step in coordinates (x, v, s, w) whose stages satisfy only the hidden constraint."""
 
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """Return (x', v', s', w') and lam of all rows, (ng,); ``that``, ``xhat`` and ``factor`` do not matter."""
+        """Return (x', v', s', w') and lam of all rows, (ng,); ``that``, ``xhat`` and ``factor`` are not used."""
         s, nv = self.system, self.system.nv
         F, lam = s.derivative(t, s.add(self.y, x))
         return np.concatenate([s.manifold.tangent(x[:nv], F[:nv]), F[nv:]]), lam
 
     def all_multipliers(self, z: Array) -> Array:
-        """Multipliers of the last stage, at the end of the step: all of them already."""
+        """Multipliers of the last stage, at the end of the step, which are those of all rows."""
         return z

@@ -1,4 +1,4 @@
-"""The index-2 descriptor form of a mechanism, bound to the workspace of one solve.
+"""Index-2 descriptor form of a mechanism, bound to the workspace of one solve.
 
 q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(t, q, v, s),   w' = power of the
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
@@ -16,7 +16,7 @@ from ...system import Array, Counts, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
-from ..pinocchio_data import make_data
+from ..pinocchio_data import PinocchioData
 from . import equation_partials, interpolation, projection, residuals, row_selection
 from .closure_friction import ClosureFriction, solve_with_friction
 from .index2_step import Index2Chart
@@ -26,37 +26,37 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-class Index2System(System):
+class Index2System(PinocchioData, System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
-    A stage takes one mass matrix, one force, two constraint Jacobians, factors of M and G(Qhat) M^-1 G(Q)^T.
+    A stage evaluates one mass matrix, one force, two constraint Jacobians, and factors M and G(Qhat) M^-1 G(Q)^T.
     """
 
     formulation, baumgarte = "index2", (0.0, 0.0)
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
-        self.data, self.inertial = make_data(self.model), InertialForces(self.model)
-        self._M = self.data.M  # live view
+        self.workspace, self.inertial = mechanism.make_workspace(), InertialForces(self.model)
+        self._M = self.workspace.M  # live view
         self.nq, self.nv, self.ng, self.nz = self.model.nq, self.model.nv, mechanism.ng, mechanism.ng
-        self.laws = mechanism.bind_forces(self.data)
+        self.laws = mechanism.bind_forces(self.workspace)
         self.ns = self.laws.ns
         self.ny = 2 * self.nv + self.ns + 1
         self.counts, self.driven = Counts(), bool(mechanism.drivers)
         self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
-        self.constraints = Constraints(self.model, self.data, mechanism.constraints)
+        self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
         self.constraints.off = inactive_rows(mechanism.switches, self.mode)
-        self.sticks = False  # joints stick in the mode: they stand still
+        self.sticks = False  # joints stick in the mode
         self.sliding = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.rank: int | None = None
-        self.beside = independent_rows.AMBIGUOUS_PIVOT  # ratio of pivots where no leg begins: next to singular ones
-        self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
+        self.beside = independent_rows.AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
+        self.floor = 0.0  # smallest pivot ratio: below it, the rank has fallen
         self.rows: Array | None = None
-        self.held = False  # the rows in use stay as they are, but for `settle`
+        self.held = False  # freezes the rows in use, except in `settle`
         self.place = independent_rows.elimination_order(self.constraints.columns)
         self.reason = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
+        self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
         self.largest_g = self.largest_rate = 0.0  # |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
         self._last = (np.empty(0), np.empty(0))  # U and G there
@@ -64,20 +64,20 @@ class Index2System(System):
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,) and G (ng, nv) over all rows.
 
-        Without q the kinematics stand already; without t, g of driven rows is nan.
+        Without q kinematics must be current; without t, g of driven rows is nan.
         """
         self._kinematics(q)
         return self.constraints.value(t)
 
     def jacobian(self, q: Array | None = None) -> Array:
-        """Return G (ng, nv) over all rows; without q the kinematics stand already."""
+        """Return G (ng, nv) over all rows; without q kinematics must be current."""
         self._kinematics(q)
         return self.constraints.jacobian()
 
     def _kinematics(self, q: Array | None) -> None:
         self.counts.G += self.ng > 0
         if q is not None and self.ng:
-            pin.computeJointJacobians(self.model, self.data, q)
+            pin.computeJointJacobians(self.model, self.workspace, q)
 
     def g_t(self, t: float) -> Array:
         """Return g_t over all rows, (ng,); zero for closures, minus the speed of drivers."""
@@ -90,14 +90,14 @@ class Index2System(System):
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
         """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
-        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.nv))
+        pin.forwardKinematics(self.model, self.workspace, q, v, np.zeros(self.nv))
         return self.constraints.bias(v) - self.constraints.motion(t)[2]
 
     def inertia(self, t: float, q: Array) -> Array:
         """Return the Cholesky factor U of M(q) = U^T U, (nv, nv), zero below; leaves J and poses at q."""
         self.counts.M += 1
         self.counts.factorizations += 1
-        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        pin.crba(self.model, self.workspace, q, pin.Convention.WORLD)
         U, info = dpotrf(self._M, lower=0, clean=1)
         if info:
             if not np.isfinite(self._M).all():
@@ -108,24 +108,24 @@ class Index2System(System):
         return U
 
     def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
-        """Return f (nv,) and the rates (s', power in W), (ns + 1,); the kinematics stand at q already."""
+        """Return f (nv,) and the rates (s', power in W), (ns + 1,); kinematics must be current at q."""
         tau, rates = self.torque(t, q, v, s)
-        f = tau - pin.nonLinearEffects(self.model, self.data, q, v)
+        f = tau - pin.nonLinearEffects(self.model, self.workspace, q, v)
         if not isfinite(f.dot(f)) and len(bad := np.flatnonzero(~np.isfinite(f))):
             joint = self.mechanism.coordinate_joint(int(bad[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
         return f, rates
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
-        """Return the sum of all force laws (nv,) and the rates (s', power in W); the kinematics stand at q already."""
+        """Return the sum of all force laws (nv,) and the rates (s', power in W); kinematics must be current at q."""
         self.counts.f += 1
         return self.laws.torque(t, q, v, s)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""
-        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        pin.crba(self.model, self.workspace, q, pin.Convention.WORLD)
         kinetic = float(v @ (np.triu(self._M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(self._M) * v))
-        gravity = float(pin.computePotentialEnergy(self.model, self.data, q))
+        gravity = float(pin.computePotentialEnergy(self.model, self.workspace, q))
         return kinetic, gravity + self.laws.potential(q)
 
     @property
@@ -137,32 +137,32 @@ class Index2System(System):
         self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
-        """Return U and G at q, with the kinematics there; those of the last stage where it ended here."""
+        """Return U and G at q, with kinematics current there; reuses the last stage if it ended here."""
         if self.manifold.same(q, self._last_q):
-            pin.computeJointJacobians(self.model, self.data, q)
+            pin.computeJointJacobians(self.model, self.workspace, q)
             return self._last
         U = self.inertia(t, q)
         return U, self.jacobian()
 
     def all_multipliers(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
-        """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
+        """Multipliers of all rows, (ng,), from those in use: of minimum norm for redundant rows."""
         if len(rows) == self.ng:
             return lam[rows.argsort()]
         return independent_rows.all_multipliers(U, G, rows, lam)
 
     def new_workspace(self) -> "Index2System":
-        """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
+        """See `mbdae.system.System`; always in index-2 form."""
         out = self.mechanism.system(native=self.native)
         out.beside = self.beside
         out.enter(self.mode)
         return out
 
     def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
-        """Return g and G v + g_t over all rows whatever the mode, (ng,) each; None where Python computes them."""
+        """Return g and G v + g_t over all rows in any mode, (ng,) each; None where Python computes them."""
         return None
 
     def enter(self, mode: Mode) -> None:
-        """Go on in another mode; rank and rows are found anew."""
+        """Enter another mode; determine rank and rows again."""
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches
@@ -223,7 +223,7 @@ class Index2System(System):
         rates: Array,
         slips: tuple[Array, Array, Array] | None,
     ) -> tuple[Array, Array]:
-        """Solve for v' (nv,) and lam (r,), with friction by lam where bodies slide, whose power is added to rates."""
+        """Solve for v' (nv,) and lam (r,), with friction proportional to lam, whose power is added to the rates."""
         if slips is None:
             return self.saddle(t, U, G.take(rows, 0), Ghat, f, rhs)
         vdot, lam, power = solve_with_friction(self, t, U, G, rows, Ghat, f, rhs, slips)
@@ -233,7 +233,7 @@ class Index2System(System):
     def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
         """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T.
 
-        For several f, (k, nv), the others belong to rhs = 0: v' (k, nv), lam (k, r).
+        For several f, (k, nv), all but the first belong to rhs = 0: v' (k, nv), lam (k, r).
         """
         self.counts.solves += 1
         r, F = len(rhs), f if f.ndim > 1 else f[None]
@@ -255,7 +255,7 @@ class Index2System(System):
             name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         vdot = X[r] + lam.dot(X[:r]) if f.ndim == 1 else X[r:] + lam.T.dot(X[:r])
-        if self.sticks:  # what rounding has left is solved for once more
+        if self.sticks:  # iterative refinement removes rounding
             left = -Ghat.dot(vdot.T)
             np.atleast_2d(left.T)[0] += rhs
             more = dgetrs(lu, piv, left)[0]
@@ -280,7 +280,7 @@ class Index2System(System):
         return out
 
     slopes, rate_slopes = equation_partials.equation_partials, equation_partials.rate_partials
-    restore = projection.project_state
+    restore, magnitude = projection.project_state, projection.magnitude
     choose_rows, settle = row_selection.select_independent_rows, row_selection.update_independent_rows
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
     residuals = residuals.residuals

@@ -1,4 +1,4 @@
-"""A step of a mechanism in index-2 form: its stages, each a linear saddle-point system."""
+"""Step of a mechanism in index-2 form: each stage is a linear saddle-point system."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Index2Chart(ImplicitStages):
-    """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
+    """Step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v, with fixed rows."""
 
     def __init__(self, system: "Index2System", t: float, y: Array, rows: Array) -> None:
         self.system, self.t, self.y, self.rows = system, t, y, rows
@@ -24,7 +24,7 @@ class Index2Chart(ImplicitStages):
         return np.concatenate([self.v, carry]), np.empty(0)
 
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """One saddle-point solve; two configurations meet in it (Hairer, Wanner II, (VII.6.8))."""
+        """Solve one saddle-point system, with G at two configurations (Hairer, Wanner II, (VII.6.8))."""
         s, m, nv = self.system, self.system.manifold, self.system.nv
         q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
@@ -43,9 +43,9 @@ class Index2Chart(ImplicitStages):
     def solve_stage(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
-        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x').
+        """Return x' = J(x) v (nv,) and G (r, nv) where the stage constraint is satisfied: q_n (+) (xhat + factor x').
 
-        U and G over all rows are those of the stage itself.
+        U and G over all rows belong to the stage itself.
         """
         m = self.system.manifold
         dx = m.tangent(x, v)

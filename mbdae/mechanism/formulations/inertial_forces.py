@@ -15,7 +15,7 @@ LARGEST = 100
 
 
 class InertialForces:
-    """M v' + nle of a model, in a workspace of its own that is made when slopes are first asked for."""
+    """M v' + nle of a model, in a separate workspace that is created when derivatives are first requested."""
 
     def __init__(self, model: pin.Model) -> None:
         self.compact = model
@@ -27,7 +27,7 @@ class InertialForces:
 
     @cached_property
     def data(self) -> pin.Data:
-        """Its workspace."""
+        """Workspace of the expanded tree."""
         return self.model.createData() if self.model.nv <= LARGEST else make_data(self.model)
 
     def slopes(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
@@ -38,7 +38,7 @@ class InertialForces:
         return self.data.M, self.data.dtau_dq, self.data.dtau_dv
 
     def _by_composites(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
-        """The same with nv^2 numbers, from composite bodies: the formulas behind Pinocchio's.
+        """The same with O(nv^2) memory, from composite bodies, by the formulas that Pinocchio uses.
 
         Source: Carpentier, Mansard, Robotics: Science and Systems (2018).
         """
@@ -79,7 +79,7 @@ class InertialForces:
 
     @cached_property
     def order(self) -> Array:
-        """Where the joint of a row m is that of the column k or before it on the way to the root, (nv, nv)."""
+        """True where the joint of row m is that of column k or an ancestor of it, (nv, nv)."""
         joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
         out = np.zeros((self.model.njoints, self.model.njoints), bool)
         for j in range(1, self.model.njoints):

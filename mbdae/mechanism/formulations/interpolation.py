@@ -1,4 +1,4 @@
-"""The motion of a mechanism within a step, from the states at both ends and accelerations."""
+"""Dense output of a mechanism within a step, from states and accelerations at both ends."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -26,18 +26,18 @@ def interpolant(
 ) -> Callable[[float], Array]:
     """Return theta -> y on t + theta h, theta in [0, 1].
 
-    In the chart q = q_n (+) x the coordinates x(theta) take x, x' = J v and x'' = J v' + J' v at both ends: a quintic,
-    order 5 in q and 4 in v. For higher orders accelerations from the hidden constraint are added inside. Both q and v
-    are continuous; G v = 0 holds to the order. The states of actuators and the work, s and w, start as cubics, order 3,
-    and take their rates at the same points; without such states the work takes the power at two points of its own.
+    In the chart q = q_n (+) x, x(theta) interpolates x, x' = J v and x'' = J v' + J' v at both ends: a quintic, order 5
+    in q and 4 in v. For higher orders, accelerations from the hidden constraint are added inside the step. Both q and v
+    are continuous; G v = 0 holds to the order. Actuator states s and work w start as cubics, order 3, and use their
+    rates at the same points; without actuator states, the work uses the power at two separate points.
 
     Args:
         system: workspace for accelerations and forces.
         t: start of the step.
-        h: its size.
+        h: step size.
         ends: y at both ends.
         rates: tangent rates (v, v', s', w') at both ends.
-        order: wanted order of v and s.
+        order: required order of v and s.
     """
     nq, nv, m = system.nq, system.nv, system.manifold
     (y0, y1), (F0, F1) = ends, rates
@@ -49,12 +49,12 @@ def interpolant(
         return m.tangent(x, vdot) + m.tangent_rate(x, dx, v)
 
     def state(theta: float, c: Array) -> tuple[Array, Array, Array, Array]:
-        """Coordinates x, x', the configuration and v."""
+        """Return x, x', the configuration and v."""
         x, dx = powers(theta, len(c) - 1) @ c, powers(theta, len(c) - 1, 1) @ c / h
         return x, dx, m.integrate(y0[:nq], x), m.velocity(x, dx)
 
     def rate(theta: float, c: Array, tail: Array) -> tuple[Array, Array]:
-        """The second derivative of x and the first of (s, w) with respect to theta."""
+        """Return the second derivative of x and the first of (s, w) with respect to theta."""
         x, dx, q, v = state(theta, c)
         F, _ = system.derivative(t + theta * h, np.concatenate([q, v, powers(theta, len(tail) - 1) @ tail]))
         return h * h * second(x, dx, v, F[nv : 2 * nv]), h * F[2 * nv :]
@@ -86,7 +86,7 @@ def interpolant(
 
 
 def plain(system: "Index2System", order: int) -> bool:
-    """True where `sampled` serves: coordinates in a vector space, no states of actuators, no refinement."""
+    """Return whether `sampled` applies: coordinates in a vector space, no actuator states, no refinement."""
     return system.manifold.flat and not system.ns and order <= PLAIN_ORDER
 
 
@@ -99,16 +99,16 @@ def sampled(
     which: Array,
     theta: Array,
 ) -> Array:
-    """Return y (k, ny) at k points of n steps at once: what `interpolant` gives, where the system is `plain`.
+    """Return y (k, ny) at k points of n steps at once, equal to `interpolant` for `plain` systems.
 
     Args:
         system: workspace for forces.
         t: starts of the steps, (n,).
-        h: their sizes, (n,).
-        ends: y at both ends of each, (n, ny).
+        h: step sizes, (n,).
+        ends: y at both ends of each step, (n, ny).
         rates: tangent rates there, (n, 2 nv + 1).
-        which: number of each point's step, (k,).
-        theta: and where on it, (k,).
+        which: step index of each point, (k,).
+        theta: position of each point in its step, (k,).
     """
     nv, size = system.nv, h[:, None]
     (y0, y1), (F0, F1) = ends, rates
@@ -133,8 +133,8 @@ def sampled(
 
 
 def _power(system: "Index2System", t: float, q: Array, v: Array) -> Array:
-    """Power of what has no potential, (1,), of a system without states of its own."""
-    if system.driven or system.sliding:  # their power needs lam
+    """Power of non-conservative forces, (1,), of a system without actuator states."""
+    if system.driven or system.sliding:  # their power depends on lam
         return system.derivative(t, np.concatenate([q, v, [0.0]]))[0][-1:]
     system.inertia(t, q)
     return system.force(t, q, v, np.empty(0))[1]

@@ -1,13 +1,13 @@
-"""Small motions of a mechanism around an equilibrium or a steady motion, as a system of first order.
+"""rad or characteristic length of the coordinates.
 
-At a point with v constant along the motion, with rows that keep positions, G_p, and all rows, G,
+At a point with v constant along the motion, with position rows G_p and all rows G,
 
     dq = Z_p y,   dv = W y + Z u,   G_p Z_p = 0,  G Z = 0,  G W = -B Z_p,  Z^T M W = 0,   Z^T M Z = Z_p^T M Z_p = 1
     y' = Z_p^T M ((W - ad Z_p) y + Z u),    dq' = dv - ad_v dq on quaternion and planar joints
     u' = Z^T ((K Z_p + D W) y + D Z u + S ds),    ds' = (h_q Z_p + h_v W) y + h_v Z u + h_s ds
 
-Where all rows keep positions, u is as long as y; rows of velocity alone (rolling) leave more y than u. K contains
-d(G^T lam)/dq, with the multipliers of the motion.
+If all rows have positions, u is as long as y; velocity rows (rolling) leave more y than u. K contains d(G^T lam)/dq,
+with the multipliers of the motion.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,11 +23,11 @@ from .spectrum import EPS
 if TYPE_CHECKING:
     from .equilibrium_equations import ForceBalance, Statics
 
-STEADY = 1e-6  # of the largest term: what may be left of the accelerations of a steady motion
+STEADY = 1e-6  # of the largest term: largest residual acceleration of a steady motion
 
 
 class LinearMotion(NamedTuple):
-    """Small motions z' = A z, z = (y, u, ds), around a point.
+    """Perturbation equations z' = A z, z = (y, u, ds), around a point.
 
     Attributes:
         q, v, s: the point, (nq,), (nv,), (ns,).
@@ -35,10 +35,10 @@ class LinearMotion(NamedTuple):
         positions: Z_p, (nv, k).
         speeds: Z, (nv, m).
         follow: W, (nv, k).
-        free: all rows.
+        free: null space of all rows.
         damping: Z^T D Z, (m, m).
         stiffness: -Z^T (K Z_p + D W), (m, k).
-        noise: how closely each entry of A is known, (n, n).
+        noise: rounding error of each entry of A, (n, n).
     """
 
     q: Array
@@ -54,7 +54,7 @@ class LinearMotion(NamedTuple):
     noise: Array
 
     def state(self, dq: Array, dv: Array, ds: Array) -> Array:
-        """Return z (n,) of small changes that keep the rows; dq and dv (nv,), ds (ns,)."""
+        """Return z (n,) of small changes that satisfy the rows; dq and dv (nv,), ds (ns,)."""
         U = self.free.U
         y = (U @ self.positions).T @ (U @ dq)
         u = (U @ self.speeds).T @ (U @ (dv - self.follow @ y))
@@ -62,7 +62,7 @@ class LinearMotion(NamedTuple):
 
     @property
     def back(self) -> Array:
-        """The matrix of (dq, dv, ds) over z, (2 nv + ns, n)."""
+        """Matrix of (dq, dv, ds) over z, (2 nv + ns, n)."""
         (nv, k), m, ns = self.positions.shape, self.speeds.shape[1], len(self.s)
         out = np.zeros((2 * nv + ns, k + m + ns))
         out[:nv, :k], out[nv : 2 * nv, :k] = self.positions, self.follow
@@ -71,10 +71,10 @@ class LinearMotion(NamedTuple):
 
 
 def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
-    """Linearize at a balance.
+    """Linearize at an equilibrium or a steady motion.
 
     Raises:
-        InputError: where the point is no steady motion, naming the joint that accelerates.
+        InputError: if the point is not a steady motion, naming the joint that accelerates.
     """
     system, v, nv = statics.system, statics.v, statics.system.nv
     system.sliding.refuse("a linearization")
@@ -117,10 +117,10 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
 
 
 def refuse_unsteady(statics: "Statics", here: "ForceBalance") -> None:
-    """Refuse a point that is neither an equilibrium nor a steady motion.
+    """Raise for a point that is neither an equilibrium nor a steady motion.
 
-    What is left of forces, speeds and rates is compared with the terms that were summed, and with those that a change
-    of the coordinates by 1 rad or characteristic length would make.
+    The residuals of forces, speeds and rates are compared with their summed terms, and with the changes of these terms
+    by
 
     Raises:
         InputError: naming the joint that accelerates.

@@ -1,10 +1,10 @@
-"""What closures leave free at a configuration, in coordinates in which the mass matrix is the unit matrix.
+"""Null space of the closures at a configuration, orthonormal in the mass metric.
 
     M = U^T U,   R^-1 G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
 
-R = diag(what 1 of each row is in its unit): a rank knows no units. Statics and modes move along Z and close the loops
-again by Gauss-Newton steps of least size in coordinates: in the mass metric a light body would close them alone, where
-it cannot.
+R = diag(row scales) makes the rank independent of units. Statics and modes move along Z and close the loops again by
+Gauss-Newton steps of least size in the coordinates: in the mass metric a light body would take the whole correction,
+even where it cannot close the loop.
 """
 
 from collections.abc import Callable
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
 
 RANK = 1e-9  # of the largest singular value of R^-1 G M^-1/2
 ITERATIONS = 20
-FALLING = 0.5  # of a residual: a whole correction that leaves more of it is rounding, or goes too far
+FALLING = 0.5  # of a residual: a full correction that leaves more of it is rounding, or overshoots
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of corrections
-OPEN = 1e-9  # rad or characteristic lengths: what stays open by more is not closed
+OPEN = 1e-9  # rad or characteristic lengths: largest residual of a closed loop
 Rows = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), where the kinematics of the workspace stand, and slopes (k, nv)."""
 
 
 class NullSpace(NamedTuple):
-    """The motions that rows leave free.
+    """Null space of constraint rows.
 
     Attributes:
         U: Cholesky factor of M = U^T U, (nv, nv).
-        P, S, V: of R^-1 G U^-1 = P diag(S) V^T, cut off at the rank, (m, r), (r,), (nv, r).
-        Z: free motions, (nv, k), G Z = 0, Z^T M Z = 1.
-        dependent: orthonormal lam of the rows of G that make no forces, G^T lam = 0, (m, m - r).
-        scale: what 1 of each row is in its unit, (m,).
+        P, S, V: of R^-1 G U^-1 = P diag(S) V^T, truncated to the rank, (m, r), (r,), (nv, r).
+        Z: free directions, (nv, k), G Z = 0, Z^T M Z = 1.
+        dependent: orthonormal lam that cause no force, G^T lam = 0, (m, m - r).
+        scale: unit scales of the rows, (m,).
     """
 
     U: Array
@@ -51,27 +51,27 @@ class NullSpace(NamedTuple):
 
     @property
     def pivot(self) -> float:
-        """Smallest singular value to the largest: 0 in a singular configuration."""
+        """Ratio of the smallest singular value to the largest: 0 in a singular configuration."""
         return float(self.S[-1] / self.S[0]) if len(self.S) else 1.0
 
     def multipliers(self, f: Array) -> Array:
-        """Return lam (m,) of least norm such that f + G^T lam is made of inertial forces of free motions, M Z x."""
+        """Return lam (m,) of least norm such that f + G^T lam = M Z x, inertial forces of free directions."""
         lam = -(self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)) / self.scale
         return lam - self.dependent @ (self.dependent.T @ lam)
 
     def smallest(self, r: Array) -> Array:
-        """Return x (nv, ...) of least |U x| with G x = r (m, ...), in the sense of least squares of R^-1 r."""
+        """Return x (nv, ...) of least |U x| with G x = r (m, ...), in the least-squares sense of R^-1 r."""
         return dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
 
 
 def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) -> NullSpace:
-    """Split the motions of a mechanism into those that rows keep from it and those that they leave free.
+    """Split the velocity space into directions constrained by rows and their null space.
 
     Args:
         U: Cholesky factor of M = U^T U, (nv, nv).
         G: rows, (m, nv).
-        scale: what 1 of each row is in its unit, (m,).
-        coordinates: what 1 of each coordinate is in its unit, (nv,).
+        scale: unit scales of the rows, (m,).
+        coordinates: unit scales of the coordinates, (nv,).
     """
     nv = len(U)
     if not len(G):
@@ -80,20 +80,19 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     rows = G / scale[:, None]
     P, S, Vt = np.linalg.svd(dgesv(U.T, rows.T)[2].T)
     r = int((S[0] * RANK < S).sum())
-    if r < min(G.shape):  # light bodies beside heavy ones
+    if r < min(G.shape):  # light bodies next to heavy ones
         r = max(r, independent_rows.geometric_rank(rows * coordinates))
     dependent = np.linalg.qr(P[:, r:] / scale[:, None])[0]
     return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
 def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
-    """Return the configuration (nq,) near q that closes all loops, and meets further rows, to rounding.
+    """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
 
-    Gauss-Newton steps of least size in rad and characteristic lengths; the last one that makes the residual less than
-    half as large is kept.
+    Gauss-Newton steps of least size in rad and characteristic lengths; stops when a step no longer halves the residual.
 
     Raises:
-        StepError: if rows stay open.
+        StepError: if rows remain violated.
     """
     units, length = system.mechanism.row_scales, system.mechanism.coordinate_scales
 

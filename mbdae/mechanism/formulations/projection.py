@@ -1,4 +1,4 @@
-"""Projection of a state on its closures, as an option at the ends of steps."""
+"""Projection of a state onto the closures, optional at the ends of steps."""
 
 from typing import TYPE_CHECKING
 
@@ -8,8 +8,10 @@ from scipy.linalg.lapack import dgesv
 from ...errors import StepError
 from ...system import Array
 from ..closures.closure_error import largest_error
+from .row_selection import SHARE
 
 if TYPE_CHECKING:
+    from ..mechanism import Mechanism
     from .index2 import Index2System
 
 TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
@@ -17,25 +19,27 @@ ITERATIONS = 10
 ROUNDING = 1e-14  # of 1 + |q|, or of |v|: residuals below are left alone
 FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
 UNMOVED = 1e-13  # rad or m: what a projection moves by so little adds no slopes of its own
+VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of its largest terms or 1 + |v|: what is not kept by less
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
 
 def project_state(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
-    """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
+    """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, first in q and then in v, over all rows.
 
-    Rows of velocity have no part in q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g
-    with a truncated pseudoinverse, M frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g|
-    is not taken: near singular positions rounding in g stands for large corrections. Lengths are compared in
+    Velocity rows do not affect q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a
+    truncated pseudoinverse, M frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g| is
+    rejected: near singular configurations rounding in g causes large corrections. Lengths are compared in
     characteristic lengths of the mechanism.
 
     Args:
         system: a workspace.
         t: time.
         y: the point.
-        tight: go on below `ROUNDING` until |g| falls no more: near singular positions v turns by |g| / sigma^2.
+        tight: iterate below `ROUNDING` until |g| stops falling: near singular configurations v changes by |g| /
+            sigma^2.
 
     Raises:
-        StepError: if the closures cannot be met from there.
+        StepError: if the closures cannot be met from there, or ask for speeds that contradict each other.
 
     Source: Hairer, Wanner II, (VII.2.14), (VII.2.15).
     """
@@ -48,21 +52,26 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
     mech = system.mechanism
     if not np.linalg.norm(g / mech.row_scales) <= OPEN and not move <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
         gap = largest_error(mech, g)
-        raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
+        text = f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}"
+        left = (g - G @ _smallest(U, G, g, mech.row_scales)) / mech.row_scales
+        if system.driven and np.linalg.norm(left) > FALLING * np.linalg.norm(g / mech.row_scales):
+            text += f", {_names(mech, left, system.g_t(t))} contradict each other"
+        raise StepError("newton", text)
     rate = G @ v + system.g_t(t)
     if tight or speeds_felt(system, rate, v):
         v = v - _smallest(U, G, rate, mech.row_scales)
+        refuse_contradictions(system, t, G, v)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 
 
 def project_positions(
     system: "Index2System", t: float, q: Array, U: Array, tight: bool = False
 ) -> tuple[list[Array], Array, Array, float]:
-    """Take Gauss-Newton steps from q; kinematics stand there.
+    """Take Gauss-Newton steps from q, where kinematics must be current.
 
     Returns:
-        The configurations from q to the end; g and G there; the largest component of the last step that was tried, in
-        rad or characteristic lengths.
+        Configurations from q to the end; g and G there; largest component of the last attempted step, in rad or
+            characteristic lengths.
     """
     g, G = system.closures(None, t)
     path, move, kept, mech = [q], 0.0, system.constraints.positional, system.mechanism
@@ -81,14 +90,51 @@ def project_positions(
     return path, g, G, move
 
 
+def refuse_contradictions(system: "Index2System", t: float, G: Array, v: Array) -> None:
+    """See that v, (nv,), meets all rows of G v + g_t = 0, also those that depend on others.
+
+    Without g_t they have v = 0 in common; drivers may ask for what closures and other drivers do not admit.
+
+    Raises:
+        StepError: naming the rows, those of drivers first.
+    """
+    g_t, mech = system.g_t(t), system.mechanism
+    if not g_t.any():
+        return
+    left, terms = np.abs(G @ v + g_t) / mech.row_scales, (np.abs(G) @ np.abs(v) + np.abs(g_t)) / mech.row_scales
+    if left.max() <= VELOCITY_TOLERANCE * terms.max():
+        return
+    missed = f"no speeds meet all of them, what is left is {left.max() / terms.max():.1g} of the largest"
+    raise StepError("driver", f"{_names(mech, left, g_t)} contradict each other at t = {t:.17g}: {missed}")
+
+
+def _names(mech: "Mechanism", left: Array, first: Array) -> str:
+    """The rows that take part in a residual of rows by their scales, (ng,), those where ``first`` is not 0 first."""
+    rows = np.flatnonzero(np.abs(left) > SHARE * np.abs(left).max())
+    rows = rows[np.argsort(first[rows] == 0, kind="stable")]
+    return " and ".join(dict.fromkeys(repr(mech.row_names[int(i)]) for i in rows))
+
+
+def magnitude(system: "Index2System", y: Array) -> Array:
+    """See `mbdae.system.System`, (ny,): 1 rad or characteristic length, and the largest speed in these, are added."""
+    out, scales, nv = system.size(y), system.mechanism.coordinate_scales, system.nv
+    out[:nv] += scales
+    out[nv : 2 * nv] += scales * _speed(system, system.split(y)[1])
+    return out
+
+
+def _speed(system: "Index2System", v: Array) -> float:
+    """The largest of v (nv,) in rad or characteristic lengths by time."""
+    return float(np.abs(v / system.mechanism.coordinate_scales).max(initial=0.0))
+
+
 def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
     """Say whether G v + g_t, (ng,), is more than rounding; whatever it is where joints stick, which stand still."""
-    mech = system.mechanism
-    speed = np.abs(v / mech.coordinate_scales).max()
-    return system.sticks or bool(np.linalg.norm(rate / mech.row_scales) > ROUNDING * speed)
+    size = np.linalg.norm(rate / system.mechanism.row_scales)
+    return system.sticks or bool(size > ROUNDING * _speed(system, v))
 
 
 def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:
-    """The x (nv,) of least |U x| with G x = r (ng,), by truncated least squares of rows by their scales."""
+    """Return x (nv,) of least |U x| with G x = r (ng,), by truncated least squares with row scales."""
     B = dgesv(U.T, (G / scales[:, None]).T)[2]
     return dgesv(U, np.linalg.lstsq(B.T, r / scales, rcond=TRUNCATION)[0])[2]

@@ -1,4 +1,4 @@
-"""What a run keeps or should keep, at many points."""
+"""Invariants and constraint residuals of a run, at many points."""
 
 from typing import TYPE_CHECKING
 

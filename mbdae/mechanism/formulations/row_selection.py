@@ -1,4 +1,4 @@
-"""Which rows of a mechanism a step solves for."""
+"""Selection of the independent rows of a step."""
 
 from typing import TYPE_CHECKING
 
@@ -12,13 +12,13 @@ from ..closures import independent_rows
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-SHARE = 1e-3  # of the largest row of a combination: less takes no part in it
+SHARE = 1e-3  # of the largest row of a combination: rows with less do not take part
 
 
 def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
-    """Independent rows (r,) for a step or a point; the rank is fixed when it is first found.
+    """Return independent rows (r,) for a step or a point; the rank is fixed when first determined.
 
-    They are those in use as long as they serve, and as long as they are held.
+    The rows in use are kept while they are well-conditioned, and while they are frozen.
     """
     if not system.ng:
         return np.empty(0, int)
@@ -40,17 +40,17 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
 
 
 def _weakest(system: "Index2System", B: Array, rank: int) -> str:
-    """Name the closures whose rows make up the weakest of so many independent combinations."""
+    """Name the closures whose rows form the weakest of so many independent combinations."""
     combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2
     names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > SHARE * combination.max())]
     return ", ".join(dict.fromkeys(repr(name) for name in names))
 
 
 def update_independent_rows(system: "Index2System", t: float, state: State) -> State:
-    """See `mbdae.system.System`: choose the rows of the next step, and bring v onto those that are new.
+    """Choose the rows of the next step, see `mbdae.system.System`, and project v onto new ones.
 
-    Rows of loops that stand open by |g| contradict each other by as much: v that met those in use before misses the
-    new ones, which a step would take for an error of its own.
+    Rows of loops with a violation |g| contradict each other by as much: a v that satisfies the old rows violates the
+    new ones, which a step would take for a local error.
     """
     if not system.ng:
         return state
@@ -74,7 +74,7 @@ def update_independent_rows(system: "Index2System", t: float, state: State) -> S
 
 
 def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> float:
-    """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
+    """Return the largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
     q, _ = system.split(y)
     U, G = system.inertia(t, q), system.jacobian()
     rows = system.choose_rows(t, U, G)
@@ -85,6 +85,6 @@ def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> flo
 
 
 def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
-    """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
+    """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
     diagonal = independent_rows.pivots(dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2])[1]
     return float(diagonal[(system.rank or 1) - 1] / diagonal[0])

@@ -1,15 +1,16 @@
-"""Eigenvalues of a matrix whose entries are known up to their own rounding.
+"""Eigenvalues of a matrix whose entries are known up to rounding.
 
-Beside a matrix A goes e, |dA| <= e entry by entry: eps times the sizes of the terms that were summed. The linearised
-motion [0 1; -M^-1 K  -M^-1 D] has ones beside the squares of frequencies, so no norm says which of its numbers are
-zeros. Here a number is one where none of its digits is known, |a| <= 100 e, whatever the units and the other motions.
+A matrix A comes with e, |dA| <= e entry by entry: eps times the sizes of the summed terms. The linearised motion
+[0 1; -M^-1 K  -M^-1 D] has ones next to squares of frequencies, so no norm decides which of its entries are zero. Here
+an entry is zero if none of its digits is known, |a| <= 100 e, whatever the units and the other motions.
 
-The rank comes from elimination in the order of certainty, |a|/e, which no scaling of rows and columns changes, with a
-running error bound. Null vectors X = [1 on the free columns f; B on the others o] are divided out along unit vectors,
+The rank comes from elimination in the order of certainty, |a|/e, which is invariant under scaling of rows and columns,
+with a running error bound. Null vectors X = [1 on the free columns f; B on the others o] are deflated along unit
+vectors,
 
     A <- A_oo - B A_fo,   e <- e_oo + |B| e_fo + eps |B| |A_fo|,
 
-again and again, since zeros come in chains (rigid motions and their speeds). An orthonormal complement would mix the
+repeatedly, since zeros form Jordan chains (rigid motions and their speeds). An orthonormal complement would mix the
 largest frequencies into the smallest ones. Source of the bound: Wilkinson, Rounding Errors in Algebraic Processes
 (1963); of the eigenvalues' errors: Stewart, Sun, Matrix Perturbation Theory (1990), theorem IV.2.3.
 """
@@ -22,14 +23,14 @@ from scipy.linalg import eig, solve_triangular
 from ...system import Array
 
 EPS = float(np.finfo(float).eps)
-CERTAIN = 100.0  # of the rounding of a number: what is known to be none
+CERTAIN = 100.0  # multiple of its rounding error above which a number is known to be nonzero
 
 
 class Null(NamedTuple):
-    """The null space of a matrix, x_o = B x_f.
+    """Null space of a matrix, x_o = B x_f.
 
     Attributes:
-        rows: in the order of their pivots, those without one last.
+        rows: in the order of their pivots, rows without pivot last.
         others: columns o with a pivot, (r,).
         free: columns f without one, (n - r,).
         B: (r, n - r).
@@ -42,14 +43,14 @@ class Null(NamedTuple):
 
     @property
     def vectors(self) -> Array:
-        """The null vectors, (n, n - r)."""
+        """Null vectors, (n, n - r)."""
         out = np.zeros((len(self.others) + len(self.free), len(self.free)))
         out[self.free], out[self.others] = np.eye(len(self.free)), self.B
         return out
 
 
 def null_space(A: Array, e: Array) -> Null:
-    """The null space of A (m, n), of which each entry is known to e (m, n)."""
+    """Return the null space of A (m, n), whose entries are known to e (m, n)."""
     a, (m, n) = A.astype(float), A.shape
     e = np.maximum(e, EPS * np.abs(a))
     rows, columns, r = np.arange(m), np.arange(n), 0
@@ -75,12 +76,12 @@ def null_space(A: Array, e: Array) -> Null:
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of A (n, n), first those that are exactly 0.
+    """Eigenvalues of A (n, n), exact zeros first.
 
     Attributes:
         values: (n,), complex.
-        vectors: right eigenvectors as columns, (n, n), complex; 0 for zeros of a chain that have none of their own.
-        noise: how closely each value is known, (n,): |y|^T e |x| / |y^H x|, y and x the left and right vectors.
+        vectors: right eigenvectors as columns, (n, n), complex; 0 for zeros of a chain without an eigenvector.
+        noise: rounding error of each value, (n,): |y|^T e |x| / |y^H x|, with left and right vectors y and x.
     """
 
     values: Array
@@ -89,19 +90,19 @@ class Spectrum(NamedTuple):
 
     @property
     def growing(self) -> Array:
-        """Which values have a positive real part that is known to be one, (n,)."""
+        """Values whose real part is positive beyond rounding, (n,)."""
         return self.values.real > CERTAIN * self.noise
 
     def sorted(self, order: Array) -> "Spectrum":
-        """The same in another order."""
+        """The same spectrum in another order."""
         return Spectrum(self.values[order], self.vectors[:, order], self.noise[order])
 
 
 def spectrum(A: Array, e: Array) -> Spectrum:
-    """Eigenvalues and vectors of A (n, n), of which each entry is known to e (n, n)."""
+    """Return eigenvalues and eigenvectors of A (n, n), whose entries are known to e (n, n)."""
     n = len(A)
     rest, doubt, at = A, np.maximum(e, EPS * np.abs(A)), np.arange(n)
-    lifts: list[tuple[Array, Null, Array]] = []  # what was divided out: the places, the null space, and A_fo
+    lifts: list[tuple[Array, Null, Array]] = []  # deflated: the indices, the null space, and A_fo
     while len(rest):
         null = null_space(rest, doubt)
         o, f = null.others, null.free
@@ -125,7 +126,7 @@ def spectrum(A: Array, e: Array) -> Spectrum:
 
 
 def _lift(vectors: Array, values: Array, places: Array, null: Null, across: Array) -> None:
-    """Take eigenvectors of a quotient by null vectors X back: x + X c with c = A_fo x / lambda."""
+    """Lift eigenvectors of a quotient by null vectors X: x + X c with c = A_fo x / lambda."""
     x = vectors[places[null.others]]
     c = across @ x / values
     vectors[places[null.free]] = c
@@ -133,9 +134,9 @@ def _lift(vectors: Array, values: Array, places: Array, null: Null, across: Arra
 
 
 def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Eigenvalues (n,), right vectors (n, n) and noise (n,) of a regular A (n, n).
+    """Return eigenvalues (n,), right vectors (n, n) and noise (n,) of a regular A (n, n).
 
-    Rayleigh quotients y^H A x / y^H x take away what the iteration mixed of the largest values into the smallest.
+    Rayleigh quotients y^H A x / y^H x remove contributions of the largest values to the smallest.
     """
     values, left, right = eig(A, left=True, right=True)
     left, right = left.astype(complex), right.astype(complex)
@@ -144,16 +145,16 @@ def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
     mean = np.divide((left.conj() * (A @ right)).sum(0), angles, out=values.astype(angles.dtype), where=regular)
     noise = np.full(len(A), np.inf)
     np.divide((np.abs(left) * (e @ np.abs(right))).sum(0), np.abs(angles), out=noise, where=regular)
-    return mean + 0.0, right, noise  # and no -0.0
+    return mean + 0.0, right, noise  # avoids -0.0
 
 
 class Curvature(NamedTuple):
     """Signs of the eigenvalues of a symmetric matrix H, by Sylvester's law from D^-1 H D^-1, D^2 = diag(e/eps).
 
-    Scaled so that all entries are known alike, the largest of them hides none of the others.
+    This scaling gives all entries the same relative error, so that large entries do not hide small ones.
 
     Attributes:
-        values: eigenvalues of the scaled matrix, rising, (k,).
+        values: eigenvalues of the scaled matrix, ascending, (k,).
         vectors: D^-1 times its eigenvectors, (k, k).
         signs: -1, 0 where no digit is known, or 1, (k,).
     """
@@ -164,27 +165,27 @@ class Curvature(NamedTuple):
 
     @property
     def negative(self) -> int:
-        """The number of eigenvalues that are negative."""
+        """Number of negative eigenvalues."""
         return int((self.signs < 0).sum())
 
     @property
     def flat(self) -> int:
-        """The number of eigenvalues that are zero as far as is known."""
+        """Number of eigenvalues that are zero within rounding."""
         return int((self.signs == 0).sum())
 
 
 def scale_of(e: Array) -> Array:
-    """Return d (k,) with d_i^2 the size of the terms of the entry (i, i) of a matrix known to e (k, k); 1 for none."""
+    """Return d (k,), d_i^2 being the size of the terms of entry (i, i) of a matrix known to e (k, k); 1 if none."""
     size = np.sqrt(e.diagonal() / EPS)
     return np.where(size > 0, size, 1.0)
 
 
 def curvature(H: Array, e: Array) -> Curvature:
-    """The signs of the symmetric part of H (k, k), of which each entry is known to e (k, k)."""
+    """Return the signs of the symmetric part of H (k, k), whose entries are known to e (k, k)."""
     if not len(H):
         return Curvature(np.empty(0), H, np.empty(0))
     d = scale_of(e)
-    e = np.maximum(e, EPS * np.outer(d, d))  # of the iteration for eigenvalues
+    e = np.maximum(e, EPS * np.outer(d, d))  # rounding of the eigenvalue iteration
     values, X = np.linalg.eigh((H + H.T) / (2 * np.outer(d, d)))
     vectors, size = X / d[:, None], np.abs(X / d[:, None])
     known = np.abs(values) > CERTAIN * (size * (e @ size)).sum(0)

@@ -1,13 +1,13 @@
-"""How large the terms are whose sums are the slopes of forces: eps times that is what rounding leaves of a sum.
+"""Sizes of the terms that are summed in force derivatives; eps times the size is the rounding error of a sum.
 
 With mu_i = sqrt(M_ii), coordinates in units of l_i (1 rad, or the mechanism's characteristic length), the stiffness of
 coordinate i is known to eps mu_i^2 rho_i, where rho_i in 1/s^2 is the largest of
 
     |K_ij| / (mu_i mu_j) over row and column i,   m_i / (mu_i l_i)^2,   |a_0| sqrt(m_c) / (mu_i l_i),  max (v_j / l_j)^2
 
-with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| of what it carries. An
-entry K_ij is known to eps mu_i mu_j sqrt(rho_i rho_j), also where it is a sum that comes out as 0. Damping alike, with
-the speed in place of these.
+with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| that it carries. An
+entry K_ij is known to eps mu_i mu_j sqrt(rho_i rho_j), even if the sum is 0. The same holds for damping, with the speed
+in place of these.
 """
 
 from typing import TYPE_CHECKING
@@ -19,18 +19,18 @@ from ...system import Array
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-DIFFERENCES = 2e5  # times rounding: what differences of Python functions leave of a slope
+DIFFERENCES = 2e5  # multiple of rounding: error of finite differences of Python functions
 
 
 class TermSizes:
-    """Sizes of terms of a mechanism at constant speeds.
+    """Sizes of the terms of a mechanism at constant speeds.
 
     Args:
         system: a workspace.
         v: speeds, (nv,).
 
     Attributes:
-        l: what 1 of each coordinate is in its unit, (nv,).
+        l: unit scales of the coordinates, (nv,).
         speed: max |v_j / l_j| in 1/s.
     """
 
@@ -46,7 +46,7 @@ class TermSizes:
         self.errors = [DIFFERENCES if law.differenced else 1.0 for law, _ in system.laws.acting]
 
     def forces(self, t: float, q: Array, s: Array) -> Array:
-        """The sum of the sizes of all laws, (nv,); kinematics stand at q and v."""
+        """Sum of the sizes of all laws, (nv,); kinematics must be current at q and v."""
         out = np.zeros(len(self.v))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
             conservative, other, _ = law.evaluate(t, q, self.v, s[at])
@@ -54,7 +54,7 @@ class TermSizes:
         return out
 
     def slopes(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
-        """The sums of the sizes of all laws' derivatives by q and v, (nv, nv) each; kinematics stand at q and v."""
+        """Sums of the sizes of the laws' derivatives by q and v, (nv, nv) each, at current kinematics."""
         nv = len(self.v)
         out = np.zeros((nv, 2 * nv))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
@@ -62,7 +62,7 @@ class TermSizes:
         return out[:, :nv], out[:, nv:]
 
     def states(self, X: Array) -> Array:
-        """Sizes of the terms of slopes X (ns, ...) of the rates of states."""
+        """Sizes of the terms of partial derivatives X (ns, ...) of the state rates."""
         out = np.abs(X)
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
             if law.differenced:
@@ -70,24 +70,24 @@ class TermSizes:
         return out
 
     def stiffness(self, mu: Array, forces: Array, K: Array) -> Array:
-        """Sizes of the terms of K, (nv, nv).
+        """Return the sizes of the terms of K, (nv, nv).
 
         Args:
             mu: square roots of the diagonal of M, (nv,).
             forces: sizes of the forces on each coordinate, (nv,).
-            K: sizes of the slopes, (nv, nv).
+            K: sizes of the partial derivatives, (nv, nv).
         """
         moments = np.maximum.reduceat(forces * self.l, self.starts)[self.joint]
         floor = np.maximum(moments / (mu * self.l), self.weight) / (mu * self.l)
         return raised(mu, K, np.maximum(floor, self.speed**2))
 
     def damping(self, mu: Array, D: Array) -> Array:
-        """Sizes of the terms of D, (nv, nv), from the sizes of the slopes."""
+        """Return the sizes of the terms of D, (nv, nv), from the sizes of the partial derivatives."""
         return raised(mu, D, np.full(len(mu), self.speed))
 
 
 def raised(mu: Array, X: Array, floor: Array) -> Array:
-    """Sizes X (nv, nv), each at least as large as its row and column make the terms: see the head of this file."""
+    """Return sizes X (nv, nv), raised to the least size that row and column imply (see the module)."""
     per = X / np.outer(mu, mu)
     rates = np.maximum(floor, np.maximum(per.max(0, initial=0.0), per.max(1, initial=0.0)))
     root = mu * np.sqrt(rates)

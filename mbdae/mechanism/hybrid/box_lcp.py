@@ -1,9 +1,9 @@
-"""Which rows carry load: Gauss's principle of least constraint over a box.
+"""Active-set selection: Gauss's principle of least constraint over a box of multipliers.
 
     minimise  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
 
-S are the rows that may carry load, a the accelerations without them, A = M^-1 but for rows that are kept. What lies
-within its box does not accelerate; what is held at an end of it gives way, with the sign of its acceleration.
+S are the rows that may carry load, a the accelerations without them, A = M^-1 projected onto the kept rows. Rows with a
+multiplier inside its box do not accelerate; rows at a bound accelerate with the sign that the bound allows.
 
 Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 """
@@ -21,9 +21,9 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
 
     Args:
         C: M^1/2 A S^T, (nv, k): W = C^T C.
-        c: accelerations of the rows with no load, (k,).
-        lower: least multipliers, (k,).
-        upper: largest multipliers, (k,).
+        c: accelerations of the rows without load, (k,).
+        lower: lower bounds of the multipliers, (k,).
+        upper: upper bounds of the multipliers, (k,).
     """
     d = np.linalg.lstsq(C.T, c, rcond=RANK)[0]
     sizes = np.linalg.norm(C, axis=0)

@@ -1,4 +1,4 @@
-"""One-way clutches, which lock where they would turn back, and ratchets, which do so at their teeth."""
+"""One-way clutches, which lock against backward rotation, and ratchets, which lock at their teeth."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 FREE, LOCKED, BACK = 0, 1, 2
-AT_TOOTH = 1e-9  # of a pitch: nearer, the pawl is in the tooth
+AT_TOOTH = 1e-9  # of a pitch: largest distance at which the pawl is in the tooth
 
 
 class OneWayClutch(UnilateralRow):
-    """sign (G v) >= 0, sign lam >= 0, and one of them 0.
+    """One-way clutch: sign (G v) >= 0, sign lam >= 0, complementary.
 
     Args:
         spec: the clutch.
-        row: number of its row.
+        row: index of its row.
     """
 
     states: tuple[str, ...] = ("runs free", "locks")
@@ -54,13 +54,13 @@ class OneWayClutch(UnilateralRow):
 
 
 class OpposedClutches(Switch):
-    """One of two one-way clutches that are opposed to each other: together they lock both ways, whatever the load.
+    """One of two opposed one-way clutches, which together lock both ways under any load.
 
-    Each has a multiplier of its own, half of the torque.
+    Each has a multiplier, half of the torque.
 
     Args:
         spec: the clutch.
-        row: number of its row.
+        row: index of its row.
     """
 
     states = ("idle", "locks both ways")
@@ -87,12 +87,12 @@ class OpposedClutches(Switch):
 
 
 class Ratchet(OneWayClutch):
-    """A clutch with teeth: it runs free ahead, and back to the last tooth.
+    """A clutch with teeth: it runs free forwards, and backwards to the last tooth.
 
     Args:
         spec: the clutch.
-        row: number of its row.
-        columns: of both coordinates in q, of which the second one is left out against the ground.
+        row: index of its row.
+        columns: of both coordinates in q; without the second one against the ground.
     """
 
     states = ("runs free", "locks", "runs back")
@@ -111,7 +111,7 @@ class Ratchet(OneWayClutch):
         ]
 
     def place(self, point: "ModePoint") -> float:
-        """Return how far it stands ahead, in pitches."""
+        """Return its position in pitches."""
         return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
 
     def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
@@ -119,7 +119,7 @@ class Ratchet(OneWayClutch):
         return (place - np.floor(np.maximum.accumulate(place) + AT_TOOTH)) * self.pitch, None
 
     def gap(self) -> Value:
-        """Return the way back to the last tooth, of the place where it is asked first."""
+        """Return the distance back to the last tooth, fixed at the first evaluation."""
         last: list[float] = []
 
         def value(point: "ModePoint") -> float:
@@ -152,7 +152,7 @@ class Ratchet(OneWayClutch):
         if held:
             return LOCKED
         speed = self.speed(point)
-        if abs(speed) > point.standstill:  # slower, its acceleration says where it goes
+        if abs(speed) > point.standstill:  # if slower, its acceleration decides
             return FREE if speed > 0 else BACK
         if len(rates) or point.system.mode[self.at] == LOCKED:
             return FREE
@@ -160,7 +160,7 @@ class Ratchet(OneWayClutch):
 
 
 def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
-    """Return the one-way clutches that have none opposed to them between the same joints, and those that have one."""
+    """Return the one-way clutches without an opposed one between the same joints, and those with one."""
     clutches = [c for c in mechanism.clutches if c.pitch is None and c.engaged is None]
     found = [_free_direction(c) for c in clutches]
     opposed = [any(k == key and way * other < 0 for k, other in found) for key, way in found]
@@ -169,7 +169,7 @@ def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
 
 
 def _free_direction(c: Clutch) -> tuple[tuple[str, str, float], float]:
-    """Return what a clutch lets run, v_i - ratio v_j with joints in alphabetical order, and in which direction."""
+    """Return the free velocity v_i - ratio v_j of a clutch, joints in alphabetical order, and its direction."""
     i, j = c.joints or (c.joint or "", "")
     ratio = 1.0 if c.ratio is None else c.ratio
     if not j or i < j or not ratio:

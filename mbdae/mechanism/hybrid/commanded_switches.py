@@ -1,6 +1,6 @@
-"""What is switched at known times: clutches on command, and drives whose speed steps.
+"""Switches at known times: commanded clutches, and drivers with speed steps.
 
-Both are impacts that keep all other loops shut, at the end of a step; see `mbdae.mechanism.hybrid.impact_law`.
+Both are impacts that satisfy all other closures, at the end of a step; see `mbdae.mechanism.hybrid.impact_law`.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class CommandedClutch(Switch):
 
     Args:
         spec: the clutch.
-        row: number of its row.
+        row: index of its row.
     """
 
     states = ("open", "engaged")
@@ -39,11 +39,11 @@ class CommandedClutch(Switch):
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
-        """Return the state that the signal commands, whatever the motion."""
+        """Return the commanded state, whatever the motion."""
         return ENGAGED if self.spec.engaged and self.spec.engaged.at(t) > 0 else OPEN
 
     def commanded_state(self, point: "ModePoint") -> int:
-        """Return the state that the signal commands at a point."""
+        """Return the commanded state at a point."""
         return self.prescribed(point.t, point.q, point.v)
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
@@ -59,11 +59,11 @@ class CommandedClutch(Switch):
 
 
 class SpeedStepDriver(Switch):
-    """A driver of speed that steps: its row is always there, and is struck where the speed steps.
+    """A driver with speed steps: its row is always active, and takes part in an impact at each step.
 
     Args:
         spec: the driver.
-        row: number of its row.
+        row: index of its row.
     """
 
     states = ("driven",)
@@ -79,7 +79,7 @@ class SpeedStepDriver(Switch):
 
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
-        return ()  # its row is there in all modes
+        return ()  # its row is active in all modes
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("step", self.name, self.at, lambda x: x.standstill - abs(float(x.rate[self.row]))),)

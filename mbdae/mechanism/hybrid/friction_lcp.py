@@ -1,11 +1,10 @@
-"""Multipliers with dry friction: tangential ones are limited by the normal one of the same contact.
+"""Multipliers with dry friction: tangential ones are bounded by the normal one of the same contact.
 
-    minimise  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| of what slides already
+    minimise  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| for sliding contacts
 
-A convex problem in x while the limits mu |x_n| stand still; these are found by repeating it with the normal multipliers
-that it gave, or with less than that where this goes round in circles. It contracts where mu |W_tn| < W_nn for all
-contacts together; where it does not, there may be several solutions or none (Painleve): where none is found, that is
-said and not survived.
+With fixed limits mu |x_n| the problem in x is convex; a fixed-point iteration updates the limits from the normal
+multipliers, damped where it cycles. It contracts where mu |W_tn| < W_nn for all contacts together; otherwise there may
+be several solutions or none (Painleve paradox). If no solution is found, an error is raised.
 
 Source: J. Haslinger, I. Hlavacek, J. Necas, Handbook of Numerical Analysis IV (1996), for the iteration; V. Acary,
 B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 13.7.
@@ -19,21 +18,21 @@ from ...errors import StepError
 from ...system import Array
 from .box_lcp import solve_box_lcp
 
-SHARES = (1.0, 0.5, 0.2, 0.05)  # of a move of the limits that is made, one after the other
-MOST = 60  # rounds with each; one leaves about mu |W_tn|/W_nn of the error
-SAME = 1e-15  # of the largest limit: it has not moved
-NEWTON = 8  # iterations; within one piece of the problem, which is linear there, one is enough
-WIDTH = 1e-3  # of a limit: by which it is moved for its slope
-SETTLED = 1e-12  # the same, where rounding keeps it from coming nearer
+SHARES = (1.0, 0.5, 0.2, 0.05)  # relaxation factors of the limits, tried in order
+MOST = 60  # iterations with each; one reduces the error to about mu |W_tn|/W_nn of it
+SAME = 1e-15  # of the largest limit: changes below this mean convergence
+NEWTON = 8  # iterations; within one linear piece of the problem one is enough
+WIDTH = 1e-3  # of a limit: finite-difference width
+SETTLED = 1e-12  # of the largest limit: convergence at the level of rounding
 
 
 class FrictionBound(NamedTuple):
-    """What limits a multiplier.
+    """Friction bound of a multiplier.
 
     Attributes:
-        by: the number of the normal one.
-        share: |x_t| <= share |x_n|; or
-        drag: x_t = drag |x_n|, of what slides; nan where it may stick.
+        by: index of the normal multiplier.
+        share: mu in |x_t| <= mu |x_n|; or
+        drag: x_t = drag |x_n| for sliding contacts; nan where the contact may stick.
     """
 
     by: int
@@ -46,13 +45,13 @@ def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: d
 
     Args:
         C: M^1/2 A S^T, (nv, k).
-        c: accelerations, or velocities behind an impact, of the rows with no load, (k,).
-        lower: least multipliers, (k,); those of ``limits`` are not read.
-        upper: largest multipliers, (k,).
-        limits: of those that friction limits, by their numbers.
+        c: accelerations, or velocities after an impact, of the rows without load, (k,).
+        lower: lower bounds of the multipliers, (k,); those in ``limits`` are ignored.
+        upper: upper bounds of the multipliers, (k,).
+        limits: friction bounds by index.
 
     Raises:
-        StepError: where limits find no end.
+        StepError: if the limits do not converge.
     """
     if not limits:
         return solve_box_lcp(C, c, lower, upper)
@@ -71,7 +70,7 @@ def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: d
 
 
 class _Limited:
-    """Multipliers for limits that stand still, and the limits that follow from these."""
+    """Multipliers for fixed limits, and the limits that follow from them."""
 
     def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> None:
         self.C, self.c, self.lower, self.upper = C, c, lower, upper
@@ -80,7 +79,7 @@ class _Limited:
         self.slides = ~np.isnan(self.drag)
 
     def loads(self, bound: Array) -> Array:
-        """Return the multipliers (k,) for limits on normal ones, (m,)."""
+        """Return the multipliers (k,) for given limits from the normal ones, (m,)."""
         x, at, slides = np.zeros(len(self.c)), self.at, self.slides
         x[at[slides]] = self.drag[slides] * bound[slides]
         none = at[~slides & (bound == 0)]
@@ -93,13 +92,13 @@ class _Limited:
         return x
 
     def limits(self, x: Array) -> Array:
-        """Return what multipliers limit others to, (m,)."""
+        """Return the limits that multipliers imply, (m,)."""
         return np.where(self.slides, 1.0, self.share) * np.abs(x[self.by])
 
     def newton(self, bound: Array) -> Array | None:
-        """Return multipliers whose limits are their own, by Newton's method, where repetition contracts slowly.
+        """Return multipliers consistent with their limits by Newton's method, where the fixed-point iteration is slow.
 
-        None where none are found, and where the limits grow faster than the loads that they limit.
+        None if it fails, and where the limits grow faster than the limited loads.
         """
         for _ in range(NEWTON):
             x = self.loads(bound)

@@ -1,14 +1,16 @@
-"""How much of its limit a row carries that sticks, also where rows depend on each other.
+"""Utilisation of the stiction limit of a sticking row, also for redundant rows.
 
-The crank and the slider of one loop may both stick: what they carry together is known, what each of them carries is
-not, and multipliers of least norm say nothing. They hold as long as there are multipliers within all limits: the
+The crank and the slider of one loop may both stick: only their combined load is determined, not the share of each, and
+multipliers of least norm are not meaningful. They stick as long as there are multipliers within all limits: the
 smallest kappa with |lam_i| <= kappa F_i, G^T lam = given, is a linear programme,
 
     min kappa,   -kappa F <= lam + N z <= kappa F,   N a basis of G^T N = 0,
 
-and they let go together where it reaches 1.
+and they let go together where it reaches 1. Its dual is kappa = max y^T lam over N^T y = 0, sum F_i |y_i| <= 1. Where
+one combination y is left, as of joints of a mechanism with one degree of freedom that all stick, this is the work of
+the loads beside that of the limits in the motion y, and nothing is searched.
 
-Source: P. Loetstedt, SIAM J. Appl. Math. 42 (1982), for loads that are not unique.
+Source: P. Loetstedt, SIAM J. Appl. Math. 42 (1982), for non-unique multipliers.
 """
 
 from typing import TYPE_CHECKING
@@ -21,17 +23,17 @@ from ...system import Array
 if TYPE_CHECKING:
     from .mode_point import ModePoint
 
-NONE = 1e-9  # of a unit of null vectors: what takes no part in them
-ACTIVE = 1e-7  # of kappa: limits that are reached
+NONE = 1e-9  # of unit null vectors: smaller components do not take part
+ACTIVE = 1e-7  # of kappa: active limits
 
 
 def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
-    """Return |lam_i| / F_i of a row that sticks; where it depends on others, kappa of all of them.
+    """Return |lam_i| / F_i of a sticking row; for redundant rows, kappa of all of them.
 
     Args:
         point: the point.
-        row: number of the row.
-        limits: F_i of all rows that stick, by their numbers.
+        row: index of the row.
+        limits: F_i of all sticking rows by index.
     """
     lam, free = point.lam, point.null_multipliers
     if not free.shape[1] or np.abs(free[row]).max() < NONE:
@@ -45,12 +47,14 @@ def least_utilisation(load: Array, N: Array) -> float:
     """Return the smallest kappa with |load + N z| <= kappa.
 
     Args:
-        load: loads as shares of their limits, (m,).
-        N: how they change, (m, k).
+        load: multipliers relative to their limits, (m,).
+        N: null vectors, relative to the limits, (m, k).
     """
-    left, sizes, _ = np.linalg.svd(N, full_matrices=False)
-    basis = left[:, : int(np.count_nonzero(sizes > NONE * sizes[:1]))]
-    k, ones = basis.shape[1], np.ones((len(load), 1))
+    left, sizes, _ = np.linalg.svd(N)
+    k, ones = int(np.count_nonzero(sizes > NONE * sizes[:1])), np.ones((len(load), 1))
+    basis, motions = left[:, :k], left[:, k:]
+    if motions.shape[1] == 1:
+        return float(abs(motions[:, 0] @ load) / np.abs(motions).sum())
     A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-load, load])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
     active = b - A @ found.x < ACTIVE * (1 + abs(found.x[-1]))

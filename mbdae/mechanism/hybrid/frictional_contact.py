@@ -1,4 +1,4 @@
-"""Contacts that press on one side and rub: they are open, grip or slide."""
+"""Unilateral contacts with friction: open, sticking or sliding."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OPEN, GRIPS, SLIDES = 0, 1, 2
-LESS = 1e-6  # of the limit where a load has reached it: at the limit itself nothing would move
+LESS = 1e-6  # of the limit at which it starts to slip: at the limit itself nothing would move
 
 
 class FrictionalContact(Unilateral):
-    """A height that presses only, N >= 0, and one row of grip with |lam_t| <= mu N; mu N against the slip else.
+    """A unilateral height row, N >= 0, and one no-slip row with |lam_t| <= mu N; friction mu N while sliding.
 
     Args:
         spec: the closure.
-        force: the friction.
-        rows: of the height and of the grip.
-        which: number of the friction among those of closures.
+        force: the friction force.
+        rows: the height row and the no-slip row.
+        which: index of the friction among those of closures.
     """
 
     states = ("open", "grips", "slides")
@@ -73,7 +73,7 @@ class FrictionalContact(Unilateral):
         return (*found, LoadCandidate(self.grip, share=share, drag=drag))
 
     def slips(self, point: "ModePoint") -> bool:
-        """Say whether it slips."""
+        """Return whether it slides."""
         return self.friction.slips(point)
 
     def settled(  # noqa: D102

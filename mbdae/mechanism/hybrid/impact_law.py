@@ -1,13 +1,14 @@
-"""Impacts: velocities that jump where rows touch, with all loops kept shut.
+"""Impacts: velocity jumps at contacts that satisfy all other closures.
 
     v+ = v- + M^-1 (G^T P + U^T p),   G v+ + b = 0,   0 <= p  _|_  U v+ + e U v- >= 0
 
-Newton's law for the touched rows U that approach. v+ is the nearest point, in the mass metric, to v- among those that
-meet G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+ is unique, p
-need not be. Rows that separate already are left out, else energy could rise; those that then approach strike next.
+Newton's law for the approaching contact rows U. v+ is the nearest point, in the mass metric, to v- subject to
+G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+ is unique, p may
+not be. Rows that already separate are left out, otherwise energy could rise; if they approach afterwards, they impact
+next.
 
-Where a contact rubs its tangential impulse is p_t, |p_t| <= mu p, against the slip behind the impact, or what stops it
-(`rubs`). Newton's law can make energy of that, for e > 0 (Kane): then it is no law, and the run ends.
+With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or stopping it
+(`friction_lcp`). Newton's law can then increase the energy, for e > 0 (Kane); in that case the run ends.
 
 Sources: Moreau (1988), in Nonsmooth Mechanics and Applications; Lawson, Hanson, Solving Least Squares Problems (1974),
 23.4.
@@ -23,19 +24,19 @@ from ...errors import StepError
 from ...system import Array
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
-STILL = 1e-10  # of 1 + |v|: a speed below is none
-ROUNDS = 200  # of rows that strike one after another at one instant; the last one with e = 0
-RANK = 1e-7  # of the largest singular value, and of a row: what is left of it beside others
-SHARP = 1e-12  # of the speed: how well impulses are found again from velocities
-CONTRADICTION = 1e-6  # of 1 + |v|: a speed that rows ask for which depend on others
-GAIN = 1e-10  # of the kinetic energy: less is rounding
+STILL = 1e-10  # of 1 + |v|: smaller speeds count as zero
+ROUNDS = 200  # of successive impacts at one instant; the last one with e = 0
+RANK = 1e-7  # of the largest singular value, and of a row: smaller remainders are dependent
+SHARP = 1e-12  # of the speed: accuracy of impulses recovered from velocities
+CONTRADICTION = 1e-6  # of 1 + |v|: largest speed that redundant rows may contradict
+GAIN = 1e-10  # of the kinetic energy: smaller gains are rounding
 
 
 class FrictionRow(NamedTuple):
-    """A tangential row of a contact that rubs.
+    """Tangential row of a contact with friction.
 
     Attributes:
-        by: number of the touched row whose impulse limits its own.
+        by: index of the contact row whose impulse limits it.
         row: G_t, (nv,).
         rate: its g_t.
         share: mu.
@@ -48,14 +49,14 @@ class FrictionRow(NamedTuple):
 
 
 class ImpactSolution(NamedTuple):
-    """What an impact does.
+    """Solution of an impact problem.
 
     Attributes:
-        v: velocities behind it, (nv,).
-        p: impulses of the rows that were touched, (m,), in N s, in the direction in which they open.
-        P: impulses of the rows that are kept, (k,).
-        work: of all impulses in J: what the kinetic energy changes by.
-        friction: impulses of the rows that rub, (n,).
+        v: velocities after the impact, (nv,).
+        p: impulses of the contact rows, (m,), in N s, positive in the opening direction.
+        P: impulses of the kept rows, (k,).
+        work: work of all impulses in J: the change of kinetic energy.
+        friction: impulses of the friction rows, (n,).
     """
 
     v: Array
@@ -66,80 +67,112 @@ class ImpactSolution(NamedTuple):
 
 
 def velocity_tolerance(v: Array) -> float:
-    """Return the speed below which nothing moves beside velocities v (nv,)."""
+    """Return the speed below which a row counts as at rest for velocities v (nv,)."""
     return STILL * (1 + float(np.abs(v).max()))
 
 
 def solve_impact(
-    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array, rubs: Sequence[FrictionRow] = ()
+    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array, frictional: Sequence[FrictionRow] = ()
 ) -> ImpactSolution:
-    """Return what happens where rows touch.
+    """Solve the impact problem: Newton restitution, contact rows and kept rows, Coulomb friction.
 
     Args:
         U: the Cholesky factor of M = U^T U, (nv, nv).
-        kept: the rows G that are kept, (k, nv), which may depend on each other.
-        b: and their g_t, (k,).
-        rows: the rows that touch, (m, nv), by the direction in which they open.
-        c: and their g_t in that direction, (m,).
-        e: restitution, (m,).
+        kept: the rows G that are kept, (k, nv), possibly redundant.
+        b: their g_t, (k,).
+        rows: contact rows, (m, nv), in their opening direction.
+        c: their g_t in that direction, (m,).
+        e: coefficients of restitution, (m,).
         v: velocities before, (nv,).
-        rubs: rows that rub.
+        frictional: friction rows.
 
     Raises:
-        StepError: where the kept rows and the touched ones contradict each other, or friction finds no impulse or makes
+        StepError: if kept rows and contact rows contradict each other, or friction has no solution or increases the
             energy.
     """
-    n, m = len(v), len(rows)
-    tangents = np.array([x.row for x in rubs])
-    BG, BU, BT = (np.linalg.solve(U.T, X.T) if len(X) else np.zeros((n, 0)) for X in (kept, rows, tangents))
-    friction = np.zeros(len(rubs))
-    total, x, work = np.zeros(m), U @ v, 0.0  # x = M^1/2 v
-    P = np.zeros(len(kept))
-    Q, pinv = _range(BG)
+    problem = _Impact(U, kept, b, rows, v, frictional)
+    x, work, still = U @ v, 0.0, problem.still  # x = M^1/2 v
+    total, P, friction = np.zeros(len(rows)), np.zeros(len(kept)), np.zeros(len(frictional))
     for k in range(ROUNDS + 1):
-        speed = BU.T @ x + c
-        still = velocity_tolerance(v)
-        last = k == ROUNDS
+        speed = problem.BU.T @ x + c
         if k and not (speed < -still).any():
             break
-        which = np.arange(m) if last else np.flatnonzero(speed <= still)
+        last = k == ROUNDS
+        which = np.arange(len(rows)) if last else np.flatnonzero(speed <= still)
         goal = -(0.0 if last else e[which]) * np.minimum(speed[which], 0.0) - c[which]
-        closed = x - pinv.T @ (BG.T @ x + b) if len(kept) else x
-        A = BU[:, which] - Q @ (Q.T @ BU[:, which])
-        able = np.linalg.norm(A, axis=0) > RANK * np.linalg.norm(BU[:, which], axis=0)
-        short = goal - BU[:, which].T @ closed
-        short[(short > 0) & (short <= still)] = 0.0
-        if (short[~able] > CONTRADICTION * (1 + float(np.abs(v).max()))).any():
-            raise StepError("impact", "closures keep what strikes from giving way")
-        p, q = np.zeros(len(which)), np.zeros(len(rubs))
-        on = [i for i, rub in enumerate(rubs) if rub.by in which]
-        if on:
-            T = BT[:, on] - Q @ (Q.T @ BT[:, on])
-            slip = BT[:, on].T @ closed + np.array([rubs[i].rate for i in on])
-            size, by = len(which), np.searchsorted(which, [rubs[i].by for i in on])
-            limits = {
-                size + j: FrictionBound(int(at), rubs[i].share) for j, (i, at) in enumerate(zip(on, by, strict=True))
-            }
-            low, high = np.zeros(size + len(on)), np.full(size + len(on), np.inf)
-            both = solve_friction_lcp(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
-            p, q[on] = both[:size], both[size:]
-            new = closed + A @ p + T @ q[on]
-        else:
-            p[able] = _least(A[:, able], short[able], float(np.linalg.norm(U @ v)))
-            new = closed + A @ p
-        impulse = pinv @ (new - x - BU[:, which] @ p - BT @ q) if len(kept) else P
-        work += float(p @ (BU[:, which].T @ (x + new)) + q @ (BT.T @ (x + new)) + impulse @ (BG.T @ (x + new))) / 2
+        new, p, q = problem.impact(x, which, goal)
+        impulse = problem.pinv @ (new - x - problem.BU[:, which] @ p - problem.BT @ q)
+        work += problem.work(x + new, which, p, q, impulse)
         total[which] += p
         friction += q
-        P = P + impulse if len(kept) else P
+        P += impulse
         x = new
-    if rubs and work > GAIN * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
+    if frictional and work > GAIN * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction makes energy here, with restitution above 0")
     return ImpactSolution(np.linalg.solve(U, x), total, P, work, friction)
 
 
+class _Impact:
+    """The rows of an impact in x = M^1/2 v: columns of kept rows BG, contact rows BU and friction rows BT, (nv, ..)."""
+
+    def __init__(
+        self, U: Array, kept: Array, b: Array, rows: Array, v: Array, frictional: Sequence[FrictionRow]
+    ) -> None:
+        tangents = np.array([x.row for x in frictional])
+        self.BG, self.BU, self.BT = (
+            np.linalg.solve(U.T, X.T) if len(X) else np.zeros((len(v), 0)) for X in (kept, rows, tangents)
+        )
+        self.b, self.frictional = b, frictional
+        self.Q, self.pinv = _range(self.BG)
+        self.still, self.speed = velocity_tolerance(v), 1 + float(np.abs(v).max())
+        self.size = float(np.linalg.norm(U @ v))
+
+    def impact(self, x: Array, which: Array, goal: Array) -> tuple[Array, Array, Array]:
+        """Return x after contact rows ``which`` reach speeds ``goal``, their impulses p and those of friction rows.
+
+        Raises:
+            StepError: if kept rows and contact rows contradict each other, or friction has no solution.
+        """
+        closed = x - self.pinv.T @ (self.BG.T @ x + self.b)
+        A = self._across(self.BU[:, which])
+        able = np.linalg.norm(A, axis=0) > RANK * np.linalg.norm(self.BU[:, which], axis=0)
+        short = goal - self.BU[:, which].T @ closed
+        short[(short > 0) & (short <= self.still)] = 0.0
+        if (short[~able] > CONTRADICTION * self.speed).any():
+            raise StepError("impact", "closures keep what strikes from giving way")
+        on = [i for i, row in enumerate(self.frictional) if row.by in which]
+        if on:
+            return self._with_friction(closed, which, A, short, on)
+        p = np.zeros(len(which))
+        p[able] = _least(A[:, able], short[able], self.size)
+        return closed + A @ p, p, np.zeros(len(self.frictional))
+
+    def _with_friction(
+        self, closed: Array, which: Array, A: Array, short: Array, on: list[int]
+    ) -> tuple[Array, Array, Array]:
+        """Solve normal and tangential impulses together; ``on`` are the friction rows of contact rows ``which``."""
+        T, m = self._across(self.BT[:, on]), len(which)
+        frictional = [self.frictional[i] for i in on]
+        slip = self.BT[:, on].T @ closed + np.array([row.rate for row in frictional])
+        at = np.searchsorted(which, [row.by for row in frictional])
+        limits = {m + j: FrictionBound(int(at[j]), row.share) for j, row in enumerate(frictional)}
+        low, high = np.zeros(m + len(on)), np.full(m + len(on), np.inf)
+        both = solve_friction_lcp(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
+        q = np.zeros(len(self.frictional))
+        q[on] = both[m:]
+        return closed + A @ both[:m] + T @ q[on], both[:m], q
+
+    def _across(self, B: Array) -> Array:
+        """Return what of columns the kept rows leave."""
+        return B - self.Q @ (self.Q.T @ B)
+
+    def work(self, twice: Array, which: Array, p: Array, q: Array, P: Array) -> float:
+        """Return the work of impulses: each times the mean of its speeds before and after, ``twice`` their sum in x."""
+        return float(p @ (self.BU[:, which].T @ twice) + q @ (self.BT.T @ twice) + P @ (self.BG.T @ twice)) / 2
+
+
 def _range(B: Array) -> tuple[Array, Array]:
-    """An orthonormal basis of the range of B (n, k), and its pseudoinverse (k, n)."""
+    """Return an orthonormal basis of the range of B (n, k), and its pseudoinverse (k, n)."""
     if not B.shape[1]:
         return np.zeros((len(B), 0)), np.zeros((0, len(B)))
     left, sizes, right = np.linalg.svd(B, full_matrices=False)
@@ -148,10 +181,10 @@ def _range(B: Array) -> tuple[Array, Array]:
 
 
 def _least(A: Array, f: Array, size: float) -> Array:
-    """The p >= 0 (m,) for which x = A p, of about a size, is the shortest x with A^T x >= f.
+    """Return p >= 0 (m,) for which x = A p, of a given size, is the shortest x with A^T x >= f.
 
     Raises:
-        StepError: where no x meets all of them.
+        StepError: if no x satisfies all inequalities.
     """
     if not (f > 0).any():
         return np.zeros(len(f))
@@ -162,12 +195,12 @@ def _least(A: Array, f: Array, size: float) -> Array:
     u, _ = nnls(E, last)
     rest = 1.0 - float(fn / scale @ u)
     if not rest > RANK:
-        if f.max() <= CONTRADICTION * (1 + size):  # what is left where everything stands still
+        if f.max() <= CONTRADICTION * (1 + size):  # residual of a state at rest
             return np.zeros(len(f))
         raise StepError("impact", "what strikes at one instant cannot all give way")
     out = u > 0
-    x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # to rounding, where those are the active ones
-    tight = An.T @ x <= fn + SHARP * scale  # only those push that do not open faster
+    x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # to rounding, for this active set
+    tight = An.T @ x <= fn + SHARP * scale  # only rows that do not open faster can push
     p = np.zeros(len(f))
     p[tight], miss = nnls(An[:, tight], x)
     if miss > SHARP * size or (An.T @ x < fn - SHARP * scale).any():

@@ -1,4 +1,4 @@
-"""Joints with dry friction: they stick, or slip ahead or back."""
+"""Joints with dry friction: sticking, or slipping forwards or backwards."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 IDLE, STUCK, AHEAD, BACK = 0, 1, 2, 3
-LESS = 1e-6  # of the limit where static and kinetic friction are one: at the limit itself nothing would move
+LESS = 1e-6  # of the limit if static and kinetic friction are equal: at the limit itself nothing would move
 
 
 class JointStiction(Switch):
@@ -24,7 +24,7 @@ class JointStiction(Switch):
 
     Args:
         spec: its row and its friction.
-        row: number of the row.
+        row: index of the row.
         column: of its velocity.
     """
 
@@ -45,14 +45,14 @@ class JointStiction(Switch):
         return out
 
     def margin(self, point: "ModePoint") -> float:
-        """Return what the friction could hold beyond what it does, as a share of its limit."""
+        """Return the remaining friction as a fraction of its limit."""
         mode = point.system.mode
         return 1.0 - friction_utilisation(
             point, self.row, {s.row: s.spec.static for s in self.others if mode[s.at] == STUCK}
         )
 
     def load(self, point: "ModePoint") -> float:
-        """Return the multiplier as a share of the limit."""
+        """Return the multiplier as a fraction of the limit."""
         return float(point.lam[self.row]) / self.spec.static
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102

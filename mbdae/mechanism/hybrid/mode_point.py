@@ -1,4 +1,4 @@
-"""A point of a run as guards and transitions see it: all rows, those too that the mode leaves out."""
+"""A point of a run for guards and transitions: all rows, including inactive ones."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ ROUNDING = 1e-12  # of the largest force
 
 
 class AllRows:
-    """All rows of a mechanism, evaluated whatever the mode is, in a workspace of its own."""
+    """All rows of a mechanism in any mode, in a separate workspace."""
 
     def __init__(self, system: "Index2System") -> None:
         self.model, self.data = system.model, make_data(system.model)
@@ -38,7 +38,7 @@ class AllRows:
 
 
 class ModePoint:
-    """A point; what is asked of it is computed once.
+    """A point whose properties are computed once, on demand.
 
     Args:
         system: a workspace, in the mode of the point.
@@ -91,7 +91,7 @@ class ModePoint:
 
     @cached_property
     def null_multipliers(self) -> Array:
-        """Return a basis of the multipliers that do nothing in the mode, (ng, k), G^T null = 0."""
+        """Return a basis of the multipliers without effect in the mode, (ng, k), G^T null = 0."""
         there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
         left, sizes, _ = np.linalg.svd(self.G[there])
         r = int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes[:1]))
@@ -111,7 +111,7 @@ class ModePoint:
 
     @cached_property
     def rounding(self) -> float:
-        """What multipliers may be off by: where nothing else loads a row they are no more than that."""
+        """Rounding error of multipliers: the multiplier of an unloaded row is below it."""
         U = np.triu(self.system.inertia(self.t, self.q))
         return ROUNDING * float(np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0))
 
@@ -121,5 +121,5 @@ class ModePoint:
 
     @cached_property
     def standstill(self) -> float:
-        """The speed below which a row does not move."""
+        """Velocity tolerance: speed below which a row counts as at rest."""
         return velocity_tolerance(self.v)

@@ -1,4 +1,4 @@
-"""Closures that are there while a joint is within a window of its way."""
+"""Closures that are active in a joint range."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OFF, ON = 0, 1
-SLOW = 1e-9  # rad/s or m/s: who is slower passes no window
-AHEAD = 1e-7  # rad or m: how far ahead a joint is looked at that stands where a window begins or ends
+SLOW = 1e-9  # rad/s or m/s: slower joints do not cross a window
+AHEAD = 1e-7  # rad or m: lookahead of a joint at the boundary of a window
 
 
 class RangeSwitch(Switch):
-    """The rows of a closure are there while a joint is within a window.
+    """The rows of a closure are active while a joint is within a window.
 
     Args:
         name: of the closure.
         spec: the windows.
-        rows: numbers of the rows.
-        columns: of the joint's coordinate in q, and of its velocity.
+        rows: indices of the rows.
+        columns: indices of the joint in q and in v.
     """
 
     struck = False
@@ -57,7 +57,7 @@ class RangeSwitch(Switch):
         return ON if self.spec.depth(float(q[self.q])) > 0 else OFF
 
     def depth(self, point: "ModePoint") -> float:
-        """Return how far inside a window the joint is."""
+        """Return the distance inside a window."""
         return self.spec.depth(float(point.q[self.q]))
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
@@ -65,7 +65,7 @@ class RangeSwitch(Switch):
         return (Guard("pass", self.name, self.at, lambda x: sign * self.depth(x), loads=True, longest=self.longest),)
 
     def longest(self, point: "ModePoint") -> float:
-        """Return the time in which the joint goes through the shortest window at most."""
+        """Return the time in which the joint crosses the shortest window."""
         return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102

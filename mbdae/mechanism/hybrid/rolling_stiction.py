@@ -1,4 +1,4 @@
-"""Wheels and balls that grip, by dry friction of a coefficient, or slide."""
+"""Wheels and balls that stick or slide, with a friction coefficient."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -18,12 +18,12 @@ IDLE, GRIPS, SLIDES = 0, 1, 2
 
 
 class RollingStiction(Switch):
-    """Rows of no slip with |lam_t| <= mu_s N while they grip, and a force mu N against the slip while they slide.
+    """No-slip rows with |lam_t| <= mu_s N while sticking, and a force mu N opposing the slip while sliding.
 
     Args:
-        force: the friction.
-        rows: the row of the height, and those of the grip.
-        which: its number among the frictions of closures.
+        force: the friction force.
+        rows: the height row and the no-slip rows.
+        which: index among the frictions of closures.
     """
 
     struck = False
@@ -49,15 +49,15 @@ class RollingStiction(Switch):
         return tuple(self.grip)
 
     def share(self, lam: "Array") -> "Array":
-        """Return the friction as a share of its limit, along the rows of the grip."""
+        """Return the friction along the no-slip rows as a fraction of its limit."""
         return lam[self.grip] / max(self.limit * abs(float(lam[self.height])), np.finfo(float).tiny)
 
     def margin(self, point: "ModePoint") -> float:
-        """Return what is left to the limit, as a share of it."""
+        """Return the remaining friction as a fraction of its limit."""
         return 1.0 - float(np.linalg.norm(self.share(point.lam)))
 
     def slip(self) -> Value:
-        """Return the slip along the direction that it has where it is asked first."""
+        """Return the slip along its direction at the first evaluation."""
         first: list[Array] = []
 
         def value(point: "ModePoint") -> float:
@@ -69,11 +69,11 @@ class RollingStiction(Switch):
         return value
 
     def slips(self, point: "ModePoint") -> bool:
-        """Say whether it slips."""
+        """Return whether it slides."""
         return bool(np.linalg.norm(point.rate[self.grip]) > point.standstill)
 
     def direction(self, point: "ModePoint") -> "Array":
-        """Return the direction of the slip, or where it will go."""
+        """Return the direction of the slip, or of the impending slip."""
         if self.slips(point):
             slip = point.rate[self.grip]
             return slip / np.linalg.norm(slip)

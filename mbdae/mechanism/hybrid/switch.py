@@ -1,4 +1,4 @@
-"""What switches between a few states: the base of all kinds."""
+"""Base class of all kinds of switches."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,24 +13,24 @@ if TYPE_CHECKING:
 
 Value = Callable[["ModePoint"], float]
 Load = Callable[["ModePoint"], "float | Array"]
-ACTIVE_STATE = 1  # the state in which closed, locked, engaged or stuck rows are solved for
-AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
+ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
+AT_LIMIT = 1e-9  # of the limit: loads closer to it have reached it
 
 
 class Guard(NamedTuple):
-    """A function of the point that is positive while a state lasts.
+    """A guard: a function of the point that is positive while a state lasts.
 
     Attributes:
-        kind: in a word: ``"touch"``, ``"let go"``, ``"slip"``, ``"rest"``, ``"pass"``, ``"command"``, ``"step"``.
+        kind: ``"touch"``, ``"let go"``, ``"slip"``, ``"rest"``, ``"pass"``, ``"command"`` or ``"step"``.
         name: of the switch.
-        at: its number.
+        at: its index.
         value: the function.
-        rate: its rate, where it is known: then a visit below 0 and back within a step is seen.
-        bend: and the rate of that.
-        loads: it depends on multipliers, and is sampled within steps.
-        longest: the longest step in s that cannot pass it twice.
-        load: what it depends on, and steps shall resolve: multipliers as shares of their limit, signed, of what sticks;
-            the multiplier itself of what lets go at 0.
+        rate: its time derivative, if known: used to detect an excursion below 0 and back within a step.
+        bend: its second time derivative.
+        loads: whether it depends on multipliers, and is sampled within steps.
+        longest: the longest step in s that cannot cross it twice.
+        load: the multipliers that it depends on and that steps should resolve: signed, relative to the limit, for
+            sticking; the multiplier itself for a row that separates at 0.
     """
 
     kind: str
@@ -48,10 +48,10 @@ class ImpactRow(NamedTuple):
     """A row that takes part in an impact.
 
     Attributes:
-        row: its number.
-        sign: 1 or -1: sign * (G v + g_t) is the speed at which it opens; 0 for a row that is kept.
-        restitution: of Newton's law.
-        share: mu, of a tangential row whose impulse the first row of the switch limits; nan for others.
+        row: its index.
+        sign: 1 or -1: sign * (G v + g_t) is the opening speed; 0 for a kept row.
+        restitution: coefficient of restitution.
+        share: mu, of a tangential row limited by the impulse of the switch's first row; nan for others.
     """
 
     row: int
@@ -64,11 +64,12 @@ class LoadCandidate(NamedTuple):
     """A row that may carry load.
 
     Attributes:
-        row: its number.
-        lower: the least multiplier.
-        upper: the largest one.
-        share: mu, of a tangential row that the first row of the switch limits, see `rubs.Limit`; nan for others.
-        drag: of one that slides.
+        row: its index.
+        lower: lower bound of the multiplier.
+        upper: upper bound of the multiplier.
+        share: mu, of a tangential row limited by the switch's first row, see `friction_lcp.FrictionBound`; nan for
+            others.
+        drag: friction coefficient of a sliding row, with sign.
     """
 
     row: int
@@ -79,27 +80,27 @@ class LoadCandidate(NamedTuple):
 
     @classmethod
     def unilateral(cls, row: int, sign: float) -> "LoadCandidate":
-        """A row whose multiplier has a sign, 1 or -1."""
+        """Return a candidate whose multiplier has a sign, 1 or -1."""
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
     @property
     def one_sided(self) -> bool:
-        """Its multiplier has a sign."""
+        """Whether its multiplier has a sign."""
         return bool(np.isfinite(self.lower) != np.isfinite(self.upper))
 
     @property
     def slips(self) -> bool:
-        """It gives way at both ends."""
+        """Whether it yields at both bounds."""
         return bool(np.isfinite(self.upper - self.lower))
 
 
 class Margins(NamedTuple):
-    """A motion over x, time or arclength, as switches judge it that do not act on it.
+    """Motion over x, time or arclength, to be checked by switches that do not act on it.
 
     Attributes:
-        x: rising, (n,).
+        x: ascending, (n,).
         q: configurations, (n, nq).
-        g: of all rows whatever the mode, (n, ng).
+        g: of all rows in any mode, (n, ng).
         rate: G dq/dx, (n, ng).
     """
 
@@ -110,15 +111,15 @@ class Margins(NamedTuple):
 
 
 class Switch:
-    """What switches.
+    """Base of elements that switch between a few states.
 
     Attributes:
         name: of the stop, closure or joint.
-        at: its number among the switches of the mechanism.
-        states: words for its states.
-        rest: a flight that is shorter ends in rest, in s.
-        row: number of its first row.
-        struck: whether impulses pass through that row, and it alone.
+        at: its index among the switches of the mechanism.
+        states: names of its states.
+        rest: duration in s below which a flight ends in rest.
+        row: index of its first row.
+        struck: whether impulses act through that row, and only that row.
     """
 
     row: int
@@ -136,38 +137,38 @@ class Switch:
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """All its rows; `row` alone, where a kind does not say more."""
+        """All its rows; `row` alone by default."""
         return (self.row,)
 
     def active(self, state: int) -> tuple[int, ...]:
-        """Return the rows that are solved for in a state; all of them in state 1, where a kind does not say more."""
+        """Return the active rows of a state; by default, all of them in state 1."""
         return self.rows if state == ACTIVE_STATE else ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        """Return what ends a state."""
+        """Return the guards of a state."""
         raise NotImplementedError
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
-        """Return rows that take part in an impact at a point: those that touch, within ``near``."""
+        """Return rows that take part in an impact at a point: active contacts, within ``near``."""
         return ()
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
-        """Return rows that may carry load behind a point; the first one decides, others go with it."""
+        """Return rows that may carry load after an event; the first one decides for the others."""
         return ()
 
     def settled(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool) -> int:
-        """Return the state behind a point.
+        """Return the state after an event.
 
         Args:
             point: the point.
-            lam: multipliers of the candidates; empty where there were none.
-            rates: accelerations G v' + gamma of them.
-            held: the multiplier of the first lies within its box.
+            lam: multipliers of the candidates; empty without candidates.
+            rates: accelerations G v' + gamma of the candidates.
+            held: whether the multiplier of the first lies within its box.
         """
         return int(held)
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
-        """Return the state in a motion that is prescribed, where nothing that may open carries load.
+        """Return the state in a prescribed motion, where unilateral rows carry no load.
 
         Args:
             t: time.
@@ -177,22 +178,22 @@ class Switch:
         return 0
 
     def margins(self, motion: "Margins") -> "tuple[Array, Array | None] | None":
-        """Return how far a motion stays from what it does not let pass, negative beyond, (n,), and the rate of that.
+        """Return the distance of a motion from the limit of the switch, negative beyond it, (n,), and its rate.
 
-        None where it lets everything pass, or has no sides.
+        None without a limit.
         """
         return None
 
     def enter(self, system: "Index2System", state: int) -> None:
-        """Set what else depends on the state in a workspace."""
+        """Set further properties of a workspace that depend on the state."""
 
 
 class UnilateralRow(Switch):
-    """What switches a row that works on one side: sign (G v + g_t) is free to grow, sign lam >= 0.
+    """Switch of a unilateral row: sign (G v + g_t) may grow, sign lam >= 0.
 
     Args:
         name: of the switch.
-        row: number of the row.
+        row: index of the row.
         sign: 1 or -1.
     """
 
@@ -201,13 +202,13 @@ class UnilateralRow(Switch):
         self.row, self.sign = row, sign
 
     def speed(self, point: "ModePoint") -> float:
-        """Return how fast it opens, or runs free."""
+        """Return its opening or overrunning speed."""
         return self.sign * float(point.rate[self.row])
 
     def acceleration(self, point: "ModePoint") -> float:
-        """Return the rate of `speed`."""
+        """Return the time derivative of `speed`."""
         return self.sign * point.acceleration(self.row)
 
     def load(self, point: "ModePoint") -> float:
-        """Return the force with which it presses, or the torque that it transmits; positive while it does."""
+        """Return the normal force, or the transmitted torque; positive under load."""
         return self.sign * float(point.lam[self.row])

@@ -1,4 +1,4 @@
-"""The switches of a mechanism, and which rows a mode leaves out."""
+"""Switches of a mechanism, and the inactive rows of a mode."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -17,7 +17,7 @@ Mode = tuple[int, ...]
 
 
 def switches_of(mechanism: "Mechanism") -> tuple[Switch, ...]:
-    """Return what switches in a mechanism, numbered."""
+    """Return the numbered switches of a mechanism."""
     found = [s for kind in _kinds() for s in kind.of(mechanism)]
     for at, switch in enumerate(found):
         switch.at = at
@@ -30,13 +30,13 @@ def _kinds() -> tuple[type[Switch], ...]:
 
 
 def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:
-    """Return the numbers of the rows that a mode leaves out."""
+    """Return the indices of the inactive rows of a mode."""
     all_rows = {row for s in switches for row in s.rows}
     kept = {row for s, state in zip(switches, mode, strict=True) for row in s.active(state)}
     return np.array(sorted(all_rows - kept), int)
 
 
 def describe_mode(switches: Sequence[Switch], mode: Mode) -> str:
-    """Say a mode in words: what is not idle."""
+    """Return a description of the mode: the states that are not idle."""
     said = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]
     return ", ".join(said) or "all open"

@@ -1,4 +1,4 @@
-"""Rows that press on one side: stops, planes, ropes, wheels that lift."""
+"""Unilateral rows: stops, planes, ropes, wheels that lift off."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-SIDES = {"distance": -1.0}  # kind: on which side of g = 0 a body moves freely, where it is not the positive one
+SIDES = {"distance": -1.0}  # kind: side of g = 0 on which a body moves freely, unless it is the positive one
 OPEN, CLOSED = 0, 1
 
 
 class Unilateral(UnilateralRow):
-    """A row with a gap: sign g >= 0, sign lam >= 0, and one of them 0; others of its closure come and go with it.
+    """A row with a gap: sign g >= 0, sign lam >= 0, complementary; other rows of its closure switch with it.
 
     Args:
         spec: the stop or closure.
         name: of the switch.
-        row: its number.
-        sign: 1 where g > 0 is free, -1 where g < 0 is.
-        others: rows that are kept while it is closed (grip of a wheel).
+        row: its index.
+        sign: 1 if g > 0 is free, -1 if g < 0 is.
+        others: rows that are active while it is closed (no-slip rows of a wheel).
     """
 
     def __init__(self, spec: UnilateralOptions, name: str, row: int, sign: float, others: tuple[int, ...] = ()) -> None:
@@ -35,7 +35,7 @@ class Unilateral(UnilateralRow):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         out: list[Switch] = []
-        rubs = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}  # see `rubbing`
+        rubs = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}  # not handled here
         for spec in mechanism.constraints:
             rows = mechanism.rows_of(spec.name)
             if isinstance(spec, Stop):
@@ -53,7 +53,7 @@ class Unilateral(UnilateralRow):
         return (self.row, *self.others)
 
     def gap(self, point: "ModePoint") -> float:
-        """Return the gap, positive where it is open."""
+        """Return the gap, positive if open."""
         return self.sign * float(point.g[self.row])
 
     def margins(self, motion: Margins) -> tuple[Array, Array]:  # noqa: D102

@@ -1,1 +1,1 @@
-"""What is drawn: the shapes of a mechanism and where they are attached."""
+"""Scenes: the shapes of a mechanism and the bodies that carry them."""

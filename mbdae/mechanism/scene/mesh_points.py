@@ -1,6 +1,6 @@
-"""Where the points of a mesh file are, for the size of a scene; the file itself is drawn by the page.
+"""Points of a mesh file, for the size of a scene; the page draws the file itself.
 
-The formats are read here: libraries for meshes do not return from every damaged file.
+The formats are parsed here, since mesh libraries hang on some damaged files.
 """
 
 import re
@@ -16,11 +16,11 @@ from ..checked_table import HUGE
 
 NUMBERS = rb"[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)"
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-MOST = 10_000  # nodes and instances of a .dae, which may refer to each other
+MOST = 10_000  # nodes and instances of a .dae, which may reference each other
 
 
 def points_of(path: Path) -> np.ndarray:
-    """The points of a .stl, .obj or .dae file, (n, 3), in the unit and axes that the file has.
+    """Return the points of a .stl, .obj or .dae file, (n, 3), in the unit and axes of the file.
 
     Raises:
         InputError: for a file without points, or with some that are not finite.
@@ -53,17 +53,17 @@ class Collada:
 
     def __init__(self, root: ET.Element) -> None:
         for element in root.iter():
-            element.tag = element.tag.rpartition("}")[2]  # its namespace says the version
+            element.tag = element.tag.rpartition("}")[2]  # its namespace is the version
         self.root, self.made = root, 0
         self.named = {element.get("id", ""): element for element in root.iter() if element.get("id")}
 
     def points(self) -> np.ndarray:
-        """All points, as the scene places them."""
+        """Return all points, as placed by the scene."""
         found = [self.points_of(g) @ place[:3, :3].T + place[:3, 3] for g, place, _ in self.instances()]
         return np.concatenate(found) if found else np.empty((0, 3))
 
     def instances(self) -> Iterator[tuple[ET.Element, np.ndarray, dict[str, str]]]:
-        """Geometries, (4, 4) where they are, and the materials that the symbols of their groups stand for."""
+        """Yield geometries, their placements (4, 4), and the materials of the symbols of their groups."""
         scene = self.root.find("scene/instance_visual_scene")
         for node in self._target(scene).findall("node") if scene is not None else []:
             yield from self._node(node, np.eye(4))
@@ -84,7 +84,7 @@ class Collada:
                 yield self._target(x), place, bound
 
     def points_of(self, geometry: ET.Element) -> np.ndarray:
-        """The points of a geometry, (n, 3)."""
+        """Return the points of a geometry, (n, 3)."""
         self.made += 1
         place = geometry.find("mesh/vertices/input[@semantic='POSITION']")
         if place is None:
@@ -109,7 +109,7 @@ def _numbers(x: ET.Element) -> np.ndarray:
 
 
 def _transform(x: ET.Element) -> np.ndarray:
-    """The (4, 4) matrix of an element of a node; the unit matrix for one that does not place anything."""
+    """Return the (4, 4) matrix of an element of a node; the identity for one without a placement."""
     out = np.eye(4)
     if x.tag not in ("matrix", "translate", "rotate", "scale"):
         return out

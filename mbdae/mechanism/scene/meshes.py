@@ -1,4 +1,4 @@
-"""Meshes: the bytes of their files, so that colours and textures survive, or else their triangles."""
+"""Meshes: the bytes of their files, which preserve colours and textures, or else their triangles."""
 
 import re
 import warnings
@@ -23,13 +23,13 @@ PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # how
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles, as their file has them or as arrays; bodies that share a mesh share the object.
+    """Triangles, as file bytes or as arrays; bodies with the same mesh share the object.
 
     Attributes:
         format: ``"dae"``, ``"obj"`` or ``"stl"`` for the bytes of a file, ``"triangles"`` for arrays.
         data: the file's bytes, empty for arrays.
-        companions: what the file refers to (material libraries, textures) by the name it uses; empty for
-            what is missing.
+        companions: referenced files (material libraries, textures) by the name used in the mesh; empty for missing
+            ones.
         vertices: (n, 3) for arrays [m], otherwise empty.
         faces: (m, 3) indices into ``vertices``, otherwise empty.
     """
@@ -42,15 +42,15 @@ class Mesh:
 
 
 def read_mesh(name: str, path: Path) -> Mesh:
-    """Reads a mesh file whose format is one of ``FILE_FORMATS``, and what it refers to.
+    """Read a mesh file whose format is one of ``FILE_FORMATS``, and the files that it references.
 
     Args:
-        name: of the visual, for messages.
+        name: name of the visual, for messages.
         path: the file.
 
     Returns:
-        The mesh; a material library or texture that is missing, stands outside of the mesh's package or is something
-        else is empty, and warned of. Of a material library only what says materials is taken.
+        The mesh; a material library or texture that is missing, lies outside the mesh's package or is invalid becomes
+        empty, with a warning. Only the materials of a material library are kept.
 
     Raises:
         InputError: the file cannot be read.
@@ -74,10 +74,10 @@ def read_mesh(name: str, path: Path) -> Mesh:
 
 
 def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
-    """Takes the triangles that coal holds.
+    """Return the triangles that coal holds.
 
     Args:
-        name: of the visual, for messages.
+        name: name of the visual, for messages.
         geometry: a mesh or a convex body.
 
     Returns:
@@ -98,10 +98,10 @@ def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
 
 
 def stand_in(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
-    """What has the bounds of a mesh file, scaled; the points count that no face has, too.
+    """Return a geometry with the bounds of a scaled mesh file, including points without a face.
 
     Raises:
-        InputError: for a file that is damaged, or of a format that is not drawn.
+        InputError: for a file that is damaged, or of a format that cannot be drawn.
     """
     if path.suffix[1:].lower() not in FILE_FORMATS:
         raise InputError(f"mesh {path.name!r} is not drawn; known: {', '.join('.' + f for f in FILE_FORMATS)}")
@@ -120,11 +120,11 @@ def _add_companions(
 
 
 def _companion(path: Path, name: str) -> Path | None:
-    """The file in the package of a mesh that the mesh calls by a name."""
+    """Return the file in the package of a mesh to which a name in the mesh refers."""
     try:
         file, package = (path.parent / name).resolve(), package_of(path.resolve().parent)
         return file if file.is_file() and file.is_relative_to(package) else None
-    except (OSError, ValueError, RuntimeError):  # not a path, or links that lead to each other
+    except (OSError, ValueError, RuntimeError):  # not a path, or circular links
         return None
 
 

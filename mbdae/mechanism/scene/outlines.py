@@ -1,4 +1,4 @@
-"""Curves in the plane of a body, as closures describe them: discs of cams, walls of slots."""
+"""Plane curves of bodies, from closures: discs of cams, walls of slots."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -14,12 +14,12 @@ class Outline(NamedTuple):
     """A curve that is fixed to a body.
 
     Attributes:
-        name: of the closure.
-        joint: that it is fixed to.
+        name: name of the closure.
+        joint: joint that carries it.
         placement: of the frame in whose x-y plane it lies.
         points: along it [m], (n, 2).
-        closed: whether it comes back.
-        filled: whether it is the edge of a disc, which any of its points sees from the middle.
+        closed: whether the curve is closed.
+        filled: whether it bounds a disc that is star-shaped about its middle.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Outline(NamedTuple):
 
 
 def draw_outlines(outlines: Iterable[Outline], height: float) -> Iterator[Part]:
-    """Draw them as walls, ``height`` m to both sides of the plane, and discs between the walls."""
+    """Draw them as walls, ``height`` m on both sides of the plane, and discs between the walls."""
     for k, outline in enumerate(outlines):
         n = len(outline.points)
         i = np.arange(n if outline.closed else n - 1)

@@ -1,4 +1,4 @@
-"""Bodies that roll, as closures describe them: wheels with a tyre and spokes, balls with a belt, ellipsoids."""
+"""Rolling bodies, from closures: wheels with a tyre and spokes, balls with a belt, ellipsoids."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -10,19 +10,19 @@ import pinocchio as pin
 from .shapes import mesh
 from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, Part, along, part
 
-THIN = 0.04  # of the radius: half the thickness at which a knife edge is drawn
+THIN = 0.04  # of the radius: half the thickness of a drawn knife edge
 SPOKES, AROUND, ACROSS = 6, 48, 10
 
 
 class RollingBody(NamedTuple):
-    """A body that rolls.
+    """A rolling body.
 
     Attributes:
-        name: of the closure.
-        joint: that it is fixed to.
+        name: name of the closure.
+        joint: joint that carries it.
         placement: of the closure's frame on it.
         axle: unit vector in that frame, (3,); None for a ball or an ellipsoid.
-        rim: radius of the circle of the tyre's section's centre [m].
+        rim: radius of the circle of tyre section centres [m].
         tyre: radius of the tyre's section [m]; that of a ball.
         semi_axes: of an ellipsoid [m], (3,), or None.
         centre: of an ellipsoid [m], (3,).
@@ -39,7 +39,7 @@ class RollingBody(NamedTuple):
 
 
 def draw(bodies: Iterable[RollingBody]) -> Iterator[Part]:
-    """Draw them so that one sees how they turn."""
+    """Draw them with marks that show their rotation."""
     for k, body in enumerate(bodies):
         colour = LINK_COLOURS[k % len(LINK_COLOURS)]
         if body.semi_axes:
@@ -65,13 +65,13 @@ def _wheel(body: RollingBody, marked: str) -> Iterator[Part]:
     for k in range(SPOKES):
         angle = 2 * np.pi * k / SPOKES
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
-        spoke = coal.Cylinder((2 if k == 0 else 1) * THIN * outer / 2, outer - thickness)  # one shows how far it turned
+        spoke = coal.Cylinder((2 if k == 0 else 1) * THIN * outer / 2, outer - thickness)  # one marks the angle
         shade = GROUND_COLOUR if k else marked
         yield part("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
 
 
 def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:
-    """A ring about z."""
+    """Return a ring about z."""
     i, j = np.meshgrid(np.arange(AROUND), np.arange(ACROSS), indexing="ij")
     a, b = 2 * np.pi * i / AROUND, 2 * np.pi * j / ACROSS
     reach = radius + section * np.cos(b)

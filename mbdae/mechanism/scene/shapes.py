@@ -1,4 +1,4 @@
-"""Visual geometry as plain JSON data, without the files that it came from."""
+"""Visual geometry as JSON data, independent of its files."""
 
 import base64
 import zlib
@@ -13,16 +13,16 @@ from ...errors import InputError
 from ..checked_table import Table, one_line
 
 Place = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
-SOLIDS = {  # kind: the shape of sizes, its sizes, and their number
+SOLIDS = {  # kind: shape class, its sizes, and their number
     "sphere": (coal.Sphere, lambda s: [s.radius], 1),
     "capsule": (coal.Capsule, lambda s: [s.radius, 2 * s.halfLength], 2),
     "cylinder": (coal.Cylinder, lambda s: [s.radius, 2 * s.halfLength], 2),
     "ellipsoid": (coal.Ellipsoid, lambda s: list(s.radii), 3),
     "box": (coal.Box, lambda s: list(2 * s.halfSide), 3),
 }
-LEVEL = 1 - 1e-9  # cosine of a slope
+LEVEL = 1 - 1e-9  # cosine of an inclination
 UP = np.array([0.0, 0.0, 1.0])
-LARGEST = 2**28  # bytes of points or of faces: what is packed may unpack to a thousand times its size
+LARGEST = 2**28  # bytes of points or faces: packed data may expand to a thousand times its size
 Size = Annotated[float, Field(ge=0)]
 
 
@@ -47,7 +47,7 @@ class _Visuals(Table):
 
 
 def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
-    """Write solids and triangle meshes down; a mesh that several shapes share stands once."""
+    """Return solids and triangle meshes as data; a mesh shared by several shapes is stored once."""
     shapes: list[dict[str, Any]] = []
     meshes: list[dict[str, str]] = []
     numbers: dict[tuple[str, str], int] = {}
@@ -76,10 +76,10 @@ def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
 
 
 def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
-    """Read what `pack` wrote; ``joints`` is the number of joints that may carry shapes.
+    """Read the data of `pack`; ``joints`` is the number of joints that may carry shapes.
 
     Raises:
-        InputError: names what is wrong.
+        InputError: names the invalid entry.
     """
     try:
         visuals = _Visuals.model_validate(data)
@@ -109,19 +109,19 @@ def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
 
 
 def ground() -> coal.Halfspace:
-    """What lies below the x-y plane of a frame, without end."""
+    """Return the half-space below the x-y plane of a frame."""
     return coal.Halfspace(UP, 0.0)
 
 
 def ground_level(g: pin.GeometryObject) -> float | None:
-    """The height of a level plane that nothing moves [m]; None for other geometry."""
+    """Return the height of a fixed horizontal plane [m]; None for other geometry."""
     if not isinstance(g.geometry, coal.Halfspace) or g.parentJoint or (g.placement.rotation @ g.geometry.n)[2] < LEVEL:
         return None
     return float(g.placement.act(g.geometry.n * g.geometry.d)[2])
 
 
 def mesh(points: np.ndarray, faces: np.ndarray) -> coal.BVHModelOBBRSS:
-    """A mesh of points (n, 3) in m and faces (m, 3)."""
+    """Return a mesh of points (n, 3) in m and faces (m, 3)."""
     out = coal.BVHModelOBBRSS()
     out.beginModel(len(faces), len(points))
     out.addVertices(np.array(points, float))
@@ -142,10 +142,10 @@ def _mesh(packed: _Mesh) -> coal.BVHModelOBBRSS:
 
 
 def _unpacked(text: str, kind: str) -> np.ndarray:
-    """Rows of three numbers.
+    """Return rows of three numbers.
 
     Raises:
-        InputError: for a text that holds something else, or more than `LARGEST` bytes.
+        InputError: for invalid text, or more than `LARGEST` bytes.
     """
     stream = zlib.decompressobj()
     try:

@@ -1,8 +1,8 @@
-"""Stick figures: generated links, joints and marks for what has no visual geometry of its own.
+"""Stick figures: generated links, joints and marks for bodies without visual geometry.
 
-A body is a star of links from its joint to the joints of its children and to the anchors of closures; a
-body that ends a branch reaches to its centre of mass. Revolute joints are cylinders along their axis,
-prismatic ones boxes on a rail, all others balls.
+A body is a star of links from its joint to the joints of its children and to the anchors of closures; a terminal body
+reaches to its centre of mass. Revolute joints are cylinders along their axis, prismatic ones boxes on a rail, all
+others balls.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -24,7 +24,7 @@ CLOSURE_COLOURS = ("#f28e2b", "#e0263c")
 
 
 class Proportions(NamedTuple):
-    """How large things are: ``extent`` of the whole mechanism, ``width`` of a link's radius [m]."""
+    """Sizes for drawing: ``extent`` of the whole mechanism, ``width`` the radius of a link [m]."""
 
     extent: float
     width: float
@@ -36,16 +36,16 @@ def proportions(
     rods: Sequence[float] = (),
     corners: Sequence[Point] = (),
 ) -> Proportions:
-    """Measures the mechanism at its neutral configuration.
+    """Return the proportions of the mechanism at its neutral configuration.
 
     Args:
         model: the tree.
-        points: further points that belong to it, anchors of closures for instance.
+        points: further points of the mechanism, such as anchors of closures.
         rods: lengths of rods between them [m].
-        corners: the extremities of its visual geometry.
+        corners: extreme points of its visual geometry.
 
     Returns:
-        Lengths that are positive whatever the model is.
+        Lengths that are positive for any model.
     """
     data = make_data(model)
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -68,14 +68,14 @@ def proportions(
 def generate(
     model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int], rolling: Collection[int] = ()
 ) -> Iterator[Part]:
-    """Draws the bodies that have no visual geometry.
+    """Yield shapes for bodies without visual geometry.
 
     Args:
         model: the tree.
-        points: points that bodies reach to besides their children, the anchors of closures.
-        size: lengths to draw with.
-        seen: joints whose bodies have visuals. When there are any, bodies without mass are left out.
-        rolling: joints whose bodies are drawn as what rolls.
+        points: end points of links besides child joints, such as anchors of closures.
+        size: lengths for drawing.
+        seen: joints whose bodies have visuals. If there are any, bodies without mass are omitted.
+        rolling: joints whose bodies are drawn as rolling bodies.
 
     Yields:
         Role and geometry, fixed to joints; role is ``"ground"``, ``"rail"``, ``"joint"`` or ``"link"``.
@@ -95,7 +95,7 @@ def generate(
 
 
 def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[Part]:
-    """Two balls, the second hidden in the first as long as the anchors coincide."""
+    """Return two balls, the second hidden in the first while the anchors coincide."""
     return [
         part("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
         for (joint, placement), k, radius, colour in zip(anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True)
@@ -103,12 +103,12 @@ def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: floa
 
 
 def rod(name: str, length: float, width: float) -> pin.GeometryObject:
-    """The rod of a distance closure, in its own frame along z."""
+    """Return the rod of a distance closure, in its local frame along z."""
     return part("link", f"{name} rod", 0, pin.SE3.Identity(), coal.Cylinder(0.6 * width, length), ROD_COLOUR)[1]
 
 
 def pin_of(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width: float) -> Iterator[Part]:
-    """The joint that a closure is: a pin along the axis of a hinge, in the frame of its first anchor, or a ball."""
+    """Yield the joint of a closure: a pin along the axis of a hinge, in the frame of its first anchor, or a ball."""
     if axis is None:
         yield part("joint", f"{name} pin", joint, place, coal.Sphere(1.9 * width), JOINT_COLOUR)
     else:
@@ -134,7 +134,7 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
         place = along(com, turns)
         yield part("link", f"{name} body", i, place, coal.Cylinder(*disc), colour)
         beside = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
-        spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # shows that it turns
+        spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # shows the rotation
         yield part("link", f"{name} spoke", i, place * beside, spoke, GROUND_COLOUR)
         return
     moments, axes = np.linalg.eigh(inertia.inertia)
@@ -146,13 +146,13 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
 
 
 def _axis(model: pin.Model, i: int) -> np.ndarray | None:
-    """The axis of a revolute joint in its own frame; None for others."""
+    """Return the axis of a revolute joint in its frame; None for others."""
     S = subspace(model.joints[i])
     return S[3:, 0] if S.shape[1] == 1 and S[3:].any() and not S[:3].any() else None
 
 
 def _disc(inertia: pin.Inertia, axis: np.ndarray, width: float) -> tuple[float, float] | None:
-    """Radius and height of the cylinder that turns about its own axis with an inertia; None where none does."""
+    """Return radius and height of a solid cylinder about the axis with this inertia; None if there is none."""
     about = float(axis @ inertia.inertia @ axis)
     across = (np.trace(inertia.inertia) - about) / 2
     symmetric = about * np.outer(axis, axis) + across * (np.eye(3) - np.outer(axis, axis))
@@ -190,7 +190,7 @@ def _joint(
 
 
 def _limits(model: pin.Model, i: int, most: float) -> tuple[float, float]:
-    """Where the rail of a sliding joint begins and ends by its limits, or by the size of the mechanism [m]."""
+    """Return the ends of a sliding joint's rail from its limits, or from the size of the mechanism [m]."""
     k = model.idx_qs[i]
     low, high = np.clip((model.lowerPositionLimit[k], model.upperPositionLimit[k]), -most, most)
     return float(low), float(high)
@@ -199,9 +199,9 @@ def _limits(model: pin.Model, i: int, most: float) -> tuple[float, float]:
 def _reach(
     model: pin.Model, i: int, axis: np.ndarray, points: Sequence[Point], size: Proportions
 ) -> tuple[float, float] | None:
-    """From where to where the body reaches on which an unlimited joint slides, or else what slides [m]; None: nowhere.
+    """Return the extent of the body on which an unlimited joint slides, or else of the slider [m]; None if empty.
 
-    An unlimited joint has the largest number as its limit, not infinity.
+    Unlimited joints have the largest number as their limit, not infinity.
     """
     k, parent = model.idx_qs[i], model.parents[i]
     if not parent or min(abs(model.lowerPositionLimit[k]), abs(model.upperPositionLimit[k])) <= size.extent:
@@ -214,7 +214,7 @@ def _reach(
 
 
 def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]:
-    """Where the links of body i lead, apart from its own joint [m]."""
+    """Return the end points of the links of body i, except its own joint [m]."""
     ends = [model.jointPlacements[c].translation for c in model.children[i]]
     ends += [p for j, p in points if j == i]
     far = [pin.SE3(np.eye(3), p) for p in ends if np.linalg.norm(p) > 1e-9]
@@ -230,12 +230,12 @@ def _distinct(placements: Iterable[pin.SE3]) -> list[pin.SE3]:
 
 
 def _motion_subspaces(model: pin.Model) -> list[np.ndarray]:
-    """(6, nv) per joint: linear, then angular velocity in the joint's frame at the neutral configuration."""
+    """Return (6, nv) per joint: linear, then angular velocity in the joint's frame at the neutral configuration."""
     return [np.empty((6, 0)), *(subspace(joint) for joint in list(model.joints)[1:])]
 
 
 def along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:
-    """A frame whose z points along a direction."""
+    """Return a frame with z along a direction."""
     return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(direction)), np.array(origin))
 
 
@@ -244,7 +244,7 @@ def _capsule(end: np.ndarray, width: float) -> coal.Capsule:
 
 
 def part(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
-    """A geometry fixed to a joint, with its role and its colour."""
+    """Return a geometry fixed to a joint, with its role and its colour."""
     geometry = pin.GeometryObject(name, int(joint), placement, shape)
     geometry.meshColor = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] + [1.0])
     return role, geometry

@@ -1,4 +1,4 @@
-"""Triangles of meshes with their colours: what a file says is read here, without its normals and pictures."""
+"""Triangles of meshes with their colours, read from files without normals and pictures."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -20,7 +20,7 @@ class Surface(NamedTuple):
     Attributes:
         points: (n, 3), in the units and axes of the mesh.
         faces: (m, 3) indices into them.
-        rgba: red, green, blue and opacity in [0, 1]; None where the mesh does not say.
+        rgba: red, green, blue and opacity in [0, 1]; None if the mesh does not define it.
     """
 
     points: np.ndarray
@@ -29,13 +29,13 @@ class Surface(NamedTuple):
 
 
 def surfaces(mesh: Mesh, *, pictures: bool = False) -> list[Surface] | None:
-    """The triangles of a mesh, one entry for each colour; None for what is damaged, or has pictures on it.
+    """Return the triangles of a mesh, one entry per colour; None for damaged or textured meshes.
 
-    Points that coincide are one, triangles without an area are left out.
+    Coincident points are merged, triangles without area are omitted.
 
     Args:
         mesh: the mesh.
-        pictures: whether a mesh with pictures is taken too, without them.
+        pictures: whether to accept a textured mesh, without its textures.
     """
     if not pictures and any(not name.lower().endswith(".mtl") and data for name, data in mesh.companions.items()):
         return None
@@ -52,15 +52,18 @@ def surfaces(mesh: Mesh, *, pictures: bool = False) -> list[Surface] | None:
 
 def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
     """Triangles given by their corners (m, 3, 3), with each point once, in the order of use."""
-    points, first, index = np.unique(
-        corners.reshape(-1, 3).astype("float32") + 0.0, axis=0, return_index=True, return_inverse=True
-    )
-    order = np.argsort(first)
-    place = np.empty(len(order), int)
-    place[order] = np.arange(len(order))
-    faces = place[index.reshape(-1, 3)]
+    every = corners.reshape(-1, 3).astype("float32") + 0.0
+    order = np.lexsort(every.T)  # equal points follow each other as they come
+    new = np.append(True, (every[order[1:]] != every[order[:-1]]).any(1))[: len(order)]
+    first = order[new]  # of each point, by coordinates
+    used = np.argsort(first)
+    place = np.empty(len(used), int)
+    place[used] = np.arange(len(used))
+    index = np.empty(len(order), int)
+    index[order] = place[np.cumsum(new) - 1]
+    faces = index.reshape(-1, 3)
     a, b, c = faces.T
-    return Surface(points[order], faces[(a != b) & (b != c) & (c != a)], rgba)
+    return Surface(every[first[used]], faces[(a != b) & (b != c) & (c != a)], rgba)
 
 
 def _read(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
@@ -111,7 +114,7 @@ class _Painted(Collada):
     """A .dae file with the colours of its materials."""
 
     def triangles(self) -> Iterator[tuple[np.ndarray, Colour | None]]:
-        """Corners (m, 3, 3) and colour of each group of triangles, as the scene places them."""
+        """Yield corners (m, 3, 3) and colour of each group of triangles, as placed by the scene."""
         for geometry, place, materials in self.instances():
             for corners, symbol in _groups(self, geometry):
                 rgba = self._colour(materials.get(symbol, symbol))
@@ -133,7 +136,7 @@ class _Painted(Collada):
 
 
 def _groups(file: Collada, geometry: ET.Element) -> Iterator[tuple[np.ndarray, str]]:
-    """Triangles (m, 3, 3) of a geometry, and the symbol of their material; polygons are cut into fans."""
+    """Yield triangles (m, 3, 3) of a geometry, and the symbol of their material; polygons become triangle fans."""
     points = file.points_of(geometry)
     for group in geometry.iterfind("mesh/*"):
         if group.tag not in ("triangles", "polylist", "polygons"):

@@ -1,4 +1,4 @@
-"""How signals move with the motion that they are read from: exact slopes beside the values in `mbdae.mechanism`."""
+"""Exact derivatives of signals with respect to the underlying motion, matching the values in `mbdae.mechanism`."""
 
 from .contacts import contact_derivatives, path_derivatives
 from .efforts import driver_power_derivatives, effort_derivatives

@@ -1,4 +1,4 @@
-"""How rolling bodies touch, and how they are pressed, varies."""
+"""Derivatives of contact points and contact forces of rolling bodies."""
 
 from copy import copy
 from typing import Any
@@ -11,7 +11,7 @@ from .motion_tangent import MotionTangent
 
 
 def path_derivatives(motion: MotionTangent) -> Array:
-    """Return the variations of where bodies touch, as of `mbdae.mechanism.contacts.path`, (n, 3, m)."""
+    """Return the derivatives of the contact points of `mbdae.mechanism.contacts.path`, (n, 3, m)."""
     mech, parameters = motion.mechanism, motion.parameters
     names, out = [c.name for c in mech.constraints], np.empty((len(rolling(mech)), 3, len(motion.d.t)))
     for i, closure in enumerate(rolling(mech)):
@@ -30,13 +30,13 @@ def path_derivatives(motion: MotionTangent) -> Array:
 
 
 def contact_derivatives(motion: MotionTangent) -> Array:
-    """Return the variations of normal, longitudinal, lateral force and friction of rolling bodies, (n, 4, m)."""
+    """Return the derivatives of normal, longitudinal, lateral force and friction of rolling bodies, (n, 4, m)."""
     mech = motion.mechanism
     out = np.empty((len(rolling(mech)), 4, len(motion.d.t)))
     for i, closure in enumerate(rolling(mech)):
         share, own = force_ratios(motion.system, closure.name), motion.system.constraints.spans[closure.name]
         (normal, *along), forces = share @ motion.lam[own], share @ motion.d.lam[own]
-        normal = normal if share[0].any() and normal > 0 else np.nan  # friction stands where the body is pressed
+        normal = normal if share[0].any() and normal > 0 else np.nan  # friction requires compression
         size = np.hypot(*along)
         friction = (np.array(along) @ forces[1:] / (size or 1.0) - size / normal * forces[0]) / normal
         out[i] = *forces, friction

@@ -1,4 +1,4 @@
-"""How what each force gives varies: torques and forces, powers, deflections."""
+"""Derivatives of force outputs: torques and forces, powers, deflections."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from .wrenches import law_wrench
 
 
 def effort_derivatives(motion: MotionTangent) -> Array:
-    """Return the variations of the columns of `mbdae.mechanism.effort_signals.efforts`, (n, m)."""
+    """Return the derivatives of the columns of `mbdae.mechanism.effort_signals.efforts`, (n, m)."""
     bound = [law for law, _ in motion.system.laws.bound]
     out: list[Array] = []
     for law in named_laws(motion.mechanism, motion.system.laws).values():
@@ -25,7 +25,7 @@ def effort_derivatives(motion: MotionTangent) -> Array:
 
 
 def driver_power_derivatives(motion: MotionTangent) -> Array:
-    """Return the variations of the columns of `mbdae.mechanism.effort_signals.driver_powers`, (n, m)."""
+    """Return the derivatives of the columns of `mbdae.mechanism.effort_signals.driver_powers`, (n, m)."""
     mech, constraints, parameters = motion.mechanism, motion.system.constraints, motion.parameters
     _, rates, bends = constraints.motion(motion.t)
     names, out = [c.name for c in mech.constraints], []
@@ -41,7 +41,7 @@ def driver_power_derivatives(motion: MotionTangent) -> Array:
 
 
 def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
-    """A force along coordinates, and its power."""
+    """Return the derivatives of a force along coordinates, and of its power."""
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
     at = motion.system.laws.bound[number][1]
     alone, s = ForceElements([law], motion.model), motion.s[at]
@@ -55,7 +55,7 @@ def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]
 
 
 def _between(motion: MotionTangent, law: PairElement, number: int) -> list[Array]:
-    """A force between two frames, and its power."""
+    """Return the derivatives of a force between two frames, and of its power."""
     F, dF = law_wrench(motion, law, number)
     V, dV = motion.relative(law.pair)
     power = V @ dF + F @ dV
@@ -70,7 +70,7 @@ def _between(motion: MotionTangent, law: PairElement, number: int) -> list[Array
 
 
 def _deflected(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
-    """How far its springs are deflected."""
+    """Return the derivatives of the deflections of its springs."""
     if not law.deflections:
         return []
     if isinstance(law, PairElement):

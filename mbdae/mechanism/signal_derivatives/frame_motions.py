@@ -1,4 +1,4 @@
-"""How positions, velocities and accelerations of frames vary."""
+"""Derivatives of positions, velocities and accelerations of frames."""
 
 from collections.abc import Sequence
 
@@ -9,10 +9,10 @@ from .motion_tangent import MotionTangent, of_point
 
 
 def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tuple[Array, Array]:
-    """Return p, p' and p'' of the origins of n frames in the world, (3, n, 3), and their variations, (3, n, 3, m).
+    """Return p, p' and p'' of the origins of n frames in the world, (3, n, 3), and their derivatives, (3, n, 3, m).
 
     Raises:
-        UnknownNameError: for a frame that does not exist.
+        UnknownNameError: for an unknown frame.
     """
     values, slopes = np.empty((3, len(names), 3)), np.empty((3, len(names), 3, len(motion.d.t)))
     for i, name in enumerate(names):

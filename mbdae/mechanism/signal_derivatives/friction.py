@@ -1,6 +1,6 @@
-"""Derivatives of closure friction by multipliers, see `mbdae.mechanism.formulations.closure_friction`.
+"""Derivatives of closure friction with respect to multipliers, see `mbdae.mechanism.formulations.closure_friction`.
 
-With the wrenches A (m, 6) of the ways that a place may slide, its slip s = A V and c = -mu r,
+With the wrenches A (m, 6) of the slip directions of an interface, its slip s = A V and c = -mu r,
 
     F = c |lam| phi(|s|) A^T s,   dF = (d|lam|/|lam| + psi s . ds/phi) F + c |lam| phi (dA^T s + A^T ds)
 
@@ -46,7 +46,7 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
 
 
 def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
-    """The wrenches A (m, 6) of `FrictionInterface.ways`, and how they vary where bodies do, (m, 6, k)."""
+    """Return the wrenches A (m, 6) of `FrictionInterface.ways`, and their derivatives, (m, 6, k)."""
     pair, kind = place.pair, place.closure.kind
     A, (Xa, Xb) = place.ways(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
@@ -72,7 +72,7 @@ def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array
 
 
 def _touches(place: FrictionInterface, Xa: Array, Xb: Array, dp: Array) -> Array:
-    """How the point where bodies touch moves, (3, m)."""
+    """Return the derivative of the contact point, (3, m)."""
     first = place.closure.primitives()[0]
     if not isinstance(first, ContactHeightRow):
         return dp

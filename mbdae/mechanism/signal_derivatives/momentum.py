@@ -1,4 +1,4 @@
-"""How the centre of mass and the momenta vary."""
+"""Derivatives of the centre of mass and the momenta."""
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +10,7 @@ from .wrenches import wrench_cross
 
 
 def momentum_derivatives(motion: MotionTangent) -> Array:
-    """Return the variations of the columns of `mbdae.mechanism.momentum.momentum`, (9, m)."""
+    """Return the derivatives of the columns of `mbdae.mechanism.momentum.momentum`, (9, m)."""
     m, d = len(motion.d.t), motion.d
     mass, first, h = 0.0, np.zeros(3), np.zeros(6)  # sums of m, m c and momenta at the world's origin
     dmass, dfirst, dh = np.zeros(m), np.zeros((3, m)), np.zeros((6, m))

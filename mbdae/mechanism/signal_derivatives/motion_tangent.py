@@ -1,14 +1,14 @@
-"""A point of a motion that varies in m directions at once: its bodies, and what stands on them.
+"""Tangent of a motion at a point in m directions at once: bodies, and frames fixed to them.
 
-A direction moves (q, v, v'), the mechanism's numbers and time. It carries body i by the motion X_i, at the world's
-origin, and what is fixed to the body along with it. With the columns J_i of its joint, w_i = J_i v_i, the body p before
-it, and what parameters do to the joint's place, P_i dp,
+A direction changes (q, v, v'), the mechanism's parameters and time. It displaces body i, and frames fixed to it, by the
+motion X_i at the world's origin. With the columns J_i of its joint, w_i = J_i v_i, the parent body p, and the effect
+P_i dp of parameters on the joint placement,
 
     X_i = X_p + P_i dp + J_i dq_i
     V_i = V_p + w_i                    dV_i = dV_p + d_i,   d_i = X_i x w_i + J_i dv_i
     A_i = A_p + J_i v'_i + V_i x w_i   dA_i = dA_p + X_i x (J_i v'_i) + J_i dv'_i + dV_i x w_i + V_i x d_i
 
-on the expanded tree (`mbdae.mechanism.expanded_tree`), where a joint's axes stand still in its frame.
+on the expanded tree (`mbdae.mechanism.expanded_tree`), where a joint's axes are fixed in its frame.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class TangentDirections(NamedTuple):
-    """Variations in m directions of what a signal is a function of.
+    """Variations of the arguments of signals in m directions.
 
     Attributes:
         q, v: in the tangent, and of v, (nv, m) each.
@@ -48,10 +48,10 @@ class TangentDirections(NamedTuple):
 
 
 class MotionTangent:
-    """The bodies of a mechanism at points of a motion, and how they vary.
+    """The bodies of a mechanism at points of a motion, and their tangents.
 
     Args:
-        parameters: numbers that vary, with a workspace.
+        parameters: varied parameters, with a workspace.
 
     Attributes:
         X, V, A, dV, dA: by joint, motions in the world: V and A are (6,), the others (6, m).
@@ -66,7 +66,7 @@ class MotionTangent:
         self.ends = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
 
     def stand(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
-        """Stand at a point, and vary it; `system` stands there, too, with accelerations for v' = 0."""
+        """Evaluate at a point with directions d; `system` is at the same point, with accelerations for v' = 0."""
         self.t, self.q, self.v, self.s, self.vdot, self.lam, self.d = t, q, v, s, vdot, lam, d
         model, data, n = self.expanded, self.data, self.expanded.njoints
         pin.forwardKinematics(model, data, q)
@@ -91,11 +91,11 @@ class MotionTangent:
             dA[i] += motion_cross(dV[i], w) + motion_cross(V[i][:, None], moved)
         self.X, self.V, self.A, self.dV, self.dA = (x[self.ends] for x in (X, V, A, dV, dA))
         self.places = [data.oMi[i] for i in self.ends]
-        pin.forwardKinematics(self.model, self.system.data, q, v, np.zeros(len(v)))
-        pin.computeJointJacobians(self.model, self.system.data, q)
+        pin.forwardKinematics(self.model, self.system.workspace, q, v, np.zeros(len(v)))
+        pin.computeJointJacobians(self.model, self.system.workspace, q)
 
     def placement_motion(self, place: pin.SE3, motions: list[Array | None]) -> Array:
-        """Motions (6, m) in the world of what parameters move by motions (6,) in the axes of a place."""
+        """Return motions (6, m) in the world of parameters that act by motions (6,) in the axes of a placement."""
         out = np.zeros((6, len(self.d.t)))
         for motion, dp in zip(motions, self.d.p, strict=True):
             if motion is not None:
@@ -103,7 +103,7 @@ class MotionTangent:
         return out
 
     def frame(self, name: str) -> tuple[int, pin.SE3, Array]:
-        """The joint that carries a frame, where it is in the world, and the motions (6, m) that carry it."""
+        """Return the parent joint of a frame, its placement in the world, and the motions (6, m) that displace it."""
         found = find_frame(self.model, name)
         i, joint = self.model.getFrameId(found.name, found.type), found.parentJoint
         place = self.places[joint] * found.placement
@@ -114,19 +114,19 @@ class MotionTangent:
         )
 
     def pair(self, pair: Pair) -> tuple[Array, Array]:
-        """The motions (6, m) that carry both frames of a pair."""
+        """Return the motions (6, m) that displace both frames of a pair."""
         return self._carried(pair.a), self._carried(pair.b)
 
     def _carried(self, a: Anchor) -> Array:
         return self.frame(a.name)[2]
 
     def relative(self, pair: Pair) -> tuple[Array, Array]:
-        """The velocity V_b - V_a of a pair, (6,), and its variations (6, m)."""
+        """Return the velocity V_b - V_a of a pair, (6,), and its derivatives (6, m)."""
         a, b = pair.a.joint, pair.b.joint
         return self.V[b] - self.V[a], self.dV[b] - self.dV[a]
 
     def perturbed_laws(self, law: int) -> "list[tuple[int, dict[int, ForceElement]]]":
-        """Parameters that change a force, by their numbers, and the force with their other values."""
+        """Parameters that change a force, by index, and the force with their perturbed values."""
         out = []
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if law in p.forces:
@@ -136,5 +136,5 @@ class MotionTangent:
 
 
 def of_point(motions: Array, p: Array) -> Array:
-    """Velocities (3, m) of a point (3,) that motions (6, m) at the world's origin carry."""
+    """Return the velocities (3, m) of a point (3,) under motions (6, m) at the world's origin."""
     return motions[:3] + np.cross(motions[3:].T, p).T

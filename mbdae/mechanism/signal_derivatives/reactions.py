@@ -1,11 +1,11 @@
-"""How forces and torques in joints and closures vary: Newton's and Euler's equations, body by body.
+"""Derivatives of joint and closure wrenches, from the Newton-Euler equations of each body.
 
-With the inertia Y of a body, A' = A - gravity and h = Y V, what is fixed to the body is carried by X, and
-dV~ = dV - X x V, dA~ = dA' - X x A' are what its velocity and acceleration change besides,
+With the inertia Y of a body, A' = A - gravity and h = Y V, body-fixed quantities are displaced by X, and
+dV~ = dV - X x V, dA~ = dA' - X x A' are the remaining changes of its velocity and acceleration,
 
     F = Y A' + V x* h - outer,   dF = X x* (F + outer) + Y dA~ + dV~ x* h + V x* Y dV~ + dY - d outer
 
-and a joint's wrench is the sum over the bodies behind it, see `mbdae.mechanism.joint_wrenches`.
+and a joint's wrench is the sum over the bodies of its subtree, see `mbdae.mechanism.joint_wrenches`.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ from .wrenches import closure_wrench, law_wrench, wrench_cross
 def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
     """Return `mbdae.mechanism.joint_wrenches.point_reactions`, (2, n, 2, 3), and its tangents (2, n, 2, 3, m).
 
-    The first half is along the world's axes, the other along their own; force and torque stand in turn.
+    The first half is in world axes, the other in local axes; force and torque alternate.
     """
     names, joints, m = reaction_names(motion.mechanism), joint_names(motion.model), len(motion.d.t)
     closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_parts}
@@ -47,7 +47,7 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
 
 
 def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Wrenches in all joints at the world's origin, (njoints, 6), and their variations, (njoints, 6, m)."""
+    """Return the wrenches in all joints at the world's origin, (njoints, 6), and their derivatives, (njoints, 6, m)."""
     model, parameters, d = motion.model, motion.parameters, motion.d
     F, dF = np.zeros((model.njoints, 6)), np.zeros((model.njoints, 6, len(d.t)))
     outer = [(motion.system.constraints.frame_parts[name].pair, *found) for name, found in closures.items()]

@@ -1,4 +1,4 @@
-"""How the wrenches of closures and of forces between frames vary."""
+"""Derivatives of the wrenches of closures and of forces between frames."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from .motion_tangent import MotionTangent
 
 
 def wrench_cross(a: Array, F: Array) -> Array:
-    """The products a x* F of motions and wrenches, column by column, (6, m)."""
+    """Return the products a x* F of motions and wrenches, column by column, (6, m)."""
     (v, w), (f, n) = (a[:3].T, a[3:].T), (F[:3].T, F[3:].T)
     return np.concatenate([np.cross(w, f).T, (np.cross(w, n) + np.cross(v, f)).T])
 
 
 def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
-    """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its variations (6, m)."""
+    """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its derivatives (6, m)."""
     constraints, parameters = motion.system.constraints, motion.parameters
     pair, rows = constraints.frame_parts[name]
     pair.locate()
@@ -43,12 +43,12 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
 
 
 def law_wrench(motion: MotionTangent, law: PairElement, number: int) -> tuple[Array, Array]:
-    """Return the wrench of a force on its second frame, at the world's origin, (6,), and its variations (6, m).
+    """Return the wrench of a force on its second frame, at the world's origin, (6,), and its derivatives (6, m).
 
     Args:
-        motion: where it acts.
-        law: between two frames.
-        number: of the law.
+        motion: the motion.
+        law: a law between two frames.
+        number: index of the law.
     """
     law.pair.locate()
     Xa, Xb = motion.pair(law.pair)

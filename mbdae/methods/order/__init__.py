@@ -1,1 +1,1 @@
-"""Order conditions of index-2 problems: trees, weights, and what they say of a tableau."""
+"""Order conditions of index-2 problems: trees, weights, and reports for a tableau."""

@@ -1,4 +1,4 @@
-"""Simplifying assumptions: the quadrature-like equations from which a tableau gets most of its order."""
+"""Simplifying assumptions: quadrature-like equations that imply most of the order of a tableau."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from ..tableau import Row
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Largest k up to which each assumption holds; C and Chat are looked for up to the method's order.
+    """Largest k up to which each assumption holds; C and Chat are checked up to the method's order.
 
     Attributes:
         B: sum_i b_i c_i^(k-1) = 1/k for k = 1..B.
@@ -38,7 +38,7 @@ def assumptions(tableau: Method, tolerance: float = 0.0) -> Assumptions:
         tolerance: a residual up to this counts as zero.
 
     Returns:
-        The largest k of each; on the rows at most the method's order, as a row of zeros satisfies every one.
+        The largest k of each; for rows at most the method's order, since a row of zeros satisfies all.
     """
     A, Ahat, b = tableau.exact_A, tableau.exact_Ahat, tableau.exact_b
     zero: Number = Fraction(0)

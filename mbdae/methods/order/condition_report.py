@@ -1,4 +1,4 @@
-"""What the order conditions say of a tableau: small frozen results of `mbdae.methods.order.conditions`."""
+"""Results of the order conditions of a tableau: small immutable results of `mbdae.methods.order.conditions`."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -8,7 +8,7 @@ from .assumptions import Assumptions
 
 @dataclass(frozen=True)
 class Failure:
-    """A condition that does not hold: the elementary weight ``left`` of a tree is not ``right`` = 1/gamma."""
+    """A violated condition: the elementary weight ``left`` of a tree is not ``right`` = 1/gamma."""
 
     tree: str
     order: int
@@ -28,7 +28,7 @@ class Check:
         order: the order found.
         trees: how many conditions hold up to it.
         residual: the largest residual among them; 0 unless coefficients are rounded.
-        failure: the first condition that fails at the next order; None if no higher order was looked at.
+        failure: the first condition that fails at the next order; None if no higher order was checked.
     """
 
     order: int
@@ -45,11 +45,11 @@ class Check:
 
 @dataclass(frozen=True)
 class Embedded:
-    """Orders of an embedded formula, as it stands and after projection onto 0 = g along f_z(y_1, z_1).
+    """Orders of an embedded formula, without and with projection onto 0 = g along f_z(y_1, z_1).
 
     Attributes:
         name: ``"b_embedded"`` or ``"b_companion"``.
-        used: the one of the other four that applies to the method (that for general f).
+        used: the one of the other four that applies to the method (for general f).
     """
 
     name: str
@@ -62,18 +62,18 @@ class Embedded:
 
 @dataclass(frozen=True)
 class ConditionReport:
-    """What the order conditions say of one tableau, next to what it claims.
+    """Results of the order conditions of one tableau, and its claims.
 
     Attributes:
         name: the method.
         y: conditions of y for general f.
         y_linear: those that remain when f is linear in z.
-        own: conditions of the method's own z.
-        w_last_1: factor of the error of the carried z from one step to the next; None if nothing is carried.
+        own: conditions of the method's z.
+        w_last_1: growth factor per step of the error of the carried z; None if nothing is carried.
         assumptions: the simplifying assumptions that hold.
         embedded: one entry for each embedded formula.
         claims: claimed order, order_linear, order_own, order_embedded.
-        tolerance: residuals up to this counted as zero; 0 for exact coefficients.
+        tolerance: residuals up to this count as zero; 0 for exact coefficients.
     """
 
     name: str
@@ -98,22 +98,22 @@ class ConditionReport:
 
     @property
     def order_own(self) -> int:
-        """Order of the method's own z, never more than that of y."""
+        """Order of the method's z, at most that of y."""
         return min(self.own.order, self.y.order)
 
     @property
     def order_embedded(self) -> int:
-        """Order of the embedded formula as the method uses it; 0 without one."""
+        """Order of the embedded formula as used by the method; 0 without one."""
         return self.embedded[0].used.order if self.embedded else 0
 
     @property
     def stable(self) -> bool:
-        """Errors of a carried z are damped: |w_n1| < 1."""
+        """Whether errors of a carried z are damped: |w_n1| < 1."""
         return self.w_last_1 is None or abs(self.w_last_1) < 1
 
     @property
     def holds(self) -> bool:
-        """Every claim is reached, and the carried z is stable."""
+        """Whether every claim is reached, and the carried z is stable."""
         found = (self.order_y, self.order_y_linear, self.order_own, self.order_embedded)
         names = ("order", "order_linear", "order_own", "order_embedded")
         return self.stable and all(have >= self.claims[name] for have, name in zip(found, names, strict=True))

@@ -3,7 +3,7 @@
 With the elementary weights phi, psi of a tableau (`mbdae.methods.order.weights`) and the trees of DAT2
 
     y_1:    b . phi(t) = 1 / gamma(t)     for all t in DAT2_y with rho(t) <= p      gives order p of y
-    own z:  psi_n(u)   = 1 / gamma(u)     for all u in DAT2_z with rho(u) <= m - 1  gives order m of Z_n
+    method's z:  psi_n(u)   = 1 / gamma(u)     for all u in DAT2_z with rho(u) <= m - 1  gives order m of Z_n
 
 (with p >= m, and for a carried z with |w_n1| < 1). Trees in which a vertex has two fat sons drop out when f
 is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989, chapter 5; A. Murua, Computing 59
@@ -28,7 +28,7 @@ from .weights import Weights
 ROUNDED = 1e-20
 """A residual up to this counts as zero for tableaus whose decimals were rounded."""
 
-PROVEN = 5  # the highest order that is looked for where nothing is claimed
+PROVEN = 5  # the highest order that is checked where nothing is claimed
 
 Weight = Callable[[RootedTree], Number]
 Trees = Callable[[int], Iterable[RootedTree]]
@@ -39,7 +39,7 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
 
     Args:
         tableau: the method.
-        max_order: highest order to look at; each claim plus one if left out. A claim above it is not met.
+        max_order: highest order to check; each claim plus one if left out. Higher claims are not confirmed.
 
     Returns:
         The orders found, the first condition that fails above each, and the simplifying assumptions.
@@ -72,7 +72,7 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
 
 
 def proven(tableau: Method) -> dict[str, Any]:
-    """The claims that the conditions prove, up to order `PROVEN`, for a tableau without claims.
+    """Return the claims that the conditions prove, up to order `PROVEN`, for a tableau without claims.
 
     Raises:
         InputError: for one of order 0.
@@ -92,7 +92,7 @@ def proven(tableau: Method) -> dict[str, Any]:
 
 
 def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Check:
-    """Go through the conditions weight(t) = 1 / gamma(t) order by order until one fails."""
+    """Check the conditions weight(t) = 1 / gamma(t) order by order until one fails."""
     counted, largest = 0, 0.0
     for order in range(1, highest + 1):
         held = counted
@@ -111,10 +111,10 @@ def _linear_y(order: int) -> Iterable[RootedTree]:
 
 
 def _projected(weights: Weights, b: Row, row: Row) -> Weight:
-    """Elementary weights of y_0 + h sum row_i F_i + h f_z(y_1, z_1) mu, with mu such that it satisfies 0 = g.
+    """Return elementary weights of y_0 + h sum row_i F_i + h f_z(y_1, z_1) mu, with mu such that it satisfies 0 = g.
 
-    The last term adds, for every fat son u_j of the root, the product over the other sons at (y_1, Z_n) times
-    the weight of u_j in mu; 0 = g makes the weight of [u]_y, u = [t_1..]_z, the product of those of the t_i.
+    The last term adds, for every fat son u_j of the root, the product over the other sons at (y_1, Z_n) times the
+    weight of u_j in mu; by 0 = g, the weight of [u]_y, u = [t_1..]_z, is the product of those of the t_i.
     """
 
     @cache

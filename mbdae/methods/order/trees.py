@@ -1,13 +1,13 @@
-"""The rooted trees of index-2 order theory, enumerated by order.
+"""Rooted trees of index-2 order theory, enumerated by order.
 
-A meagre vertex stands for f (a component of y), a fat one for the implicit function z. With tau one meagre
+A meagre vertex represents f (a component of y), a fat one the implicit function z. With tau one meagre
 vertex, the trees of the Taylor series of y and z in y' = f(y, z), 0 = g(y) are
 
     DAT2_y:  tau;  [t_1..t_k, u_1..u_l]_y            with t_i in DAT2_y, u_j in DAT2_z
     DAT2_z:  [t_1..t_m]_z                            with m > 1, or m = 1 and t_1 neither tau nor [u]_y
 
-(the exceptions are those that g_y f = 0 and (g_y f_z)^-1 g_y f_z = 1 cancel). The order rho of a tree is the
-number of its meagre vertices less that of its fat ones. Source: E. Hairer, Ch. Lubich and M. Roche, The
+(the exceptions cancel by g_y f = 0 and (g_y f_z)^-1 g_y f_z = 1). The order rho of a tree is the
+number of its meagre vertices minus that of its fat ones. Source: E. Hairer, Ch. Lubich and M. Roche, The
 Numerical Solution of Differential-Algebraic Systems by Runge-Kutta Methods, Springer 1989, chapter 5.
 """
 
@@ -21,7 +21,7 @@ from math import prod
 
 @dataclass(frozen=True, eq=False)
 class RootedTree:
-    """A tree of DAT2_y or DAT2_z; every tree exists once, so that identity is equality.
+    """A tree of DAT2_y or DAT2_z; every tree exists once, so that equality is identity.
 
     Args:
         fat: the root is fat, the tree belongs to DAT2_z.
@@ -29,7 +29,7 @@ class RootedTree:
         sons_z: sub-trees with a fat root (below a meagre root only).
 
     Attributes:
-        order: rho, the number of meagre vertices less that of fat ones.
+        order: rho, the number of meagre vertices minus that of fat ones.
         gamma: 1 for tau, rho prod gamma(sons) for [..]_y, prod gamma(sons) / (rho + 1) for [..]_z.
         linear: appears when f is linear in z, as in mechanics: no vertex has two fat sons.
         plain: without fat vertices, a tree of ordinary differential equations.
@@ -73,20 +73,20 @@ def _tree(fat: bool, sons: tuple[RootedTree, ...]) -> RootedTree:
 
 @cache
 def plain_trees(order: int) -> tuple[RootedTree, ...]:
-    """The trees of ordinary differential equations: 1, 1, 2, 4, 9, 20, 48 of orders 1 to 7."""
+    """Return the trees of ordinary differential equations: 1, 1, 2, 4, 9, 20, 48 of orders 1 to 7."""
     return tuple(_tree(False, sons) for sons in _forests(order - 1, plain_trees))
 
 
 @cache
 def trees_y(order: int) -> tuple[RootedTree, ...]:
-    """DAT2_y of one order, the plain trees first: 1, 3, 22, 192, 1972, 22057 trees of orders 1 to 6."""
+    """Return DAT2_y of one order, the plain trees first: 1, 3, 22, 192, 1972, 22057 trees of orders 1 to 6."""
     single = tuple(_tree(False, (u,)) for u in trees_z(order - 1))
     return plain_trees(order) + _branched(order) + single
 
 
 @cache
 def trees_z(order: int) -> tuple[RootedTree, ...]:
-    """DAT2_z of one order: 2, 13, 112, 1131, 12579 trees of orders 1 to 5."""
+    """Return DAT2_z of one order: 2, 13, 112, 1131, 12579 trees of orders 1 to 5."""
     if order < 1:
         return ()
     alone = (t for t in plain_trees(order + 1) + _branched(order + 1))
@@ -95,14 +95,14 @@ def trees_z(order: int) -> tuple[RootedTree, ...]:
 
 
 def iterate_y(order: int) -> Iterator[RootedTree]:
-    """DAT2_y of one order; nothing but plain trees is built before it is asked for."""
+    """Yield DAT2_y of one order; all trees except plain ones are built on demand."""
     yield from plain_trees(order)
     yield from trees_y(order)[len(plain_trees(order)) :]
 
 
 @cache
 def _branched(order: int) -> tuple[RootedTree, ...]:
-    """DAT2_y of one order without the plain trees and without the [u]_y, which need DAT2_z of order - 1."""
+    """Return DAT2_y of one order without the plain trees and the [u]_y, which need DAT2_z of order - 1."""
     pool = _forests(order - 1, lambda k: trees_y(k) + (trees_z(k) if k < order - 1 else ()))
     trees = (_tree(False, sons) for sons in pool)
     return tuple(t for t in trees if not t.plain)
@@ -111,7 +111,7 @@ def _branched(order: int) -> tuple[RootedTree, ...]:
 def _forests(
     total: int, pool: Callable[[int], tuple[RootedTree, ...]], largest: int | None = None
 ) -> Iterator[tuple[RootedTree, ...]]:
-    """Every multiset of trees whose orders add up to ``total``."""
+    """Yield every multiset of trees whose orders add up to ``total``."""
     for part in _partitions(total, total if largest is None else largest):
         choices = [combinations_with_replacement(pool(k), part.count(k)) for k in sorted(set(part))]
         for choice in product(*choices):

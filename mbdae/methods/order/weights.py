@@ -1,4 +1,4 @@
-"""Elementary weights: what a tableau makes of a tree, exactly and fast.
+"""Elementary weights of a tableau for a tree, exact and fast.
 
 Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector holds its rational
 parts followed by its irrational ones. A sub-tree is evaluated once.
@@ -48,7 +48,7 @@ class Weights:
         self._Ahat_phi: dict[RootedTree, Vector] = {}
 
     def stages(self, tree: RootedTree) -> Vector:
-        """phi(t) of a meagre tree or psi(u) of a fat one at the n stages."""
+        """Return phi(t) of a meagre tree or psi(u) of a fat one at the n stages."""
         if tree not in self._phi:
             if tree.fat:
                 factors = [self._memo(self._Ahat_phi, self._Ahat, t) for t in tree.sons_y]
@@ -73,15 +73,20 @@ class Weights:
         return known[tree]
 
     def _matrix(self, M: list[Row]) -> "_Matrix":
-        """Integers over one denominator; a + b sqrt d is [[a, d b], [b, a]] on (rational, irrational)."""
-        a = [[x.a if isinstance(x, Surd) else x for x in r] for r in M]
-        if self.d:
-            b = [[x.b if isinstance(x, Surd) else Fraction(0) for x in r] for r in M]
-            upper = [[*ra, *(self.d * x for x in rb)] for ra, rb in zip(a, b, strict=True)]
-            a = upper + [[*rb, *ra] for ra, rb in zip(a, b, strict=True)]
-        den = lcm(*(x.denominator for r in a for x in r))
-        sparse = [[(j, int(x * den)) for j, x in enumerate(r) if x] for r in a]
+        """Integers over one denominator, of the rational matrix that acts as M."""
+        rational = self._rational(M)
+        den = lcm(*(x.denominator for r in rational for x in r))
+        sparse = [[(j, int(x * den)) for j, x in enumerate(r) if x] for r in rational]
         return _Matrix(sparse, den)
+
+    def _rational(self, M: list[Row]) -> list[list[Fraction]]:
+        """A matrix of fractions; a + b sqrt d is [[a, d b], [b, a]] on (rational, irrational)."""
+        a = [[x.a if isinstance(x, Surd) else x for x in r] for r in M]
+        if not self.d:
+            return a
+        b = [[x.b if isinstance(x, Surd) else Fraction(0) for x in r] for r in M]
+        upper = [[*ra, *(self.d * x for x in rb)] for ra, rb in zip(a, b, strict=True)]
+        return upper + [[*rb, *ra] for ra, rb in zip(a, b, strict=True)]
 
     def _apply(self, matrix: "_Matrix", v: Vector) -> Vector:
         x = v.numbers
@@ -118,7 +123,7 @@ def _reduced(numbers: list[int], denominator: int) -> Vector:
 
 
 def _inverse(Ahat: list[Row], explicit_first: bool) -> list[Row]:
-    """Inverse by elimination without exchanges, the zero first row replaced by e_1."""
+    """Return the inverse by elimination without pivoting, the zero first row replaced by e_1."""
     n = len(Ahat)
     rows = [[*row, *(Fraction(int(i == j)) for j in range(n))] for i, row in enumerate(Ahat)]
     if explicit_first:

@@ -1,4 +1,4 @@
-// Events and jumps of a run; fields and units: event_watch.hpp, jumps.hpp; for type checkers: mbdae/_native.pyi.
+// Events and jumps of a run; fields and units: event_detection.hpp, jumps.hpp; for type checkers: mbdae/_native.pyi.
 #include <nanobind/stl/tuple.h>
 
 #include "bindings/bindings.hpp"

@@ -1,4 +1,4 @@
-// What a core computes at points: derivatives, slopes, residuals, ratios of pivots.
+// Evaluations at points: derivatives, partials, residuals, ratios of pivots.
 #include <cmath>
 
 #include "bindings/py_core.hpp"
@@ -72,7 +72,7 @@ nb::object residuals(PyCore& c, const Array& t, const Array& y) {
   return nb::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
 }
 
-// Whatever the mode leaves out.
+// Including rows inactive in the mode.
 nb::object every(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y"), g(s.ng), rate(s.ng);

@@ -1,4 +1,4 @@
-// What a run hands over: thresholds, the tableau, and its own state. Fields and units: limits.hpp, step.hpp,
+// Input of a run: tolerances, the tableau, and its state. Fields and units: tolerances.hpp, half_explicit_step.hpp,
 // step_control.hpp, time_loop.hpp; for type checkers: mbdae/_native.pyi.
 #include <nanobind/stl/complex.h>
 
@@ -46,7 +46,7 @@ Tolerances make_limits(const nb::kwargs& given) {
   TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
   TAKE(independent), TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed);
   TAKE(converged), TAKE(spare);
-  TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations), TAKE(unmoved);
+  TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(kept), TAKE(iterations), TAKE(unmoved);
   TAKE(row_scales), TAKE(q_scales), TAKE(coordinate_scales);
   TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
   TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing);
@@ -86,14 +86,14 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
   return r;
 }
 
-// Seconds of one set of slopes.
+// Seconds of one evaluation of all partials.
 double slopes_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock turn(c);
   Index2System& s = c.core->system;
   if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
   Numbers at = numbers(q, s.nq, "q"), u = numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
   u.resize(s.ny - s.nv);
-  Numbers other(u);  // by turns: nothing is known yet where slopes are asked for
+  Numbers other(u);  // alternating: no cached point when partials are computed
   other[0] += 1;
   const Counts counts = s.counts;
   EquationPartials out;
@@ -157,7 +157,8 @@ void bind_run(nb::module_& m) {
       FIELD(SingularityMonitor, ahead) FIELD(SingularityMonitor, entered);
   nb::class_<Run>(m, "Run", "What a run hands over, and the steps that were taken.")
       .def(nb::init<>()) FIELD(Run, events) FIELD(Run, jumps) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
-          FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget) FIELD(Run, kept)
+          FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, taken_back) FIELD(Run, nothing)
+          FIELD(Run, seconds) FIELD(Run, budget) FIELD(Run, kept)
       .def_ro("taken", &Run::taken)
       .def_ro("rejected", &Run::rejected)
       .def_ro("stuck", &Run::stuck)

@@ -1,4 +1,4 @@
-// Tangents and adjoints of steps, and the parameters by which they are taken; for type checkers: mbdae/_native.pyi.
+// Tangents and adjoints of steps, and their parameters; for type checkers: mbdae/_native.pyi.
 #include "bindings/py_core.hpp"
 #include "sensitivity/trajectory_segment.hpp"
 
@@ -98,7 +98,7 @@ PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::li
   return {&c, std::make_unique<Parameters>(s, count, std::move(made_of), std::move(along), std::move(changed))};
 }
 
-// Steps, and what they need, checked; arrays live as long as the call.
+// Steps and their data, checked; arrays live as long as the call.
 struct Nodes {
   Nodes(PyCore& c, const Tableau& a, bool halved, bool project, const Array& t, const Array& y, const PyParameters* p = nullptr)
       : ny(c.core->system.ny), nc(a.first ? ny - c.core->system.nv : 0), nodes(t.size()),
@@ -132,7 +132,7 @@ nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, 
                       const Array& carry, double repeated, double synchronous) {
   const CoreLock turn(c);
   const Nodes x(c, a, halved, run.project, t, y);
-  const RepeatTolerances like{run.adaptive, run.control, run.tolerated, repeated, synchronous};
+  const RepeatTolerances like{run.adaptive, run.control, run.tolerated, run.nothing, repeated, synchronous};
   const size_t sizes = like.control.atol.size();
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.measured()))
     refuse("atol has the wrong length");

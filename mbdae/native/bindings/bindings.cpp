@@ -1,4 +1,4 @@
-// The Python module mbdae._native. No type of Pinocchio is seen here: this file compiles in seconds.
+// The Python module mbdae._native. No Pinocchio types are included here: this file compiles in seconds.
 #include <set>
 
 #include "bindings/py_core.hpp"

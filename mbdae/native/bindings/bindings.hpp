@@ -1,4 +1,4 @@
-// Numbers between Python and the core.
+// Arrays between Python and the core.
 #pragma once
 
 #include <initializer_list>

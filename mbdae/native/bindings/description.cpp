@@ -14,7 +14,7 @@ nb::object argument(const double* x, size_t n) {  // a copy: a Python function m
   return nb::cast(nb::ndarray<nb::numpy, const double>(data, {n}, owner));
 }
 
-// Call Python: what it raises ends the core's part of a run, and Python, where it is called again, says why.
+// Call Python: an exception ends the core's part of a run, and Python, which calls the function again, reports it.
 template <class F>
 void guarded(bool* interrupted, F&& f) {
   nb::gil_scoped_acquire gil;
@@ -58,7 +58,7 @@ Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   };
 }
 
-// A function (t, q, v, s) -> slopes of (tau, s') and of the power, one row for each of them.
+// A function (t, q, v, s) -> partials of (tau, s') and of the power, one row for each of them.
 Law::EquationPartials slopes(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
     guarded(interrupted, [&] {

@@ -1,4 +1,4 @@
-// What Python says of a mechanism (mbdae/mechanism/formulations/core_description.py), read and checked.
+// Description of a mechanism from Python (mbdae/mechanism/formulations/core_description.py), read and checked.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -24,14 +24,14 @@ using Headings = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
 [[noreturn]] inline void refuse(const std::string& text) { throw std::invalid_argument(text); }
 
-// A kind of row, law or signal that Python has and this core does not: it was built before the kind was written.
+// A kind of row, law or signal that Python has and this core does not: the core was built before it was written.
 struct UnknownKind : std::invalid_argument {
   explicit UnknownKind(const std::string& name)
       : std::invalid_argument("kind '" + name + "': it was built before that was written") {}
 };
 
-// What the C++ side of a core holds of Python: functions, which the garbage collector must see, for they may lead back
-// to the core; and whether one of them was interrupted.
+// Python references of a core: functions, which the garbage collector must see, as they may lead back to the core; and
+// whether one of them was interrupted.
 struct Callbacks {
   std::vector<nb::object> functions;
   bool interrupted = false;

@@ -1,4 +1,4 @@
-// A core as Python holds it: made of plain numbers, used by one thread at a time.
+// A core as Python holds it: made of core data, used by one thread at a time.
 #pragma once
 
 #include <nanobind/stl/tuple.h>
@@ -94,7 +94,7 @@ struct PyCore {
   std::unique_ptr<Core> core;
 };
 
-// A core computes one thing at a time: other threads wait, and a force law that it has called cannot call it.
+// A core executes one call at a time: other threads wait, and a force law called by it cannot call it.
 struct CoreLock {
   explicit CoreLock(PyCore& c) : busy(c.busy) {
     while (busy) {
@@ -109,7 +109,7 @@ struct CoreLock {
   bool& busy;
 };
 
-// Compute something, in turn; what the core cannot go on with gives None, and Ctrl-C in a Python function is raised.
+// Execute one call; a failure in the core returns None, and Ctrl-C in a Python function is raised.
 template <class F>
 nb::object attempt(PyCore& c, F&& compute) {
   const CoreLock turn(c);
@@ -122,7 +122,7 @@ nb::object attempt(PyCore& c, F&& compute) {
   }
 }
 
-// The same for many points or steps, beside other threads; what ends them is seen in the results.
+// The same for many points or steps, concurrently with other threads; failures are reported in the results.
 template <class F>
 void many(PyCore& c, F&& compute) {
   c.callbacks->interrupted = false;

@@ -8,10 +8,10 @@ namespace mbdae {
 
 namespace {
 
-constexpr int PANEL = 4;  // columns that act on the others together
+constexpr int PANEL = 4;  // columns that are applied to the others together
 
 template <int parts>
-struct Scalar {  // number i of a column
+struct Scalar {  // entry i of a column
   double re, im = 0;
   Scalar(const double* column, int i, int n) : re(column[i]) {
     if constexpr (parts == 2) im = column[n + i];
@@ -41,7 +41,7 @@ void subtract(double* __restrict a, const double* __restrict b, const Scalar<par
   }
 }
 
-// The same with four columns b, one behind the other.
+// The same with four columns b, one after the other.
 template <int parts>
 void subtract_panel(double* __restrict a, const double* __restrict b, const Scalar<parts>* f, int from, int n) {
   const double *p = b, *q = p + parts * n, *r = q + parts * n, *s = r + parts * n;

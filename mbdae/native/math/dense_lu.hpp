@@ -1,4 +1,4 @@
-// LU with partial pivoting of full matrices, real ones or complex ones, for the systems of implicit methods.
+// LU with partial pivoting of real or complex full matrices, for the systems of implicit methods.
 #pragma once
 
 #include <cstddef>
@@ -8,11 +8,11 @@
 
 namespace mbdae {
 
-// By columns, of `parts` times n numbers each: real parts, and behind them imaginary parts. Vectors alike.
+// By columns, of `parts` times n numbers each: real parts, followed by imaginary parts. The same for vectors.
 template <int parts>
 class DenseLU {
  public:
-  void resize(int n);  // and zero
+  void resize(int n);  // set the size, fill with zeros
   double* column(int j) { return &a_[static_cast<std::size_t>(j) * parts * n_]; }
   int size() const { return n_; }
   bool factorize();  // false where a pivot is zero or not finite

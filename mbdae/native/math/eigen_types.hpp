@@ -1,4 +1,4 @@
-// Matrices of Eigen by rows, and views of numbers as such.
+// Eigen matrices stored by rows, and views of arrays as such.
 #pragma once
 
 #include <Eigen/Core>

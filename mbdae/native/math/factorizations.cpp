@@ -72,7 +72,7 @@ void BandLU::solve_transposed(double* b) const {
 
 namespace {
 
-// Column-pivoted Householder QR in place: R above the diagonal, reflectors below with their heads in `head`.
+// Column-pivoted Householder QR in place: R above the diagonal, reflectors below, with their first entries in `head`.
 void qr(int m, int n, double* A, std::vector<int>& order, std::vector<double>& diagonal, double* head) {
   order.resize(n);
   std::iota(order.begin(), order.end(), 0);
@@ -135,7 +135,7 @@ void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<
 }
 
 void least(int m, int n, const double* B, const double* r, double truncation, double* z) {
-  // B P = Q [R1; 0], R1 (k, n): z = Q1 w with R1^T w = P^T r in the sense of least squares, by a second QR of R1^T.
+  // B P = Q [R1; 0], R1 (k, n): z = Q1 w with R1^T w = P^T r in the least-squares sense, by a second QR of R1^T.
   std::vector<double> A(B, B + static_cast<size_t>(m) * n), head(std::min(m, n)), diagonal, d2;
   std::vector<int> order, o2;
   qr(m, n, A.data(), order, diagonal, head.data());

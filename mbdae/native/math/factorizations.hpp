@@ -1,4 +1,4 @@
-// Linear algebra of the core, on plain arrays: small and banded systems, and the choice of independent rows.
+// Linear algebra of the core, on arrays: small and banded systems, and the selection of independent rows.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@ using Numbers = std::vector<double>;
 // LU of a banded matrix with partial pivoting; a full matrix is a band as wide as the matrix.
 class BandLU {
  public:
-  void resize(int n, int half_bandwidth);  // and zero
+  void resize(int n, int half_bandwidth);  // set the size, fill with zeros
   void zero();
   double& at(int i, int j) { return a_[i * width_ + j - i + half_]; }
   bool factorize();  // false where a pivot is zero or not finite

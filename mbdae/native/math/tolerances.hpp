@@ -1,6 +1,6 @@
-// Thresholds of points and steps. Python has them all and says what they are for
-// (mbdae/mechanism/formulations/core_description.py hands them over); those of step-size control come with a run. None is
-// a literal here.
+// Thresholds of evaluations and steps. All are defined and documented in Python and passed by
+// mbdae/mechanism/formulations/core_description.py; those of step-size control are set for each run. None is a literal
+// here.
 #pragma once
 
 #include <vector>
@@ -9,24 +9,25 @@ namespace mbdae {
 
 struct Tolerances {
   // mechanism/manifold.py
-  double largest_turn;         // rad, within one step
+  double largest_turn;         // rad, largest joint rotation within one step
   std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...
-  double series_end;           // of a sum: smaller terms end it
+  double series_end;           // relative size of the terms that end a series
   // formulations/index2.py
-  double same_point;      // of 1 + |q|: points so near are one
-  double smallest_pivot;  // of the largest: below, a system is singular
+  double same_point;      // of 1 + |q|: configurations closer than this are the same
+  double smallest_pivot;  // relative to the largest: below, a system is singular
   // closures/independent_rows.py
-  double independent;                // of pivots: above, rows are
-  double worst_conditioning, grown;  // of pivots, as the rows in use have them and others
-  int many;                          // rows: beyond, all of them are looked at where there is reason to
+  double independent;                // relative pivot size above which rows are independent
+  double worst_conditioning, grown;  // pivot ratios: of rows in use, and of others
+  int many;                          // number of rows above which all rows are examined only for a reason
   double reason, probed;
-  double converged;  // of a squared residual: where conjugate gradients end
-  int spare;         // of their iterations, beyond those that exact numbers need
+  double converged;  // squared residual at which conjugate gradients end
+  int spare;         // iterations beyond those of exact arithmetic
   // formulations/projection.py
   double truncation, rounding, falling, open, stalled;
+  double kept;  // |G v + g_t| over all rows, of its largest terms
   int iterations;
   double unmoved;                                          // rad or m
-  std::vector<double> row_scales, q_scales, coordinate_scales;  // what 1 of g (ng,), q (nq,) and v (nv,) is in its unit
+  std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
   // formulations/ggl.py
   int meeting;             // iterations
   double met, halted, gaping;  // of 1 + |q|, of 1 + |q|, m or rad

@@ -1,4 +1,4 @@
-// All rows of a mechanism: what they share, and their drivers.
+// All rows of a mechanism: shared quantities, and drivers.
 #include <algorithm>
 #include <cmath>
 #include <numeric>

@@ -1,4 +1,4 @@
-// A convex body of frame b on a surface of frame a: where they touch (mbdae/mechanism/closures/contact.py).
+// A convex body of frame b on a surface of frame a: contact kinematics (mbdae/mechanism/closures/contact.py).
 #pragma once
 
 #include <map>
@@ -27,7 +27,7 @@ struct ContactKinematics {
   double dn[3], dp[3], dahead[3], dleft[3];
 };
 
-// Rates where both velocities (6,) are given, else none.
+// With rates if both velocities (6,) are given.
 void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, ContactKinematics& out);
 
 }  // namespace mbdae

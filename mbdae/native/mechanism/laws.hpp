@@ -18,42 +18,42 @@ struct Sizes {
   int nq, nv, joints;
 };
 
-// Where a law acts: the kinematics of m stand at q; s are its own states.
+// Point at which a law is evaluated: the kinematics of m are current at q; s are the states of the law.
 struct ForcePoint {
   const Mechanics& m;
   double t;
   const double *q, *v, *s;
 };
 
-// What a law adds to, (nv,) each, and s', which it writes.
+// Outputs: terms added to (nv,) each, and s', which is written.
 struct Forces {
   double *conservative, *other, *ds;
 };
 
-// A wrench between two frames; of a law: whether it derives from a potential.
+// A wrench between two frames; for a law: whether it derives from a potential.
 struct ActingWrench {
   const Pair* pair;
   WrenchPartials turning;
   bool conservative;
 };
 
-// Slopes by (q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
+// Partials by (q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
 struct LawPartials {
   double *conservative, *other, *ds;
   size_t width;
   int states;  // the column of the law's first state
-  std::vector<ActingWrench>* wrenches = nullptr;  // where they are asked for, too
+  std::vector<ActingWrench>* wrenches = nullptr;  // filled if requested
 
-  // Add those of a wrench between the frames of a pair.
+  // Add the partials of a wrench between the frames of a pair.
   void add(const PairPartials& here, const WrenchPartials& t, bool conservative) const;
 };
 
-// What a file of laws/ defines. Implicit methods, equilibria and gradients take the derivatives of every law: a kind
+// Definitions in a file of laws/. Implicit methods, equilibria and gradients use the derivatives of every law: a kind
 // without them does not compile.
 struct LawKind {
-  using Fits = bool (*)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
+  using Fits = bool (*)(Law& law, const Sizes& n);  // whether its data are valid; may precompute
   using Add = void (*)(const Law& law, const ForcePoint& p, const Forces& f);
-  using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the same of what `add` adds
+  using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the partials of `add`
   using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
 
   constexpr LawKind(Fits fits, Add add, EquationPartials slopes, Potential potential = nullptr)
@@ -67,7 +67,7 @@ struct LawKind {
   Potential potential;
 };
 
-// One of the kinds that the files of laws/ define, by the name of the file; nullptr for another name.
+// A kind defined in a file of laws/, by the name of the file; nullptr for another name.
 const LawKind* law_kind(const std::string& name);
 
 struct Law {
@@ -77,7 +77,7 @@ struct Law {
   };
   using Call =
       std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
-  // Slopes of (tau, s'), (nv + states, 2 nv + states) by rows.
+  // Partials of (tau, s'), (nv + states, 2 nv + states) by rows.
   using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Numbers& out)>;
 
   const LawKind* kind = nullptr;
@@ -88,15 +88,15 @@ struct Law {
   Pair* pair = nullptr;
   bool paired = false;            // whether it has a pair
   double offset = 0;              // of the potential, in J
-  int state = 0, states = 0;      // where its states stand in s, and how many there are
-  bool turning = false;           // its axes turn with the frame
+  int state = 0, states = 0;      // first index of its states in s, and their number
+  bool turning = false;           // its axes rotate with the frame
   bool steady = false;            // it has a potential
   Call call;                      // Python
-  EquationPartials slopes;                  // Python, too
-  std::vector<Term> terms;        // worked out
+  EquationPartials slopes;                  // by Python, too
+  std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 
-  // Add to conservative and other (nv,); write s'. The kinematics stand at q.
+  // Add to conservative and other (nv,); write s'. The kinematics are current at q.
   void add(const Mechanics& m, double t, const double* q, const double* v, const double* s, double* conservative,
            double* other, double* ds) const {
     kind->add(*this, {m, t, q, v, s}, {conservative, other, ds});

@@ -8,7 +8,7 @@ namespace mbdae {
 
 namespace {
 
-// The line of a row: a direction e through p; and their rates where both velocities are given.
+// The line of a row: a direction e through p; with rates if both velocities are given.
 struct Line {
   double e[3], p[3], de[3], dp[3];
   double g;  // of rows on profiles
@@ -35,7 +35,7 @@ void meet(const double* n, const double* y, double* x) {
   for (int j = 0; j < 3; ++j) x[j] = (y[0] * c[0][j] + y[1] * c[1][j] + y[2] * c[2][j]) / volume;
 }
 
-// Through the place at the distances of the radii from both axes, across them (line_rows.py: Bevel).
+// Through the point at the distances of the radii from both axes, perpendicular to them (line_rows.py: Bevel).
 Line of_bevel(const Row& r, const Pair& pair, const double* va, const double* vb, const double* wa, const double* wb) {
   Line out;
   double ka[3], kb[3], dka[3], dkb[3], n[9], dn[9], y[3], dy[3], more[3];

@@ -89,7 +89,7 @@ Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vec
   m.neutral(neutral_.data());
 }
 
-// Along the chord of a planar joint, which half its turn turns: cosine and sine in q, times the chord to its arc.
+// Along the chord of a planar joint, rotated by half its angle: cosine and sine in q, times the ratio of chord to arc.
 static void chord(const double* q, double turn, double* c, double* s, double* share) {
   const double half = turn / 2, ch = std::cos(half), sh = std::sin(half);
   *c = q[2] * ch - q[3] * sh, *s = q[3] * ch + q[2] * sh;
@@ -116,7 +116,7 @@ void Manifold::difference(const double* q0, const double* q1, double* out) const
   for (int i = 0; flat && i < m_.nv; ++i) out[i] = q1[i] - q0[i];
   if (flat) return;
   m_.difference(q0, q1, out);
-  for (const Angle& a : angles_) {  // Pinocchio takes points for one where rounding puts the cosine between them above 1
+  for (const Angle& a : angles_) {  // Pinocchio takes points as equal where rounding puts this cosine above 1
     const double *p = q0 + a.place, *p1 = q1 + a.place;
     out[a.at] = std::atan2(p[0] * p1[1] - p[1] * p1[0], p[0] * p1[0] + p[1] * p1[1]);
   }

@@ -11,10 +11,10 @@ namespace mbdae {
 // A block of the tangent map: a spherical, free-flying or planar joint.
 struct Block {
   enum Kind { so3, se3, se2 } kind;
-  int at, place;  // where it begins in the tangent, and in q
+  int at, place;  // first index in the tangent, and in q
 };
 
-// An angle of which q holds cosine and sine: an unbounded revolute joint, or that of a planar one.
+// An angle with cosine and sine in q: an unbounded revolute joint, or that of a planar one.
 struct Angle {
   int at, place;  // in the tangent, and of the cosine in q
 };
@@ -25,7 +25,7 @@ struct TangentBlock {
   double J[36], turn[36];
 };
 
-// How coordinates x turn variations at a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
+// Partials of a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
 struct IntegratePartialsBlock {
   int at, n;
   double A[36], R[36], J[36], T[36];
@@ -37,12 +37,12 @@ class Manifold {
            std::vector<Angle> angles);
 
   const bool flat;  // a vector space
-  bool curved() const { return !blocks_.empty(); }  // is J(x) other than 1?
+  bool curved() const { return !blocks_.empty(); }  // does J(x) differ from 1?
 
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
   void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
-  void within(const double* x) const;               // Trouble where a joint turns too far in one step
+  void within(const double* x) const;               // throws if a joint rotates too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
   void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
   void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
@@ -53,7 +53,7 @@ class Manifold {
  private:
   Mechanics& m_;
   std::vector<Block> blocks_;
-  std::vector<int> turning_;  // (nv,) flags: rotations, which have no magnitude of their own
+  std::vector<int> turning_;  // (nv,) flags: rotations, whose magnitude is no scale
   std::vector<Angle> angles_;
   Numbers neutral_;           // (nq,)
 };

@@ -15,14 +15,14 @@
 namespace mbdae {
 
 using Eigen::VectorXd;
-using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library has its algorithms compiled
+using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library compiles its algorithms
 using In = Eigen::Map<const VectorXd>;
 using Out = Eigen::Map<VectorXd>;
 
 namespace {
 
 // A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
-// what the constructor from a model sets aside for second derivatives grows with nv^3. See mechanism/pinocchio_data.py.
+// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/pinocchio_data.py.
 pinocchio::Data lean(const pinocchio::Model& model) {
   using namespace pinocchio;
   Data data;
@@ -49,9 +49,9 @@ struct Mechanics::Workspace {
   pinocchio::Data data;
   decltype(data.oMi) kept;
   VectorXd q, v, a, rate, end;  // a stays 0
-  struct Begun {  // slopes, at (q, v): all that is known there
+  struct Begun {  // partials at (q, v): terms known so far
     VectorXd q, v, nle;
-    pinocchio::Data::Matrix6x J, about;  // about the world's origin, and about the point of the slopes
+    pinocchio::Data::Matrix6x J, about;  // about the world's origin, and about the reference point of the partials
     Eigen::MatrixXd M;
     decltype(pinocchio::Data::oMi) oMi;
   } begun;
@@ -145,7 +145,7 @@ bool Mechanics::stands(const double* q, const double* v) const {
 void Mechanics::inertia(const double* q, const double* v) {
   auto& begun = w->begun;
   poses(q);
-  // About a point amid the bodies: digits would cancel about the world's origin where they are far from there.
+  // About a point among the bodies: far from the world's origin, digits would cancel.
   Eigen::Vector3d amid = Eigen::Vector3d::Zero();
   for (int j = 1; j < joints; ++j) amid += w->data.oMi[j].translation() / (joints - 1);
   for (int j = 1; j < joints; ++j) {

@@ -1,4 +1,4 @@
-// The way of a model from Python into the core.
+// Transfer of a model from Python to the core.
 #pragma once
 
 #include <Python.h>
@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-const void* model_pointer(PyObject* model);         // of a pinocchio.Model; std::invalid_argument for what is none
+const void* model_pointer(PyObject* model);         // of a pinocchio.Model; std::invalid_argument for any other object
 std::array<int, 3> model_sizes(const void* model);  // nq, nv, number of joints
 
 }  // namespace mbdae

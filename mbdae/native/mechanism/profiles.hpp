@@ -7,9 +7,9 @@ namespace mbdae {
 
 struct Profile {
   bool harmonic = false, closed = true;
-  double side = 1;              // of the way round, towards the outside
-  std::vector<double> starts;   // of pieces, and the end; of harmonics 0 and 2 pi
-  std::vector<double> numbers;  // pairs: pieces by the highest power first, or coefficients of harmonics
+  double side = 1;              // orientation of the curve, towards the outside
+  std::vector<double> starts;   // of polynomial pieces, and the end; of harmonics 0 and 2 pi
+  std::vector<double> numbers;  // pairs: piecewise polynomials by the highest power first, or coefficients of harmonics
   int degree = 0;
   std::vector<double> samples, points;  // s, and pairs c(s)
   int iterations = 0;

@@ -1,6 +1,6 @@
-// Exact slopes of inverse dynamics on a tree, after S. Singh, R. P. Russell and P. M. Wensing (Efficient analytical
+// Exact partials of inverse dynamics on a tree, after S. Singh, R. P. Russell and P. M. Wensing (Efficient analytical
 // derivatives of rigid-body dynamics using spatial vector algebra, IEEE Robotics and Automation Letters 7(2), 2022), in
-// the world's frame, where the axes of each part stand still in the frame of that part.
+// the world's frame, where the axes of each joint are fixed in its parent body.
 #pragma once
 
 #include <vector>
@@ -16,30 +16,30 @@ struct Body {
 
 class RneaPartials {
  public:
-  // Of each part, parents first: the one before it (-1: none); the degrees of freedom of its own.
+  // Of each joint, parents first: its parent (-1: none); its degrees of freedom.
   RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> own);
 
-  void set(int part, const Body& body);  // that moves with it; no other part has one
-  // M (nv, nv) and nle(q, v), where J (6, nv) stands by columns, linear part first, about a point that stands still, from
-  // which the centres of bodies are given; gravity (3,) in m/s^2.
+  void set(int part, const Body& body);  // the body of a joint; without it the joint has none
+  // M (nv, nv) and nle(q, v), for J (6, nv) by columns, linear part first, about a fixed point, from which the centres
+  // of bodies are given; gravity (3,) in m/s^2.
   void stand(const double* J, const double* gravity, const double* v, double* M, double* nle);
-  // There, slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` where v = 0.
+  // There, partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0.
   void find(const double* a, double* by_q, double* by_v, bool alone);
 
  private:
-  // Of a body, or of all that is behind a part: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),
-  // momentum h, wrench f, and S: its wrench for a motion x of what is before it is D x = (2 x h, S x - h x x).
+  // Of a body, or of the subtree of a joint: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),
+  // momentum h, wrench f, and S: its wrench for a motion x of its parent is D x = (2 x h, S x - h x x).
   struct Carried {
     double mass = 0, moment[3] = {}, I[6] = {};
     Six h{}, f{};
     double S[6] = {};
 
     void weigh(const double* V, const double* A);
-    void momentum(const double* x, double* out) const;  // of it, where it moves by x
+    void momentum(const double* x, double* out) const;  // for the motion x
     void add_D(const double* angular, double* out) const;
     void D_transposed(const double* x, double* angular) const;
   };
-  // Of a degree of freedom, where V and A are those of the part before.
+  // Of a degree of freedom, where V and A are those of the parent.
   struct Column {
     Six J, IJ;
     double DJ[3];     // the angular part of D^T J; the linear one is 0
@@ -51,12 +51,12 @@ class RneaPartials {
 
   const std::vector<int> parents_;
   const std::vector<std::vector<int>> own_;
-  std::vector<std::vector<int>> before_;  // of each part: the degrees of freedom of all before it
+  std::vector<std::vector<int>> before_;  // of each joint: the degrees of freedom of all its ancestors
   std::vector<Carried> bodies_, carried_;
   std::vector<bool> heavy_;
-  Six base_{};              // what A begins with: gravity
-  std::vector<Six> V_, A_;  // of each part; A for v' = 0
-  std::vector<Six> more_, f_;  // what a adds to A, and to the wrench of all that is behind
+  Six base_{};              // initial value of A: gravity
+  std::vector<Six> V_, A_;  // of each joint; A for v' = 0
+  std::vector<Six> more_, f_;  // terms of a in A, and in the wrench of the subtree
   std::vector<Column> columns_;
 };
 

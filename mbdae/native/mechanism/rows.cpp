@@ -14,7 +14,7 @@ namespace mbdae {
 namespace {
 
 void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R, double* __restrict p) {
-  if (!x.joint) return;  // fixed to the world: placed once
+  if (!x.joint) return;  // fixed to the world: computed once
   const double* __restrict o = m.rotation(x.joint), * __restrict at = m.position(x.joint);  // o by columns
   for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
   if (!turns) return;

@@ -1,4 +1,4 @@
-// Functions of time with two derivatives, as mbdae/mechanism/time_functions.py and pieces.py define them.
+// Functions of time with two derivatives (mbdae/mechanism/time_functions.py, piecewise_polynomial.py).
 #pragma once
 
 #include <functional>
@@ -6,16 +6,16 @@
 
 namespace mbdae {
 
-// What the core cannot go on with; the Python step that is taken instead finds the words for it.
+// Failure in the core; the step is taken in Python instead, which writes the message.
 struct FallBackToPython {};
-struct StepTooLong : FallBackToPython {};  // a step, for an iteration or for its coordinates: a shorter one may do
-struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: nothing else may be tried
+struct StepTooLong : FallBackToPython {};  // a step, for an iteration or for its coordinates: a shorter one may succeed
+struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: no other attempt
 
 struct TimeFunction {
   enum Kind { pieces, harmonic, python } kind = pieces;
-  std::vector<double> a, b;  // numbers, of pieces: coefficients by pieces, highest power first; starts of pieces
+  std::vector<double> a, b;  // numbers; of pieces: coefficients, highest power first; starts of pieces
   int degree = 0;            // of pieces
-  double period = 0, rise = 0;  // of pieces: after which they come again, by so much higher; 0: never
+  double period = 0, rise = 0;  // of pieces: period, and increase per period; 0: none
   std::function<double(double, int)> call;
 
   double at(double t, int k = 0) const;  // the k-th derivative

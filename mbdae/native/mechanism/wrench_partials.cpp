@@ -6,7 +6,7 @@
 
 namespace mbdae {
 
-// Not by string instructions, which compilers choose for constant sizes: what is added next waits for their end.
+// Not by string instructions, which compilers choose for constant sizes: the next addition would wait for them.
 void WrenchPartials::clear() {
   using Eigen::Map, Eigen::Vector;
   Map<Vector<double, 6>>(F).setZero();
@@ -62,7 +62,7 @@ PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* 
     if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});
   }
   if (!v) return;
-  double W[2][6] = {};  // of frames a and b, against what is before the joint
+  double W[2][6] = {};  // of frames a and b, relative to the parent of the joint
   for (size_t first, end = columns_.size(); end > 0; end = first) {
     const Column& last = columns_[end - 1];
     double* w = W[last.sign > 0];

@@ -37,7 +37,7 @@ class Search {
 
   void run(int number, std::vector<Hit>& hits) {
     number_ = number, hits_ = &hits;
-    if (step_.t != node_.t) {  // behind a jump
+    if (step_.t != node_.t) {  // after a jump
       const Numbers y(step_.y, step_.y + s_.length);
       const double f = value(step_.t, y.data());
       passage({0, y, node_.f}, {0, y, f});
@@ -75,7 +75,7 @@ class Search {
     if (event_.direction * rising < 0) return;
     if (a.f == 0 && b.f != 0 && a.theta == 0 && step_.t == all_.start)
       hits_->push_back({0, number_, a.y});
-    else if (a.f * b.f < 0 && a.theta == b.theta)  // it jumps
+    else if (a.f * b.f < 0 && a.theta == b.theta)  // a jump
       hits_->push_back({b.theta, number_, b.y});
     else if (a.f * b.f < 0)
       hits_->push_back(locate(a, b));
@@ -84,7 +84,8 @@ class Search {
   }
 
   // A zero between a and b by R. P. Brent's method (Algorithms for Minimization without Derivatives, 1973, chapter 4):
-  // inverse interpolation where it leads on, else halves. b is the best so far, c on the other side of the zero.
+  // inverse interpolation where it converges, otherwise bisection. b is the best so far, c on the other side of the
+  // zero.
   Hit locate(Mark a, Mark b) {
     const double scale = std::max(std::fabs(step_.t), std::fabs(step_.t1));
     const double sharp = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
@@ -115,7 +116,7 @@ class Search {
     return -b.f * (ab - a.f * (cb - ab) / (c.f - a.f));
   }
 
-  // Share of the step at which the signal may have passed its level and turned back; 0 for none.
+  // Fraction of the step at which the signal may have crossed its level and returned; 0 for none.
   double turn(double f0, double f1) {
     const SignalValue& signal = event_.signal;
     if ((signal.kind != SignalValue::number && signal.kind != SignalValue::angle) || signal.rate < 0 || f0 * f1 <= 0)

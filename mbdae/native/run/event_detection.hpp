@@ -1,4 +1,4 @@
-// Events named by a signal: seen at the ends of steps, located on steps of the method
+// Events named by a signal: detected at the ends of steps, located on steps of the method
 // (mbdae/integrate/signal_events.py, events.py).
 #pragma once
 
@@ -9,17 +9,17 @@
 namespace mbdae {
 
 struct Node {
-  double t = 0, f = 0, w = 0;  // time, value less the level, rate of an angle
+  double t = 0, f = 0, w = 0;  // time, value minus the level, rate of an angle
 };
 
 struct SignalEvent {
   SignalValue signal;
   double level = 0;
-  int direction = 0;  // 1 for passages where it rises, -1 where it falls, 0 for both
+  int direction = 0;  // 1 for upward crossings, -1 for downward crossings, 0 for both
   bool terminal = false;
 };
 
-// What was found: which event, when, and the point (length,).
+// A located event: which event, its time, and the point (length,).
 struct LocatedEvent {
   int event;
   double t;
@@ -29,29 +29,29 @@ struct LocatedEvent {
 // All events of a run.
 struct Events {
   std::vector<SignalEvent> events;
-  std::vector<Node> nodes;          // where each of them stands
+  std::vector<Node> nodes;          // current node of each event
   std::vector<LocatedEvent> found;
   bool stopped = false;             // a terminal one ends the run
-  double start = 0;                 // s: where the run began; what is found there is there
+  double start = 0;                 // s: start of the run, where an event counts as located
   double same = 0;                  // s, or relative to t: an event so close to the start is the start
-  double spacings = 0, share = 0;   // how sharply an event is found: roundings of t, and relative to the step
+  double spacings = 0, share = 0;   // location tolerance: spacings of t, and relative to the step
   int iterations = 0;
 };
 
-// A step that was taken: from y at t to y1 at t1, and the rates (v', s', w') that a method carries there, or nullptr.
+// An accepted step: from y at t to y1 at t1, and the rates (v', s', w') that a method carries there, or nullptr.
 struct AcceptedStep {
   double t, t1;
   const double *y, *y1, *carry, *carry1;
 };
 
-// What a look at a step gives: nodes and events to be taken over, and the share of the step where the run ends.
+// Result for a step: nodes and events to be taken over, and the fraction of the step where the run ends.
 struct EventScan {
   std::vector<Node> nodes;
   std::vector<LocatedEvent> found;
   double stop = -1;  // none
 };
 
-// y (length,) at the end of a step of share theta; throws Trouble where it cannot be taken.
+// y (length,) at the end of a partial step of fraction theta; throws if it cannot be taken.
 using PartialStep = std::function<Numbers(double theta)>;
 
 EventScan look(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter);

@@ -18,7 +18,7 @@ double Jumps::next(const std::vector<SampledController>& samplers, double t, dou
   return out;
 }
 
-// The last jump of those that follow t, and one another, within `near`; t if none does.
+// The last of the jumps after t that follow one another within `near`; t if there is none.
 bool Jumps::last(const std::vector<SampledController>& samplers, double t, double sign, double near, double& found) const {
   for (int i = 0; i < crowd; ++i) {
     const double later = next(samplers, t, sign);

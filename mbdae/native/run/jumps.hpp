@@ -1,4 +1,4 @@
-// Times at which a problem may jump, and the legs of a run between them (mbdae/integrate/jumps.py).
+// Times at which a problem may jump, and the smooth intervals between them (mbdae/integrate/jumps.py).
 #pragma once
 
 #include <cmath>
@@ -10,12 +10,12 @@ namespace mbdae {
 
 struct Jumps {
   bool crossed = false;  // by the core, or else by Python
-  Numbers times;         // s, rising
+  Numbers times;         // s, increasing
   double margin = 0;     // roundings of t by which a step stays before a jump
   int crowd = 0;         // jumps within roundings of one another that count as one
-  double restart = NAN;  // where the next leg begins; nan behind the end
+  double restart = NAN;  // start of the next interval; nan after the end
 
-  // The leg from t on, with the time where the one behind it begins; false where jumps follow one another too closely.
+  // The interval from t on, and the start of the next one; false where jumps follow one another too closely.
   bool leg(const std::vector<SampledController>& samplers, double t, SmoothInterval& leg);
 
  private:

@@ -9,10 +9,10 @@
 
 namespace mbdae {
 
-// What signals are made of at a point, found once for all that ask for it. Nothing is counted.
+// Quantities for signals at a point, computed once for all of them. Not counted.
 class PointValues {
  public:
-  // kept: where the configuration of the run goes when another one is looked at; it comes back in the end.
+  // kept: storage for the configuration of the run while another one is evaluated; it is restored in the end.
   explicit PointValues(Index2System& s, Configuration* kept = nullptr) : s_(s), kept_(kept) {}
   ~PointValues() {
     if (apart_) s_.point.exchange(*kept_);
@@ -20,7 +20,7 @@ class PointValues {
   PointValues(const PointValues&) = delete;
   PointValues& operator=(const PointValues&) = delete;
 
-  void part() {  // before another configuration is looked at
+  void part() {  // before another configuration is evaluated
     if (kept_ && !apart_) s_.point.exchange(*kept_), apart_ = true;
   }
 
@@ -47,11 +47,11 @@ class PointValues {
 
 struct SignalValue {
   enum Kind { time, number, rated, angle, lam, force, torque, kinetic, potential, energy, gap, speed } kind = time;
-  int i = 0, rate = -1;   // its number in y or y', of an angle that of its cosine; that of its rate in y', -1: none
+  int i = 0, rate = -1;   // its index in y or y', for an angle that of its cosine; that of its rate in y', -1: none
   std::vector<int> rows;  // of closures
 
   double at(PointValues& values, double t, const double* y) const;  // at a point y; an angle between -pi and pi
-  bool fits(const Index2System& s) const;                           // whether its numbers do
+  bool fits(const Index2System& s) const;                           // whether its indices are valid
 };
 
 inline const std::map<std::string, SignalValue::Kind> SIGNAL_KINDS = {

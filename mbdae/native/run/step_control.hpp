@@ -5,22 +5,22 @@
 
 namespace mbdae {
 
-// Where a leg of a run stands, and where it ends.
+// State of a smooth interval: current time, and its end.
 struct SmoothInterval {
   double t = 0, sign = 1;    // s; 1 forwards, -1 backwards
-  double stop = 0, end = 0;  // s: what forces see of the end of the leg, and its name
+  double stop = 0, end = 0;  // s: end of the interval as evaluated by forces, and its nominal time
   double t1 = 0;             // s: end of the span
 };
 
-// A step: its size, positive, and the time where it ends.
+// A step: its size, positive, and its end time.
 struct Proposal {
   double h, t_next;
 };
 
-// Steps under control. The first four change from step to step.
+// Step-size control. The first four change from step to step.
 struct StepMemory {
   double h = 0;           // s: the next step
-  double cut = 0;         // s: the step that would have been taken, had there not been the end of a leg
+  double cut = 0;         // s: the step size before truncation at the end of an interval
   double last = 0;        // error norm of the last step
   bool rejected = false;  // was the last step?
 };
@@ -29,20 +29,20 @@ struct StepControl : StepMemory {
   double largest = 0;  // s
   double rtol = 0;
   Numbers atol;                            // (1,) or (measured,)
-  double nothing = 0;                      // keeps scales positive where neither tolerance does
+  double nothing = 0;                      // keeps scales positive if both tolerances are zero
   double companion = 0, blend = 1;         // weight of the second of two error estimates, and how they are blended
   double power = 1;                        // of h in the error estimate
-  double exponent = 0, last_exponent = 0;  // of an accepted error, and of the one before
+  double exponent = 0, last_exponent = 0;  // of an accepted error, and of the previous one
   double safety = 0, smallest_factor = 0, largest_factor = 0;
-  double steady = 1;                             // growth up to this factor is left out
-  double smallest_error = 0, smallest_last = 0;  // errors below count as these
-  double nearly = 0;                             // of the way left: a step so near to it takes all of it
-  double spacings = 0;                           // of the times of a run: below, a step is too small
+  double steady = 1;                             // growth up to this factor is ignored
+  double smallest_error = 0, smallest_last = 0;  // smaller errors count as these
+  double nearly = 0;                             // of the remaining time: a step this close to it takes all of it
+  double spacings = 0;                           // of the times of a run: a smaller step is rejected
 
   bool large_enough(const SmoothInterval& leg, double size) const;  // well above the rounding of times
-  bool propose(const SmoothInterval& leg, Proposal& p);  // false where Python has something to say about it
-  // Norm of error estimates (errors, ny), of which the first n components are measured. What rounding makes of v at a
-  // stage, eps |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of components from..to, those of v.
+  bool propose(const SmoothInterval& leg, Proposal& p);  // false if Python must handle the failure
+  // Norm of error estimates (errors, ny), of which the first n components are measured. Rounding of v at a stage, eps
+  // |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of components from..to, those of v.
   double error_norm(const double* e, int errors, int ny, int n, const double* size0, const double* size1, int from,
                     int to, double noise) const;
   double next_step(double taken, double error);  // size, after one with an error norm
@@ -50,16 +50,16 @@ struct StepControl : StepMemory {
 
 struct GridMemory {
   long i = 0;           // the last point of the grid
-  bool on_grid = true;  // does the run stand there?
+  bool on_grid = true;  // is the run there?
 };
 
 struct Grid : GridMemory {
   double step = 0, t0 = 0;  // s
   long n = 0;               // steps of the whole span
-  double near = 0;          // of a step: how near to the grid a time counts as on it
+  double near = 0;          // of a step: tolerance for a time to count as on the grid
 
   Proposal propose(const SmoothInterval& leg);
-  bool behind(const SmoothInterval& leg) const;        // on this leg, is there a point of the grid behind the next one?
+  bool behind(const SmoothInterval& leg) const;        // is there a grid point of this interval after the next one?
   double at(const SmoothInterval& leg, long k) const;  // s: time of point k
 };
 

@@ -57,23 +57,36 @@ bool TimeLoop::shorten(double h) {
   return true;
 }
 
+double TimeLoop::measure(const Numbers& move) const {
+  if (run_.adaptive) return error_norm(move.data(), 1, 0);
+  Numbers magnitude(size1_);
+  add_magnitude(s_, next_.y.data(), magnitude.data());
+  return largest_move(move, magnitude, s_.measured(), run_.tolerated, run_.nothing);
+}
+
+bool TimeLoop::taken_back(double h, const Numbers& y, const Numbers& move) const {
+  Numbers step(s_.ny), undone(s_.ny, 0.0), slowed(s_.ny, 0.0);
+  std::copy_n(move.begin(), s_.nv, undone.begin());
+  for (int i = 0; i < s_.nv; ++i) slowed[i] = h * move[s_.nv + i];
+  const double back = std::max(measure(undone), measure(slowed));
+  if (!(back > 1)) return false;
+  s_.difference(run_.state.y.data(), y.data(), step.data());
+  std::fill(step.begin() + s_.nv, step.end(), 0.0);
+  return back > run_.taken_back * measure(step);
+}
+
 void TimeLoop::project(double t) {
   const Numbers y = next_.y;
   renewed_ = false;
   restore(s_, t, next_.y.data());
   next_.low.clear();
   s_.size(next_.y.data(), size1_.data());  // of the next step's start, which must not hang on where a slice of time ends
-  if (!method_.carries) return;
   Numbers move(s_.ny);
   s_.difference(y.data(), next_.y.data(), move.data());
-  bool tolerated = true;
-  if (run_.adaptive)
-    tolerated = error_norm(move.data(), 1, 0) <= 1;
-  else
-    for (int k = 0; k < s_.measured(); ++k)
-      tolerated = tolerated && std::fabs(move[k]) <= run_.tolerated * (1 + size1_[k]);
-  if (tolerated) return;
-  Numbers F(s_.ny), z(s_.ng);  // what the method carries is found anew
+  const double moved = measure(move);
+  if (taken_back(t - run_.leg.t, y, move)) throw FallBackToPython();
+  if (!method_.carries || moved <= 1) return;
+  Numbers F(s_.ny), z(s_.ng);  // what the method carries is computed again
   s_.derivative(t, next_.y.data(), F.data(), z.data());
   next_.carry = s_.carry(F), next_.memory.reset(), renewed_ = true;
 }
@@ -81,14 +94,14 @@ void TimeLoop::project(double t) {
 void TimeLoop::look(Proposal& p) {
   const double t = run_.leg.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
   const IndependentRows::Aside aside(s_.rows);
-  // what `settle` is to find at the end, to the last bit
+  // the input of `settle` at the end, to the last bit
   const bool kept = s_.point.near(next_.y.data()) && !s_.point.exactly(next_.y.data());
   PointValues values(s_, kept ? &aside_ : nullptr);
-  State end;  // what stands in `next_` until shorter steps are taken: its arrays stay where they are
+  State end;  // swapped with `next_` while shorter steps are taken: arrays keep their addresses
   Numbers z, size;
   const bool renewed = renewed_;
   bool away = false;
-  double last = 1;  // the share of the step that was taken last
+  double last = 1;  // fraction of the step that was taken last
   auto shorter = [&](double theta) {
     values.part();
     if (!away) end = std::move(next_), next_ = State(), z = z_, size = size1_, away = true;
@@ -199,7 +212,7 @@ void TimeLoop::advance() {
   if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
   while (run_.taken + run_.rejected < run_.budget) {
     if (run_.leg.t == run_.leg.end && (!run_.jumps.crossed || std::isnan(run_.jumps.restart) || !cross())) return;
-    const StepMemory control = run_.control;  // what a step that is given up must not have changed
+    const StepMemory control = run_.control;  // must be unchanged after an abandoned step
     const GridMemory grid = run_.grid;
     const Counts counts = s_.counts;
     const long taken = run_.taken;

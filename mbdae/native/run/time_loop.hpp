@@ -1,4 +1,4 @@
-// Many steps in a row: what mbdae/integrate/loop.py does where nothing unusual happens.
+// Many steps in a row: mbdae/integrate/loop.py without its special cases.
 #pragma once
 
 #include <utility>
@@ -13,25 +13,25 @@
 
 namespace mbdae {
 
-// The watch for singular configurations, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
+// Singularity monitor, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
 struct SingularityMonitor {
   double usual = 0, before = 0;  // the largest so far, and the last
   double suspect = 0, landed = 0, zone = 0;
-  double ahead = 0;      // steps within which a ratio that falls on would vanish: then Python looks ahead
+  double ahead = 0;      // steps within which a decreasing ratio would vanish: then Python takes over
   bool entered = false;  // it does so already
 };
 
-// The nodes that steps, n of them, and jumps led to.
+// The nodes of n steps and jumps.
 struct Steps {
-  Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots that each of them met
+  Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots in the step to each of them
   Numbers y, z;        // (n, length), (n, nz) by rows
-  std::vector<std::pair<long, std::vector<int>>> changes;  // at which of them which rows came into use
-  Numbers carry;                                           // (k, nc) by rows: what the method carries from the first k
-  std::vector<long> renewed;                               // at which of those it was found anew
-  std::vector<long> behind;                                // which of them lie behind a jump: no step led there
+  std::vector<std::pair<long, std::vector<int>>> changes;  // nodes at which rows came into use, and these rows
+  Numbers carry;                                           // (k, nc) by rows: carry from the first k nodes
+  std::vector<long> renewed;                               // nodes at which it was recomputed
+  std::vector<long> behind;                                // nodes after a jump: no step ends there
 };
 
-// What a run hands over, and gets back.
+// Input and output of a run.
 struct Run {
   SmoothInterval leg;
   State state;
@@ -40,17 +40,19 @@ struct Run {
   SingularityMonitor watch;
   Events events;
   Jumps jumps;
-  bool adaptive = false;  // by control; else on the grid
+  bool adaptive = false;  // with step-size control; otherwise on the grid
   bool project = false;   // the ends of steps
   bool watched = false;   // by the watch
   double tolerated = 0;   // fixed steps: what a projection may move a state whose derivative is kept
+  double nothing = 0;     // keeps it positive where a state is zero
+  double taken_back = 0;  // of the motion of a step: what a projection may undo beyond tolerances
   double seconds = 0;     // of computing, or little more
   long budget = 0;        // steps taken or rejected, at most
-  long kept = 0;          // nodes at which what the method carries is recorded, at most
+  long kept = 0;          // maximum number of nodes with a recorded carry
 
   Steps steps;
   long taken = 0, rejected = 0;
-  bool stuck = false;  // the next step is not for the core
+  bool stuck = false;  // the next step must be taken in Python
 };
 
 // A method that takes the steps of a run.
@@ -96,29 +98,31 @@ class TimeLoop {
  public:
   TimeLoop(Method& method, Index2System& system, Run& run);
 
-  void advance();  // take steps until something asks for Python
+  void advance();  // take steps until Python is needed
 
  private:
-  bool attempt();          // a step; false where Python has something to say about it
+  bool attempt();          // a step; false if Python must handle the failure
   bool judge(double h);    // is it accepted?
   bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
+  double measure(const Numbers& move) const;  // of the projected end of a step, in tolerances
+  bool taken_back(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
   void look(Proposal& p);  // for events on the step just taken, which ends where one ends the run
   bool cross();            // the jump behind a leg; false where Python has something to say about it
   void push();             // record the state
-  bool landing();          // does a fixed step lead into a singular configuration where another can be taken?
+  bool landing();          // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;
 
   Method& method_;
   Index2System& s_;
   Run& run_;
   State next_;
-  bool renewed_ = false;   // what it carries was found anew
-  EventScan seen_;              // on the step just taken
+  bool renewed_ = false;   // its carry was recomputed
+  EventScan seen_;              // on the accepted step
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method
-  Configuration aside_;            // for that of the run while events are looked for
+  Configuration aside_;            // storage for that of the run during event location
 };
 
 }  // namespace mbdae

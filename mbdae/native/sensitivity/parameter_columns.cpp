@@ -1,11 +1,11 @@
-// How a point moves with each parameter: columns of P and Q, straight from directions.
+// Partials of a point by each parameter: columns of P and Q, directly from directions.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
 
 namespace {
 
-void inertial(const double* x, const double* V, double* out) {  // dI V of ten inertial numbers, in the body's axes
+void inertial(const double* x, const double* V, double* out) {  // dI V of ten inertial parameters, in the body's axes
   const double *m = x + 1, *I = x + 4, *w = V + 3;
   double arm[3];
   cross(w, m, arm), cross(m, V, out + 3);
@@ -83,7 +83,7 @@ void Parameters::gravity_columns(int stuff, Numbers& P) {
   }
 }
 
-// With all that is behind the joint held, and what is before it moved by -xi.
+// The joint's subtree is held, and the rest of the tree moved by -xi.
 void Parameters::place_columns(int stuff, Numbers& P) {
   const int joint = stuff_[stuff].at, before = s_.mechanics.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();

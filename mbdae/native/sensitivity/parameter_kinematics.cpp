@@ -1,9 +1,9 @@
-// Where a mechanism stands and moves at a point, as far as parameters ask for it.
+// Poses and motions of a mechanism at a point, as far as parameters require them.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
 
-// The axes of parts stand still in what is behind them: J' v of a part is its V before the part x J v.
+// The axes of a joint are fixed in its parent body: J' v of a joint is V of its parent x J v.
 template <bool accelerated>
 void Parameters::motions(const double* v, const double* a) {
   const Mechanics& m = s_.mechanics;

@@ -1,11 +1,11 @@
-// What motions of places and frames, masses and gravity do at a point: cotangents of all stuff.
+// Partials by motions of placements and frames, masses and gravity at a point: cotangents of all model components.
 #include "sensitivity/parameter_partials.hpp"
 
 namespace mbdae {
 
 namespace {
 
-// Adds the slopes of U . I A by the ten inertial numbers, in the body's axes, times a factor.
+// Adds the partials of U . I A by the ten inertial parameters, in the body's axes, times a factor.
 void inertial(const double* U, const double* A, double factor, double* out) {
   double first[3], second[3];
   cross(A + 3, U, first), cross(A, U + 3, second);
@@ -17,7 +17,7 @@ void inertial(const double* U, const double* A, double factor, double* out) {
   out[9] += factor * w[2] * a[2];
 }
 
-void add_motion(const WorldPose& at, const double* g, double* out) {  // of slopes by a motion in the world
+void add_motion(const WorldPose& at, const double* g, double* out) {  // of partials by a motion in the world
   double turned[3], all[6];
   cross(g, at.p, turned);
   for (int i = 0; i < 3; ++i) turned[i] += g[3 + i];
@@ -72,7 +72,7 @@ void Parameters::shifted(const Pair& pair, const double* F) {
   }
 }
 
-// With all that is behind a joint held, and what is before it moved by -xi: U, V, A there become U x xi, ...
+// The joint's subtree is held, and the rest of the tree moved by -xi: U, V, A there become U x xi, ...
 void Parameters::bodies() {
   const int joints = s_.mechanics.joints;
   for (int j = 1; j < joints; ++j) {

@@ -33,7 +33,7 @@ void ProjectionSensitivity::take(double t, double* y) {
     s_.constraints.value(s_.mechanics, q, s_.constraints.all, c.G.data(), r.data());
     return c;
   };
-  if (path.empty()) path.push_back(q0_);  // where nothing was amiss, what varies may be
+  if (path.empty()) path.push_back(q0_);  // even without a violation: perturbed states may violate the constraints
   for (const Numbers& q : path) {
     Correction& c = next(q.data(), false);
     s_.constraints.gaps(t, r.data());

@@ -1,4 +1,4 @@
-// How a projected end of a step moves (mbdae/mechanism/discrete_sensitivity/projection_sensitivity.py).
+// Sensitivity of a projected end of a step (mbdae/mechanism/discrete_sensitivity/projection_sensitivity.py).
 #pragma once
 
 #include <memory>
@@ -11,8 +11,8 @@ class ProjectionSensitivity {
  public:
   ProjectionSensitivity(Index2System& system, Parameters& parameters, bool forward);  // or reverse
 
-  void take(double t, double* y);  // y (length,) becomes the nearest point that meets the closures
-  // Variations dy (ny,) become those of that point, for dp (k,); direction by direction, `width` numbers apart.
+  void take(double t, double* y);  // y (length,) becomes the nearest point that satisfies the closures
+  // Tangents dy (ny,) become those of that point, for dp (k,); direction by direction, `width` numbers apart.
   void forward(int directions, double* moved, size_t width, const double* dp);
   void reverse(double* y);  // cotangents (ny,) of that point become those of the given one
 
@@ -20,13 +20,13 @@ class ProjectionSensitivity {
   // A correction x of least x^T M x with G x = r, and eta: M x = G^T eta.
   struct Correction {
     LinearisationPoint point;
-    bool of_v = false, moved = false;  // moved: x counts
-    std::vector<int> rows;             // (r,) that it meets
+    bool of_v = false, moved = false;  // moved: x is nonzero
+    std::vector<int> rows;             // (r,) that it satisfies
     BandLU lu;                         // of G M^-1 G^T
     Numbers G, Z;                      // (ng, nv)
-    Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); as in corrections.py
+    Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); as in projection_sensitivity.py
     std::vector<IntegratePartialsBlock> turn;
-    Numbers P, Q;                      // (k, n) where moved, and (k, r); where variations go forward
+    Numbers P, Q;                      // (k, n) where moved, and (k, r); for tangents
   };
 
   void correct(Correction& c, double t, const double* q, const double* v, const Numbers& r);
@@ -35,8 +35,8 @@ class ProjectionSensitivity {
   Index2System& s_;
   Parameters& parameters_;
   const bool forward_;
-  Configuration factors_;  // of M where it starts
-  Numbers q0_;  // where it starts
+  Configuration factors_;  // of M at its start
+  Numbers q0_;  // its start
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;
 };

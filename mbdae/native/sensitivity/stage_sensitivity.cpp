@@ -37,7 +37,7 @@ void add_transposed(const Numbers& A, size_t rows, size_t columns, const double*
   }
 }
 
-// In rows of Z that are long where bodies are light, digits cancel: what is missed is made good once more.
+// Where rows of Z are long because bodies are light, digits cancel: one step of iterative refinement.
 void StageSensitivity::meet(const Numbers& seen, bool transposed, const Numbers& moved) {
   const std::vector<int>& position = s_.rows.position();
   nu.assign(met_.size(), 0.0), miss_.resize(met_.size());

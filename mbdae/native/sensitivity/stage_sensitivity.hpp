@@ -1,4 +1,4 @@
-// The slopes of a stage: what goes through its saddle-point system, forwards and back
+// Tangent and adjoint of a stage, by its saddle-point system
 // (mbdae/mechanism/discrete_sensitivity/stage_sensitivity.py).
 #pragma once
 
@@ -6,24 +6,24 @@
 
 namespace mbdae {
 
-// A point where numbers of a mechanism act: equations f + G^T lam - M v', and what rows ask for.
+// A point with partials by parameters: equations f + G^T lam - M v', and terms of rows.
 struct LinearisationPoint {
   struct Met {
     double t;
     Numbers q, v;  // (nq,), (nv,)
     enum Kind { gap, rate, bare } kind;  // g, G v + g_t, G v
     double weight;
-    std::vector<WrenchPartials> turnings = {};  // (ng,) of rows in use, where places or frames move; not of gaps
+    std::vector<WrenchPartials> turnings = {};  // (ng,) of rows in use; not of gaps
   };
-  bool loaded = true;      // laws and gravity act
-  bool still = false;      // nothing acts and moves: P is 0
+  bool loaded = true;      // with laws and gravity
+  bool still = false;      // no forces and no motion: P is 0
   double t = 0;
   Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
-  std::vector<ActingWrench> wrenches;  // of laws and closures, where places or frames move
+  std::vector<ActingWrench> wrenches;  // of laws and closures, if placements or frames are parameters
   std::vector<Met> met;
 };
 
-// n = nv + ns + 1; rows in use (r,) stand in the order of elimination.
+// n = nv + ns + 1; rows in use (r,) are in the order of elimination.
 class StageSensitivity : public LinearisationPoint {
  public:
   explicit StageSensitivity(Index2System& s) : point(s.mechanics, s.constraints, s.counts), s_(s) {}
@@ -31,20 +31,20 @@ class StageSensitivity : public LinearisationPoint {
   double factor = 0;
   EquationPartials at;
   Numbers Bhat;                         // (r, nv)
-  Numbers Ghat, Zhat;                   // (ng, nv), where the stage meets the constraint
+  Numbers Ghat, Zhat;                   // (ng, nv), at the constraint point of the stage
   std::vector<IntegratePartialsBlock> turn, hat;
   BandLU lu;                            // of Zhat Z^T
   Configuration point;                          // M and its factors, Z
 
-  // The variation of x' (ny,) for those of x, xhat and y_n (ny,); P dp (n,) and Q dp (r,) may be missing.
+  // The tangent of x' (ny,) for those of x, xhat and y_n (ny,); P dp (n,) and Q dp (r,) may be missing.
   void forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q, double* dF);
-  // Adds the cotangents of x, xhat (ny,) and y_n (ny,) of that of x'; `above` (n,) and `nu` (r,) are left.
+  // Adds the cotangents of x, xhat (ny,) and y_n (ny,) of that of x'; `above` (n,) and `nu` (r,) are outputs.
   void reverse(const double* F, double* x, double* xhat, double* y);
 
   Numbers above, nu;
 
  private:
-  // above += Z^T nu with the nu of which Z' above = `met_`; Z' and Z stand in the step's matrix or in its transpose.
+  // above += Z^T nu with the nu of Z' above = `met_`; Z' and Z are those of the step's matrix or of its transpose.
   void meet(const Numbers& seen, bool transposed, const Numbers& moved);
 
   Index2System& s_;

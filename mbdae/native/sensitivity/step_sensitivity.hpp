@@ -1,4 +1,4 @@
-// A half-explicit step once more, and how it moves (mbdae/methods/step_sensitivity.py).
+// Recompute a half-explicit step with its tangent and adjoint (mbdae/methods/step_sensitivity.py).
 #pragma once
 
 #include <memory>
@@ -13,11 +13,11 @@ class StepSensitivity : public HalfExplicitStep {
  public:
   StepSensitivity(Index2System& system, Parameters* parameters, bool forward = false);  // or reverse
 
-  // The step from (t, y), which carries (nc,), to t + h; its slopes are kept where they are asked for.
+  // The step from (t, y), with its carry (nc,), to t + h; its partials are kept if requested.
   void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes);
-  // Variations (ny + nc,) of y and of what is carried become those behind the step, for dp (k,), direction by direction.
+  // Tangents (ny + nc,) of y and of the carry become those at the end of the step, for dp (k,), direction by direction.
   void forward(int directions, double* moved, const double* dp);
-  // Cotangents (ny + nc,) behind the step become those before it; those of parameters are added up.
+  // Cotangents (ny + nc,) at the end of the step become those at its start; those of parameters are accumulated.
   void reverse(double* bar);
 
  private:
@@ -30,7 +30,7 @@ class StepSensitivity : public HalfExplicitStep {
   std::vector<std::unique_ptr<StageSensitivity>> stages_;
   std::vector<IntegratePartialsBlock> end_;
   Numbers dF_, dx_end_, x_bar_, xhat_bar_, p_;
-  std::vector<Numbers> P_, Q_;  // of stages, where variations go forward
+  std::vector<Numbers> P_, Q_;  // of stages, for tangents
 };
 
 }  // namespace mbdae

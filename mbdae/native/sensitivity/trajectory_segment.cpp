@@ -54,19 +54,20 @@ class Interval {
   State start_, middle_, next_;
 };
 
-// Project the end of a step as the run did; is what it carries found anew?
+// Project the end of a step as the run did; is the carry recomputed?
 bool project(Index2System& s, const RepeatTolerances& like, double t, const State& start, State& next) {
   Numbers y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
   restore(s, t, next.y.data());
   s.difference(y.data(), next.y.data(), move.data());
   s.size(start.y.data(), size0.data()), s.size(next.y.data(), size1.data());
-  bool tolerated = true;
-  if (like.adaptive)
-    tolerated = like.control.error_norm(move.data(), 1, s.ny, s.measured(), size0.data(), size1.data(), 0, 0, 0) <= 1;
-  else
-    for (int k = 0; k < s.measured(); ++k)
-      tolerated = tolerated && std::fabs(move[k]) <= like.tolerated * (1 + size1[k]);
-  if (tolerated) return false;
+  double moved;
+  if (like.adaptive) {
+    moved = like.control.error_norm(move.data(), 1, s.ny, s.measured(), size0.data(), size1.data(), 0, 0, 0);
+  } else {
+    add_magnitude(s, next.y.data(), size1.data());
+    moved = largest_move(move, size1, s.measured(), like.tolerated, like.nothing);
+  }
+  if (moved <= 1) return false;
   Numbers F(s.ny), z(s.ng);
   s.derivative(t, next.y.data(), F.data(), z.data());
   next.carry = s.carry(F);

@@ -1,4 +1,4 @@
-// Many steps of a run once more: what is carried along them, their tangents and adjoints (mbdae/integrate/trajectory.py).
+// Recompute many steps of a run: carries, tangents and adjoints (mbdae/integrate/trajectory.py).
 #pragma once
 
 #include "sensitivity/projection_sensitivity.hpp"
@@ -15,16 +15,16 @@ struct TrajectorySegment {
   const double *t, *y;
 };
 
-// What a run says of moves that its steps tolerate, and how its steps are told from others.
+// Tolerances of a run: projections without a new carry, and agreement of recomputed steps.
 struct RepeatTolerances {
   bool adaptive;
   StepControl control;
-  double tolerated;              // with fixed steps, of 1 + |y|
+  double tolerated, nothing;     // with fixed steps, of magnitudes
   double repeated, synchronous;  // of 1 + |y|
 };
 
-// What is carried to each node, (m + 1, nc), from what is at the first, and where it was found anew. Points go on beside
-// it, but where they are further than `synchronous` from the run's.
+// The carry at each node, (m + 1, nc), from that of the first, and where it was recomputed. Recomputed points continue
+// independently of the run, unless they differ by more than `synchronous`.
 struct Recomputed {
   Numbers carries, end;
   std::vector<int> renewed;  // (m + 1,)
@@ -32,11 +32,11 @@ struct Recomputed {
 };
 
 void walk(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& like, Recomputed& out);
-// Cotangents (ny + nc,) behind the last node become those behind the first; `extra` (m + 1, ny + nc) come in at the
-// nodes but the first and the last, and those of parameters (k,) are added up.
+// Cotangents (ny + nc,) at the last node become those at the first; `extra` (m + 1, ny + nc) are added at the inner
+// nodes, and those of parameters (k,) are accumulated.
 void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries,
              const double* extra, double* bar, double* p);
-// Variations (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc).
+// Tangents (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc).
 void tangent(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries, int d,
              const double* dp, const double* first, double* along);
 

@@ -1,4 +1,4 @@
-// Bodies and places in the world.
+// Bodies and placements in the world.
 #pragma once
 
 #include "mechanism/rnea_partials.hpp"
@@ -18,17 +18,17 @@ inline void transposed(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 
-struct WorldPose {  // a body, a joint's place, or a frame, in the world; R by rows
+struct WorldPose {  // a body, a joint placement, or a frame, in the world; R by rows
   double R[9], p[3];
 
-  void motion(const double* X, double* out) const {  // of the world in its axes
+  void motion(const double* X, double* out) const {  // from the world to its axes
     double moved[3];
     cross(X + 3, p, moved);
     for (int i = 0; i < 3; ++i) moved[i] += X[i];
     transposed(R, moved, out), transposed(R, X + 3, out + 3);
   }
 
-  void raise(const double* x, double* out) const {  // a motion in its axes into the world's
+  void raise(const double* x, double* out) const {  // a motion from its axes to the world's
     double arm[3];
     turn(R, x, out), turn(R, x + 3, out + 3), cross(p, out + 3, arm);
     for (int i = 0; i < 3; ++i) out[i] += arm[i];

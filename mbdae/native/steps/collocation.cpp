@@ -38,7 +38,7 @@ Rows<double> lagrange(const Numbers& c, const Numbers& x) {
   return out;
 }
 
-// Iterations that are left after a change by `size`, until the next one would be below the tolerance.
+// Remaining iterations after a change by `size`, until the next one would be below the tolerance.
 int iterations_left(const Radau& a, double size, double rate) {
   if (rate * size <= a.tolerance) return 0;
   if (!(rate < 1)) return a.further;
@@ -97,19 +97,25 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
   }
 }
 
+void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
+  Numbers scale(size_);
+  double most = 0;
+  for (int k = 0; k < s_.measured(); ++k) {
+    double move = 0;
+    for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(moves[i * ny_ + k]));
+    scale[k] += move, most = std::max(most, scale[k]);
+  }
+  for (int k = 0; k < s_.measured(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.share * most);
+}
+
 bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
   const double h = m.h;
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
-  double most = 0;
-  for (int k = 0; k < measured; ++k) {
-    double move = 0;
-    for (int i = 0; i < s; ++i) move = std::max(move, std::fabs(X_[i * ny + k]));
-    scale_[k] = size_[k] + move, most = std::max(most, scale_[k]);
-  }
-  for (int k = 0; k < measured; ++k) scale_[k] = 1 / (scale_[k] + a.share * most + std::numeric_limits<double>::min());
+  std::fill(scale_.begin(), scale_.end(), 0.0);
+  grow_scale(a, X_);
   double last = INFINITY, rate = a.expected;
   int left = 0;
   for (int k = 0; k < patience; ++k) {
@@ -118,10 +124,11 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
     for (int i = 0; i < s * r; ++i) m.Z[i] += dZ_[i];
     combine(a.A, m.K.data(), s, ny, h, X_.data());
     combine(a.A, dK_.data(), s, ny, h, moves_.data());
+    if (!k) grow_scale(a, moves_);  // from rest, where nothing acts at the start, the guess foresees no change
     double sum = 0;
     for (int i = 0; i < s; ++i)
       for (int j = 0; j < measured; ++j) {
-        const double move = moves_[i * ny + j] * scale_[j];
+        const double move = moves_[i * ny + j] / (scale_[j] + std::numeric_limits<double>::min());
         sum += move * move;
       }
     const double size = std::sqrt(sum / (s * measured));

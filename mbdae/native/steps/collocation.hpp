@@ -19,25 +19,25 @@ struct Radau {
   int s = 0;
   Numbers c, A;  // (s,), (s, s) by rows
   std::vector<EigenMode> modes;
-  int real = -1;  // the number of the real mode; -1: none
+  int real = -1;  // index of the real mode; -1: none
   double gamma = 0;
   Numbers start;  // (1 or 2, s) by rows
   int errors = 0, middle = 0;
-  int patience = 0, short_patience = 0;  // iterations for a given step, and where a smaller one can be taken
-  int further = 0;                       // iterations behind a change that is near to rounding, at most
-  int first = 0;                         // and behind the first one
+  int patience = 0, short_patience = 0;  // iterations for a given step, and if a smaller one is possible
+  int further = 0;                       // maximum number of iterations after a change near rounding
+  int first = 0;                         // and after the first one
   double tolerance = 0, near = 0, expected = 0, reuse = 0, share = 0;
 };
 
 class StageSolver;
 
-// Slopes at a point, in the coordinates of a step.
+// Partials at a point, in the coordinates of a step.
 struct LinearizedStages {
   EquationPartials slopes;
   std::vector<TangentBlock> turning;
 };
 
-// What a step leaves to the next one.
+// Data that a step passes to the next one.
 struct StageMemory {
   std::vector<int> unknowns;
   double h = 0, rate = 0;
@@ -51,18 +51,19 @@ class CollocationStep {
   explicit CollocationStep(Index2System& system);
   virtual ~CollocationStep();
 
-  // From t to t + h: the state, lam of the method (ng,), and under control error estimates (errors, ny).
+  // From t to t + h: the state, lam of the method (ng,), and, under error control, error estimates (errors, ny).
   void take(const Radau& a, bool controlled, double t, double h, const State& in, State& out, double* z,
             Numbers& errors);
 
  protected:
-  // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and what a formulation adds.
+  // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and further multipliers of a
+  // formulation.
   virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
   virtual std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
                                                           std::complex<double> mu) const;
   virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
   virtual void open(const double*) {}         // a step begins at y (length,)
-  virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) where a step ends; lam_ stands
+  virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) at the end of a step; lam_ is current
 
   virtual std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
                                                             const double* z);
@@ -70,11 +71,13 @@ class CollocationStep {
                                                             const std::shared_ptr<const LinearizedStages>& slopes,
                                                             double h);
   void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
+  // scale_: the size of y and of its change, no component's below a share of the largest.
+  void grow_scale(const Radau& a, const Numbers& moves);
   bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
-  Numbers y0_, size_;                       // (length,), (ny,) where the step starts
+  Numbers y0_, size_;                       // (length,), (ny,) at the start of the step
   Numbers q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
   Numbers scale_, X_, R_, dK_, moves_, C_, dZ_;  // (ny,), (s, ny) four times, (s, r) twice
   Numbers dk_, dz_, work_;                       // (2, ny), (2, r)

@@ -20,13 +20,13 @@ class GGLStep final : public HalfExplicitStep {
   void all_multipliers(double* z) override;
 
  private:
-  void correct(const Numbers& G);  // the change of mu, of the slip and of x' that closes the gaps by rows G; S of them
+  void correct(const Numbers& G);  // the change of mu, slip and x' that closes the gaps by rows G; their S
   void transfer();                 // Gmet_
-  void watch(double that);         // Trouble where a row that is not in use stands open
+  void watch(double that);         // throws if a row that is not in use is open
 
   PositionRows positions_;
   Numbers mu_, gap_, dmu_;                // (ng,) by row
-  Numbers slip_, dslip_, move_, at_;      // (nv,) M^-1 G^T mu, its change by itself and in coordinates; x of a stage
+  Numbers slip_, dslip_, move_, at_;      // (nv,) M^-1 G^T mu, its change as velocity and in coordinates; x of a stage
   Numbers Gmet_;                          // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved
   std::vector<TangentBlock> transfer_;
 };

@@ -15,10 +15,10 @@ namespace mbdae {
 namespace {
 
 struct LinearizedGGL : LinearizedStages {
-  Numbers P;  // (k, nv) the rows with a g that are kept
+  Numbers P;  // (k, nv) the rows in use that have a g
 };
 
-// With the letters of mbdae/mechanism/formulations/implicit_stage.py, N = M^-1 P^T, and m = h times an eigenvalue:
+// In the notation of mbdae/mechanism/formulations/implicit_stage.py, N = M^-1 P^T, and m = h times an eigenvalue:
 //
 //   [ E - m D - m^2 K S J   -L   -m K S J N ] [du' ]
 //   [ G + m B S J            0     B S J N  ] [dlam]

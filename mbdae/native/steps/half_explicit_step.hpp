@@ -11,7 +11,7 @@ struct Tableau {
   Numbers A, Ahat;                      // (n, n) by rows
   Numbers b, c, chat;                   // (n,)
   Numbers e;                            // (errors, n) by rows
-  int errors = 0, doubled = 0;          // order p of a method controlled by two half steps; 0: an embedded formula
+  int errors = 0, doubled = 0;          // order p of a method controlled by step doubling; 0: an embedded formula
   double noise = 0;                     // rounding of v by which an error estimate exceeds eps |v|
 };
 
@@ -22,34 +22,34 @@ class HalfExplicitStep {
 
   // From t to t + h: the state, multipliers of the method (nz,), and error estimates (errors, ny).
   void take(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
-  // The same with an error estimate for all methods: of two half steps where there is no embedded formula.
+  // The same with an error estimate for all methods: by step doubling if there is no embedded formula.
   void controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
 
  protected:
   virtual void open(const double*) {}                               // a step begins at y (length,)
-  virtual void begin(const Numbers& carry, double* F) const;        // slopes of an explicit first stage
-  virtual void finish(const double* F, Numbers& carry) const;       // what the next step carries of the last stage
-  virtual void stage(double t, double that, double factor, double* F, bool last);  // at x_, met at xhat_; lam_ is found
-  // x' (nv,), where J v stands, of a stage; G and Z of the rows in use where it meets the constraint, S factorized.
+  virtual void begin(const Numbers& carry, double* F) const;        // time derivative at an explicit first stage
+  virtual void finish(const double* F, Numbers& carry) const;       // carry of the last stage to the next step
+  virtual void stage(double t, double that, double factor, double* F, bool last);  // at x_, constraint at xhat_
+  // x' (nv,), from J v, of a stage; G and Z of the rows in use at its constraint point, S factorized.
   virtual void meet(double that, double factor, double* dx);
-  virtual void project(double* e);                  // an error (ny,), in the mass metric, on what the method keeps
+  virtual void project(double* e);                  // an error (ny,), in the mass metric, onto the kept constraints
   virtual void all_multipliers(double* z);          // (nz,) of the last stage
 
   void place(const double* dx, double factor);  // q_met_ and poses there: q_n (+) (xhat + factor x')
-  void meet_velocities();                       // what `meet` leaves, where the poses stand
-  void combine(const double* weights, int count, double h, Numbers& x) const;  // x = h sum of weights times slopes
+  void meet_velocities();                       // second part of `meet`, at the current poses
+  void combine(const double* weights, int count, double h, Numbers& x) const;  // x = h sum of weights times derivatives
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
   const int stride_;                  // ny and some zeros: loops without remainders
-  Numbers F_;                         // (n, stride) slopes by stage
+  Numbers F_;                         // (n, stride) time derivatives by stage
   Numbers x_, xhat_, dx_;             // (stride,) in coordinates of the step
-  Numbers q0_, v0_, s0_;              // (nq,), (nv,), (ns,) where the step starts
+  Numbers q0_, v0_, s0_;              // (nq,), (nv,), (ns,) at the start of the step
   Numbers q_, v_, q_met_, s_in_;      // (nq,), (nv,), (nq,), (ns,) at a stage
   Numbers f_;                         // (nv,)
   Numbers lam_, gt_, gt_met_, work_;  // (ng,)
-  Numbers Ghat_, Zhat_;               // (ng, nv) by rows, where the stage meets the constraint
-  bool sloped_ = false;               // slopes of stages are found next
+  Numbers Ghat_, Zhat_;               // (ng, nv) by rows, at the constraint point of the stage
+  bool sloped_ = false;               // partials of stages are needed next
 };
 
 }  // namespace mbdae

@@ -1,5 +1,4 @@
-// Explicit steps of accelerations: stages meet nothing but the hidden constraint
-// (mbdae/mechanism/formulations/index1.py).
+// Explicit steps of accelerations: stages satisfy only the hidden constraint (mbdae/mechanism/formulations/index1.py).
 #pragma once
 
 #include "steps/half_explicit_step.hpp"

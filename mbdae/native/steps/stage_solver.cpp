@@ -9,7 +9,7 @@ namespace mbdae {
 
 namespace {
 
-// The work w' stands in no other equation: it is found last, from `w_`.
+// The work w' appears in no other equation: it is computed last, from `w_`.
 template <int parts>
 class ModeSolver final : public StageSolver {
  public:
@@ -68,7 +68,7 @@ class ModeSolver final : public StageSolver {
   }
 
  private:
-  static Complex times(Complex a, Complex b) {  // without a look at numbers that are not finite
+  static Complex times(Complex a, Complex b) {  // without the test for nonfinite numbers
     return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
   }
   static Complex number(const double* x, int i, int n) { return parts == 1 ? Complex(x[i]) : Complex(x[i], x[n + i]); }
@@ -116,7 +116,7 @@ class ModeSolver final : public StageSolver {
     }
   };
 
-  void add(int i, int j, Complex value) {  // to row i, where n - 1 stands for that of w'
+  void add(int i, int j, Complex value) {  // to row i, where n - 1 denotes that of w'
     double* at = i == n_ - 1 ? &w_[j] : lu_.column(j) + (i < n_ ? i : i - 1);
     at[0] += value.real();
     if constexpr (parts == 2) at[m_] += value.imag();

@@ -7,7 +7,7 @@ namespace mbdae {
 
 using Complex = std::complex<double>;
 
-// The system of one stage for a mode. Vectors of a complex mode have their imaginary parts behind the real ones.
+// The system of one stage for a mode. Vectors of a complex mode have their imaginary parts after the real ones.
 class StageSolver {
  public:
   virtual ~StageSolver() = default;

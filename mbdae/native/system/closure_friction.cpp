@@ -144,7 +144,7 @@ void ClosureFriction::forces(const Numbers& lam, const Rows<double>& responses) 
       for (Eigen::Index j = 0; j < k; ++j) slopes(i, j) -= factor_[i] * dot(slope, &responses(j, place.row), place.carried);
     }
     const Eigen::PartialPivLU<Rows<double>> lu(slopes);
-    if (!(lu.determinant() > 0) || !(slopes.diagonal().array() > 0).all()) throw FallBackToPython();  // it wedges
+    if (!(lu.determinant() > 0) || !(slopes.diagonal().array() > 0).all()) throw FallBackToPython();  // wedging
     move = lu.solve(move);
     T_ += move;
     const double change = move.cwiseAbs().maxCoeff(), size = T_.cwiseAbs().maxCoeff();

@@ -1,5 +1,5 @@
-// Friction by the forces that closures carry (mbdae/mechanism/formulations/closure_friction.py): T_k = factor_k |F_k(lam)| along
-// e_k, k over the places that slide.
+// Friction proportional to closure forces (mbdae/mechanism/formulations/closure_friction.py): T_k = factor_k |F_k(lam)|
+// along e_k, for each sliding interface k.
 #pragma once
 
 #include <cstdint>
@@ -16,13 +16,13 @@ class SaddleSystem;
 
 struct FrictionInterface {
   enum Kind { turns, bears, slides, touches, grips } kind = turns;
-  int pair = 0, row = 0, carried = 1;  // its frames, the first row, and how many carry F
-  std::vector<int> grip;               // rows that may slide, whole against their slip
+  int pair = 0, row = 0, carried = 1;  // its frames, the first row, and the number of rows of F
+  std::vector<int> grip;               // rows that may slide; friction acts against their slip
   double axis[3] = {0, 0, 0};          // in a
   double coefficient = 0, width = 0;   // mu, or mu r in m; m/s or rad/s
 };
 
-// About an axis of a, about any one, along an axis of a; along a surface; along rows of a grip.
+// About an axis of a, about any axis, along an axis of a; along a surface; along no-slip rows.
 inline const std::map<std::string, FrictionInterface::Kind> SLIDING_KINDS = {
     {"turns", FrictionInterface::turns},     {"bears", FrictionInterface::bears}, {"slides", FrictionInterface::slides},
     {"touches", FrictionInterface::touches}, {"grips", FrictionInterface::grips}};
@@ -31,26 +31,27 @@ class ClosureFriction {
  public:
   ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
 
-  // acts (k,) says which places slide, heading (k, 2) whereto grips do: Python's own numbers, which outlive this object.
+  // acts (k,): which interfaces slide, heading (k, 2): slip directions of rolling contacts; arrays of Python that
+  // outlive this object.
   void use(std::vector<FrictionInterface> places, const std::uint8_t* acts, double* heading);
-  explicit operator bool() const;  // does any place slide?
+  explicit operator bool() const;  // does any interface slide?
 
-  // e, e . v and the factors -mu r d where the kinematics stand.
+  // e, e . v and the factors -mu r d at the current kinematics.
   void slips(const double* v);
-  // Where slips and G (ng, nv) by rows stand, and S of the saddle-point system is factorized: rhs (ng,) by row becomes
-  // lam, f (nv,) v'. The power of friction is returned.
+  // With current slips and G (ng, nv) by rows, and S of the saddle-point system factorized: rhs (ng,) by row becomes
+  // lam, f (nv,) v'. Returns the power of friction.
   double solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f);
-  // Adds friction by lam (ng,) of the rows in use to tau (nv,), and returns its power.
+  // Adds friction due to lam (ng,) of the rows in use to tau (nv,), and returns its power.
   double add(const double* G, const double* lam, double* tau);
-  // Slopes of that by lam: of tau and of the power, (r, nv + 1) by rows.
+  // Partials of this by lam: of tau and of the power, (r, nv + 1) by rows.
   void slopes(const double* G, const double* lam, Numbers& out);
 
  private:
   void along_grip(size_t k, const double* v, double* w);       // a unit wrench, (6,)
   void along(const FrictionInterface& place, const double* v, double* w);
-  void spread(const double* G);                               // what `whole` needs
+  void spread(const double* G);                               // prepares `whole`
   void whole(const double* lam, double* all) const;            // multipliers of all rows, of minimum norm
-  double carried(const FrictionInterface& place, const double* all, double* slope) const;  // |F|, and by those it is made of
+  double carried(const FrictionInterface& place, const double* all, double* slope) const;  // |F|, its partials
   void forces(const Numbers& lam, const Rows<double>& responses);                     // T
 
   const Mechanics& m_;

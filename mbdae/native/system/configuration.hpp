@@ -15,7 +15,7 @@ class Configuration {
  public:
   Configuration(Mechanics& m, Constraints& constraints, Counts& counts);
 
-  void inertia(const double* q, const double* v = nullptr);     // M and its factors; with v, slopes begin; G, Z fall
+  void inertia(const double* q, const double* v = nullptr);     // M, its factors; v: first partials; G, Z invalid
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
   void scale(int row) { scale(row, G, Z); }                     // Z of a row, from G
   void scale(int row, const Numbers& G, Numbers& Z) const;      // the same of other rows (ng, nv)
@@ -23,12 +23,12 @@ class Configuration {
   void half(double* x, const std::vector<int>& columns) const;  // the same where x is zero elsewhere
   void back(double* x) const;                                   // x := U^-T D^-1/2 x
 
-  void stand(const double* q);  // all of it is that of q now
+  void stand(const double* q);  // mark all of it as current at q
   void forget() { stands_ = false, ++stamp_; }
-  long stamp() const { return stamp_; }  // another one where Z may be another
-  bool near(const double* q) const;     // it is that of q, but for rounding
-  bool exactly(const double* q) const;  // it is that of q
-  void exchange(Configuration& other);          // with another one of the same mechanism
+  long stamp() const { return stamp_; }  // changes whenever Z may change
+  bool near(const double* q) const;     // is it current at q, to rounding?
+  bool exactly(const double* q) const;  // is it current at exactly q?
+  void exchange(Configuration& other);          // with another configuration of the same mechanism
 
   Numbers G, Z;  // (ng, nv) by rows
   Numbers g;     // (ng,) over all rows, without the motion of drivers
@@ -39,7 +39,7 @@ class Configuration {
   Counts& counts_;
   bool stands_ = false;
   long stamp_ = 0;
-  Numbers q_;     // (nq,) where it stands
+  Numbers q_;     // (nq,) where it is current
   Numbers U_;     // (nv, nv) by columns: above the diagonal, U
   Numbers root_;  // (nv,) D^1/2
 };

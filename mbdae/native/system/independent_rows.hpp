@@ -1,4 +1,4 @@
-// The rows in use: independent ones, chosen anew where they become worse than others
+// The rows in use: independent rows, selected again when they become worse conditioned than others
 // (mbdae/mechanism/closures/independent_rows.py).
 #pragma once
 
@@ -11,15 +11,15 @@ namespace mbdae {
 
 class IndependentRows {
  public:
-  // Of all rows; or of those alone that have a g.
+  // Of all rows; or of those only that have a g.
   IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Tolerances& limits,
                   bool positions = false);
 
-  int rank = -1;           // -1: not known yet
-  double floor = 0;        // of the ratio of pivots: below, the rank has fallen
-  bool held = false;       // the rows in use stay as they are, but for `settle`
-  double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T met since Python looked
-  bool estranged = false;  // other rows than those in use may be independent of them
+  int rank = -1;           // -1: unknown
+  double floor = 0;        // ratio of pivots below which the rank has fallen
+  bool held = false;       // the rows in use are fixed, except in `settle`
+  double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T since the last check in Python
+  bool estranged = false;  // rows not in use may be independent of the rows in use
 
   const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted
   const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
@@ -28,26 +28,27 @@ class IndependentRows {
   const std::vector<int>& others() const { return others_; }                      // (ng - r,) sorted
   const std::vector<int>& position() const { return position_; }  // (ng,) in the saddle system; -1 where not in use
   int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
-  long version() const { return version_; }                       // how often other rows came into use
+  long version() const { return version_; }                       // counts changes of the rows in use
   bool dependent() const { return !others_.empty() && !rows_.empty(); }
   bool many() const { return static_cast<int>(position_.size()) > limits_.many; }
 
   void use(const std::vector<int>& rows, int rank, double floor, bool held);
-  void met(double ratio);  // of the pivots of a saddle system
-  // From Z (ng, nv), the rows of G M^-1/2: choose anew; are other rows in use now? stamp: another one for another Z.
+  void met(double ratio);  // note the pivot ratio of a saddle-point system
+  // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
+  // Z.
   bool choose(const double* Z, long stamp);
-  // Where a step begins: few rows always, many where there is reason to.
+  // At the beginning of a step: always for few rows, for a reason for many rows.
   bool choose_with_reason(const double* Z, long stamp);
-  // Is the factor R of Z^T P = Q R, by which rows are chosen, one of Z Z^T of the rows in use? It stands then.
+  // Is the factor R of Z^T P = Q R of the selection also a factor of Z Z^T of the rows in use? Then it is current.
   bool factorize(const double* Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
-  double ratio(const double* Z, int rank);   // smallest pivot of so many rows to the largest
+  double ratio(const double* Z, int rank);   // smallest of this many pivots to the largest
 
-  class Aside;  // while one stands, the rows in use stay, and what is solved is no part of the run
+  class Aside;  // while it exists, the rows in use are fixed, and solves are not part of the run
 
  private:
   void set(std::vector<int> rows);
-  void look(const double* Z, long stamp);  // at the pivots of all rows
+  void look(const double* Z, long stamp);  // examine the pivots of all rows
 
   const Tolerances& limits_;
   const int nv_;
@@ -58,12 +59,12 @@ class IndependentRows {
   std::vector<std::vector<int>> coupled_;      // (r,)
   int half_bandwidth_ = 0;
   long version_ = 0;
-  double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last look, and last; nan: nothing was solved since
+  double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last examination, and last; nan: no solve since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
   Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
   Numbers factors_;                            // (ng, nv) and more: R by columns, as `pivots` leaves it
   mutable Numbers x_;                          // (r,) in the order of pivots
-  long seen_ = -1;                             // the stamp of the Z whose pivots and factors stand
+  long seen_ = -1;                             // the stamp of the Z whose pivots and factors are current
 };
 
 class IndependentRows::Aside {

@@ -217,7 +217,7 @@ void Index2System::size(const double* y, double* out) {
   manifold.size(y, out);
   for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = std::fabs(y[nq + i]);
   if (!driven()) return;
-  mechanics.inertia(y);  // the kinetic energy: the work of drivers is measured by it
+  mechanics.inertia(y);  // kinetic energy: scale for the work of drivers
   const double *M = mechanics.M(), *v = y + nq;
   for (int k = 0; k < nv; ++k) {
     const double* c = M + static_cast<size_t>(k) * nv;

@@ -1,4 +1,4 @@
-// A mechanism in index-2 descriptor form, in a workspace of its own (mbdae/mechanism/formulations/index2.py).
+// A mechanism in index-2 descriptor form, with its workspace (mbdae/mechanism/formulations/index2.py).
 #pragma once
 
 #include <memory>
@@ -21,23 +21,23 @@ struct StageMemory;  // collocation.hpp
 
 struct State {
   Numbers y;           // (nq + nv + ns + 1,): q, v, s, w
-  Numbers carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): what rounding took off y; both may be empty
-  std::shared_ptr<StageMemory> memory;  // what an implicit method carries instead; may be missing
+  Numbers carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): the rounding error of y; both may be empty
+  std::shared_ptr<StageMemory> memory;  // carry of an implicit method; may be missing
 };
 
-// Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
+// Partials of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
 // (mbdae/mechanism/formulations/equation_partials.py).
 struct EquationPartials {
   Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
   Numbers g_t;            // (r,)
-  Numbers friction;       // (r, nv + 1) what slides adds to slopes of f and of the power by lam; empty: nothing slides
+  Numbers friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no sliding
 };
 
-// Which equations are stepped: G v + g_t = 0 kept; g = 0 too, by a second multiplier; or neither, accelerations known
+// Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, accelerations known
 // (mbdae/mechanism/formulations/).
 enum class Formulation { index2, ggl, index1 };
 
-// What Python says of a mechanism.
+// Description of a mechanism from Python.
 struct Description {
   Formulation formulation = Formulation::index2;
   double alpha = 0, beta = 0;  // 1/s, of Baumgarte's stabilisation
@@ -72,49 +72,50 @@ class Index2System {
   const int ny, length;            // of the tangent (x, v, s, w), and of y
   double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
 
-  int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // numbers, from step to step
-  Numbers carry(const Numbers& F) const;  // what a method with an explicit first stage keeps of y' (ny,) at a point
+  int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry from step to step
+  Numbers carry(const Numbers& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage
   bool driven() const { return !constraints.drivers.empty(); }
   int measured() const { return driven() ? ny : ny - 1; }  // components under error control
-  // Where `saddle.symmetric` was called: do rows that are not in use still depend on the others? Else a reason to look.
+  // After `saddle.symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
   void probe();
   void use(const std::vector<int>& in_use, int rank, double floor, bool held);
-  bool change_law(int k, const Numbers& a);  // other numbers for law k, as many as it has
-  // Rows that the mode does not have, (ng,), and whether joints stick; say then which rows are in use.
+  bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
+  // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void leave_out(std::vector<bool> off, bool sticks);
 
-  // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q; begun: where slopes began.
+  // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; begun: with first terms of
+  // partials.
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
               bool begun = false);
-  // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
+  // tau (nv,) of all laws, and the rates, with current kinematics at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
-  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses stand then.
+  // Partials at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses are current afterwards.
   void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
-  // K, D and g_t alone, and B (r, nv) where asked for; the wrenches of laws between frames, too, and then those of
-  // closures, whose rows are summed up.
+  // K, D and g_t alone, and B (r, nv) if requested; also the wrenches of laws between frames, followed by those of
+  // closures, summed over rows.
   void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
-  // Added to K (nv, nv), slopes of G^T lam by q with lam (ng,), and slopes of G v by q, (r, nv) by rows: each where
-  // asked for; and how rows in use turn, (ng,). J and poses stand at q.
+  // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
+  // if requested; and the partials of rows in use, (ng,). J and poses are current at q.
   void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
                       std::vector<ActingWrench>* wrenches = nullptr, std::vector<WrenchPartials>* turnings = nullptr);
-  // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
-  // is added.
+  // With current G and, for closure friction, slip directions: rhs (ng,) by row becomes lam, f (nv,) v'; the power of
+  // friction is added.
   void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
-  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found.
+  // v' (nv,) and the rates from the hidden constraint, where `point` is current at q; sets `multipliers`.
   void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
   // y' (ny,) and lam (ng,) from the hidden constraint.
   void derivative(double t, const double* y, double* F, double* z);
-  // The same without Baumgarte's terms, for a look at where a step led: rows in use stay, and what the step has left
-  // there, but for rounding, is taken.
+  // Like derivative(), without Baumgarte terms, at the end of a step. Keeps the rows in use; reuses the kinematics of
+  // the step where q agrees to rounding.
   void hidden(double t, const double* y, double* F, double* z);
-  // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
+  // The same in raw coordinates, normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
   void rate(double t, const double* y, double* dy, double* z);
-  // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
-  // onto them then, and the carried derivative is found anew.
+  // Between two steps: select rows, and measure the violation of all. True if the rows changed; then v is projected
+  // onto them, and the carried derivative is recomputed.
   bool settle(double t, State& s);
 
-  // f, the rates and the motions where the last stage of a step stood; its poses are kept where rows are in use.
+  // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
   struct Known {
     double t = NAN;
     long motion = -1;           // of the mechanics
@@ -122,16 +123,16 @@ class Index2System {
   } known;
 
   std::vector<SampledController> samplers;
-  void jump(double t, double* y);     // to just after t, where some of them look
-  double potential(const double* q);  // of gravity and springs in J, where poses stand
+  void jump(double t, double* y);     // to just after t, where t is a sampling instant
+  double potential(const double* q);  // of gravity and springs in J, at the current poses
 
   void add(const double* y, const double* x, double* out) const;  // y (+) x
   void difference(const double* y0, const double* y1, double* out) const;
   void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
-  const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, that `derivative` found last
-  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, where G stands
+  const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
+  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
   double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 

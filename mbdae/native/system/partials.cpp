@@ -19,7 +19,7 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   double* G = all_G_.data();
   constraints.value(mechanics, q, rows.in_use(), G);
   out.friction.clear();
-  if (sliding) {  // its slopes by q and v are left out: Newton's iterations find what they miss
+  if (sliding) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
     constraints.value(mechanics, q, rows.others(), G);
     sliding.slips(u), sliding.slopes(G, lam, out.friction);
   }

@@ -1,4 +1,4 @@
-// The rows for which mu is found: independent ones of those that have a g (mbdae/mechanism/formulations/ggl.py).
+// The rows of mu: independent ones of those that have a g (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
 #include "system/index2.hpp"
@@ -9,8 +9,8 @@ class PositionRows {
  public:
   explicit PositionRows(Index2System& system);
 
-  void open(const double* y);  // choose them where a step begins
-  // Where all rows have a g they are the rows in use, and S is that of lam.
+  void open(const double* y);  // select them at the beginning of a step
+  // If all rows have a g they are the rows in use, and S is that of lam.
   const bool shared;
   const IndependentRows& rows() const { return shared ? s_.rows : own_; }
   SaddleSystem& saddle() { return shared ? s_.saddle : own_saddle_; }

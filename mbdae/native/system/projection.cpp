@@ -9,7 +9,7 @@ namespace mbdae {
 
 namespace {
 
-// Numbers by their scales: lengths in characteristic lengths of the mechanism.
+// Scaled values: lengths in characteristic lengths of the mechanism.
 Numbers scaled(const double* x, const std::vector<double>& scales) {
   Numbers out(scales.size());
   for (size_t i = 0; i < out.size(); ++i) out[i] = x[i] / scales[i];
@@ -24,7 +24,35 @@ double largest_of(const double* x, const std::vector<double>& scales) {
   return largest(scaled(x, scales).data(), static_cast<int>(scales.size()));
 }
 
+// Whether v misses rows of G v + g_t = 0; without g_t, that of drivers, all rows have v = 0 in common.
+bool contradicts(const Index2System& s, double t, const double* v) {
+  const Tolerances& limits = s.mechanics.limits;
+  Numbers g_t(s.ng, 0.0);
+  s.constraints.speed(t, g_t.data());
+  if (largest(g_t.data(), s.ng) == 0) return false;
+  double missed = 0, terms = 0;
+  for (int k = 0; k < s.ng; ++k) {
+    double sum = g_t[k], size = std::fabs(g_t[k]);
+    const double* G = &s.point.G[static_cast<size_t>(k) * s.nv];
+    for (int i = 0; i < s.nv; ++i) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
+    missed = std::max(missed, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
+  }
+  return !(missed <= limits.kept * terms);
+}
+
 }  // namespace
+
+void add_magnitude(const Index2System& s, const double* y, double* size) {
+  const std::vector<double>& scales = s.mechanics.limits.coordinate_scales;
+  const double speed = largest_of(y + s.nq, scales);
+  for (int i = 0; i < s.nv; ++i) size[i] += scales[i], size[s.nv + i] += scales[i] * speed;
+}
+
+double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double share, double nothing) {
+  double most = 0;
+  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (share * magnitude[k] + nothing));
+  return most;
+}
 
 bool felt(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
@@ -50,7 +78,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
     point.back(x.data());
   };
   Numbers kept;
-  auto positional = [&]() -> const Numbers& {  // rows of velocity have no part in q
+  auto positional = [&]() -> const Numbers& {  // velocity rows do not constrain q
     kept = point.Z;
     for (int k : s.constraints.all)
       if (!s.constraints.rows[k].positional) std::fill_n(&kept[static_cast<size_t>(k) * nv], nv, 0.0);
@@ -71,7 +99,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
     if (path) path->emplace_back(q, q + nq);
     std::copy(nearer.begin(), nearer.end(), q);
     g = gap;
-    point.forget();  // M stays that of the start
+    point.forget();  // M remains that of the start
     std::swap(point.G, G);
     for (int k : s.constraints.all) point.scale(k);
   }
@@ -84,6 +112,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   if (felt(s, rate.data(), v)) {
     smallest(point.Z, rate);
     for (int i = 0; i < nv; ++i) v[i] -= x[i];
+    if (contradicts(s, t, v)) throw FallBackToPython();
   }
   if (!finite(y, s.length)) throw FallBackToPython();
 }

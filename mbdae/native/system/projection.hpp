@@ -1,15 +1,20 @@
-// Projection of a state on its closures, as an option at the ends of steps
-// (mbdae/mechanism/formulations/projection.py).
+// Projection of a state onto its closures, optional at the ends of steps (mbdae/mechanism/formulations/projection.py).
 #pragma once
 
 #include "system/index2.hpp"
 
 namespace mbdae {
 
-// Whether G v + g_t (ng,) is more than rounding; whatever it is where joints stick.
+// Whether G v + g_t (ng,) exceeds rounding; any nonzero value counts if joints stick.
 bool felt(const Index2System& system, const double* rate, const double* v);
 
-// y becomes the nearest point with g = 0 and G v + g_t = 0; the configurations on the way, but for the last.
+// size (ny,) of y, and what it is measured by where y is near zero: characteristic lengths and the largest speed.
+void add_magnitude(const Index2System& system, const double* y, double* size);
+
+// The largest component of a move away from a point of this magnitude, of a share of it.
+double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double share, double nothing);
+
+// y becomes the nearest point with g = 0 and G v + g_t = 0; all configurations on the way except the last.
 void restore(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
 
 }  // namespace mbdae

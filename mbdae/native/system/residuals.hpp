@@ -1,16 +1,16 @@
-// What a run keeps or should keep, at any point (mbdae/solution/columns.py).
+// Residuals and energies at any point (mbdae/solution/columns.py).
 #pragma once
 
 #include "system/index2.hpp"
 
 namespace mbdae {
 
-// g and G v + g_t over all rows, (ng,) each, at y = (q, v, ...); M, J and poses stand at q then. Nothing is counted.
+// g and G v + g_t over all rows, (ng,) each, at y = (q, v, ...); M, J and poses are current at q then. Not counted.
 void residual(Index2System& s, double t, const double* y, double* g, double* rate);
 
 struct Energy {
   double kinetic, potential;  // J
 };
-Energy energy(Index2System& s, const double* y);  // where M and poses stand at q
+Energy energy(Index2System& s, const double* y);  // with current M and poses at q
 
 }  // namespace mbdae

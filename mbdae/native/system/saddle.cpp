@@ -11,7 +11,7 @@ SaddleSystem::SaddleSystem(const Configuration& point, const Constraints& constr
                            const Tolerances& limits, Counts& counts, int nv)
     : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
 
-// Four sums at once, which do not wait for each other.
+// Four independent partial sums.
 void SaddleSystem::assemble(const Numbers& Zhat) {
   const std::vector<int>& rows = rows_.in_use();
   const int r = static_cast<int>(rows.size());
@@ -71,7 +71,7 @@ void SaddleSystem::respond(double* rhs, double* f) {
 void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f, bool by_choice) {
   point_.half(f);
   const std::vector<int>& position = rows_.position();
-  const bool again = constraints_.sticks;  // what rounding has left is solved for once more
+  const bool again = constraints_.sticks;  // one step of iterative refinement
   if (again) right_.assign(rhs, rhs + position.size());
   for (int i = 0; i <= again && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
@@ -121,7 +121,7 @@ void SaddleSystem::balance(double* left, double* lam) {
   for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
 }
 
-// A vector that the rows in use leave alone is left alone by those that depend on them.
+// A vector in the null space of the rows in use is in that of the rows that depend on them.
 bool SaddleSystem::others_depend(const Numbers& probe) {
   const std::vector<int>& position = rows_.position();
   Numbers w(probe);
@@ -166,7 +166,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   for (int i = 0; i < d; ++i)
     for (int l : rows_.neighbours(others[i]))
       if (position[l] >= 0) cross_.push_back({i, position[l], product(others[i], l)});
-  auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is lost
+  auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);
     for (const Entry& e : cross_) out[e.i] += e.s * u[e.j];
@@ -195,7 +195,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   for (int k : rows_.in_use()) z[k] -= u_[position[k]];
   for (int i = 0; i < d; ++i) z[others[i]] = n_[i];
   if (!finite(z, static_cast<int>(ng)))
-    throw FallBackToPython();  // in a singular configuration Python finds those of minimum norm
+    throw FallBackToPython();  // in a singular configuration Python computes those of minimum norm
 }
 
 }  // namespace mbdae

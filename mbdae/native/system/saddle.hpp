@@ -14,19 +14,19 @@ class SaddleSystem {
                Counts& counts, int nv);
 
   void factorize(const Numbers& Zhat);  // S
-  // Where `factorize` was called last: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
+  // After `factorize`: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
-  // The same without `counts`, for further right sides; by_choice: by the factors that chose the rows.
+  // The same without `counts`, for further right-hand sides; by_choice: by the factors of the row selection.
   void respond(const Numbers& Zhat, double* rhs, double* f, bool by_choice = false);
-  // The same where Z stands, by any factors of G M^-1 G^T there are or will be asked for.
+  // The same with current Z, by any factors of G M^-1 G^T that exist or will be needed.
   void respond(double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
-  void symmetric();  // factorize G M^-1 G^T where Z stands, unless those are the factors
-  // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, where asked for, S^-1 times it, (ng,) by row.
+  void symmetric();  // factorize G M^-1 G^T with current Z, unless those are the factors
+  // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, if requested, S^-1 times it, (ng,) by row.
   void normal(const double* by_row, double* out, double* multipliers = nullptr);
-  // Where `symmetric` was called last:
-  bool others_depend(const Numbers& probe);        // do the rows that are not in use? Seen on one vector (nv,)
-  // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is lost.
+  // After `symmetric`:
+  bool others_depend(const Numbers& probe);        // are the rows not in use dependent? Tested with one vector (nv,)
+  // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is overwritten.
   void balance(double* left, double* lam);
   // Multipliers of all rows (ng,) from those in use, of minimum norm.
   void all_multipliers(const double* lam, double* z);
@@ -47,9 +47,9 @@ class SaddleSystem {
   const int nv_;
   BandLU lu_;                          // of S, (r, r)
   long symmetric_ = -1;  // the stamp of the point whose Z Z^T is factorized
-  long version_ = -1;                  // of the rows for which it has its size
+  long version_ = -1;                  // of the rows that set its size
   Numbers x_;                          // (max(nv, r),) right-hand side, and solution
-  Numbers right_;                      // (ng,) by row, as it was given where joints stick
+  Numbers right_;                      // (ng,) by row, the given one if joints stick
   std::vector<Entry> cross_;           // of Z_others Z_in_use^T, (ng - r, r)
   Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
 };

@@ -1,5 +1,5 @@
-// Controllers that look at a mechanism at instants and hold their torques in between
-// (mbdae/mechanism/forces/sampled.py, joint_pid.py).
+// Controllers that sample a mechanism at instants and hold their torques in between (mbdae/mechanism/forces/sampled.py,
+// joint_pid.py).
 #pragma once
 
 #include <functional>
@@ -12,15 +12,15 @@ namespace mbdae {
 struct SampledController {
   enum Kind { pid, python } kind = pid;
   double rate = 1, offset = 0;  // Hz; a sampling instant in s
-  double coincide = 0;          // of a period: how near a time must be to count as an instant
-  int state = 0, states = 0;    // where its states, torques and memory, stand in s
+  double coincide = 0;          // of a period: tolerance for a time to count as an instant
+  int state = 0, states = 0;    // first index of its states, torques and memory, in s
   TimeFunction reference;             // of a PID controller; a: kp, ki, kd
   Numbers a;
-  int x = 0, v = 0;  // where what it controls, and the velocity, stand in y
+  int x = 0, v = 0;  // first index in y of the controlled coordinate, and of the velocity
   // Python: (t, q, v, s) -> s after the instant.
   std::function<void(double t, const double* q, const double* v, const double* s, double* after)> call;
 
-  double next(double t) const;  // the first instant behind t
+  double next(double t) const;  // the first instant after t
   // s (states,) after time t from y = (q, v, s, ...) before it, if that is an instant.
   void look(double t, const double* y, int nq, int nv, double* after) const;
 };

@@ -1,1 +1,1 @@
-"""Integrators side by side on one mechanism."""
+"""Comparison of integrators on one mechanism."""

@@ -1,4 +1,4 @@
-"""The sub-command ``compare``."""
+"""Sub-command ``compare``."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from ...cli.options import (
     plot_option,
     span,
     stopped,
-    time_option,
+    t_span_option,
     writable,
 )
 from ...errors import InputError, UnknownNameError
@@ -30,14 +30,18 @@ from ...errors import InputError, UnknownNameError
 @methods_option
 @click.option("--formulation", "formulations", multiple=True, help="For methods without one: index2, project, ggl.",
               shell_complete=completed(lambda: COMPARED, files=False))  # fmt: skip
-@time_option
+@t_span_option
 @click.option("--rtol", multiple=True, help="Relative tolerances, 1e-3 to 1e-10 when left out: --rtol 1e-4,1e-6.")
 @click.option("--steps", multiple=True, help="Numbers of fixed steps, instead of tolerances.")
 @click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes; times are still taken one by one.")
 @click.option("--quantity", help="To be drawn: q, v or lam; y or z of a textbook problem.  [default: q or y]")
 @click.option(
-    "-o", "--output", "outputs", type=click.Path(dir_okay=False), multiple=True,
+    "-o",
+    "--output",
+    "outputs",
+    type=click.Path(dir_okay=False),
+    multiple=True,
     help="Keep the runs here, .csv or .json, and go on from there; or write the table in LaTeX, .tex. Twice for both.",
 )
 @click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
@@ -46,9 +50,9 @@ from ...errors import InputError, UnknownNameError
 @as_json
 def compare(
     model: ChosenModel,
-    names: tuple[str, ...],
+    methods: tuple[str, ...],
     formulations: tuple[str, ...],
-    end: float | None,
+    t_span: tuple[float, ...] | None,
     rtol: tuple[str, ...],
     steps: tuple[str, ...],
     quantity: str | None,
@@ -78,13 +82,13 @@ def compare(
     with bar("compare", 1.0) as tell:
         result = study(
             problem,
-            span(problem, end),
-            methods=listed(names) or None,
+            span(problem, t_span),
+            methods=listed(methods) or None,
             formulations=listed(formulations) or None,
             rtol=numbers(rtol, float, "--rtol"),
             steps=numbers(steps, int, "--steps"),
             progress=tell,
-            resume=output,
+            path=output,
             fresh=fresh,
             **options,
         )

@@ -1,4 +1,4 @@
-"""One problem, many methods and tolerances: errors against a reference, work, and time."""
+"""Comparison of methods and tolerances on one problem: errors against a reference, work, and time."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from .run_queue import Progress, RunQueue
 
 __all__ = ["compare"]
 
-METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")  # behind the default
+METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 REFERENCE = ("pherk6", "radau9")
 
@@ -43,17 +43,17 @@ def compare(
     workers: int = 1,
     timed_together: bool = False,
     progress: Progress | None = None,
-    resume: str | Path | None = None,
+    path: str | Path | None = None,
     fresh: bool = False,
     backend: str = "auto",
 ) -> Comparison:
     """Run many methods on one mechanism or textbook problem and measure errors, drift, work and time.
 
     Errors are the largest differences to a reference over common times, of q in the tangent, v, and lam from the hidden
-    constraint; of y and z of a textbook problem. The reference is the exact solution where it is known, else a tight
-    run; a second one of another family says how far it can be trusted.
+    constraint; of y and z of a textbook problem. The reference is the exact solution if known, else a run with tight
+    tolerance; a second one of another family estimates its uncertainty.
 
-    Stopped by Ctrl-C, it returns what was finished. With ``resume``, every finished run is kept in that file, and the
+    Stopped by Ctrl-C, it returns what was finished. With ``path``, every finished run is kept in that file, and the
     same call goes on from there.
 
     Args:
@@ -63,35 +63,32 @@ def compare(
         v: consistent start velocity (nv,); the model's when left out.
         methods: names, or tableaus, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``,
             ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.method_variant`; a
-            textbook problem has none but index 2. When left out, what `mbdae.solve` takes by default, with its
-            projection, and those of `METHODS` whose formulation the problem has.
+            textbook problem has index 2 only. When left out, the default of `mbdae.solve`, with its projection, and
+            those of `METHODS` whose formulation the problem supports.
         formulations: for the names without one: each of these; ``"index2"`` when left out.
         rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
         steps: numbers of fixed steps over the span, instead of tolerances.
         reference: two methods of different families; errors are differences to the first.
-        reference_rtol: their tolerance; the next power of ten that can be met.
+        reference_rtol: their tolerance; the next power of ten that they can satisfy.
         outputs: number of common times, equidistant, the end among them.
-        repeats: how often a run is made for its time, all runs in turn; 0 for no times. Runs above 2 s count once.
-        max_steps: a run that takes more steps is given up.
+        repeats: number of timed repetitions of a run, all runs in turn; 0 for no times. Runs above 2 s are timed once.
+        max_steps: runs with more steps are aborted.
         workers: processes; needs ``if __name__ == "__main__":`` in scripts. Times are then taken afterwards, one run
             at a time.
         timed_together: take times in the processes, while others compute.
         progress: called with the fraction of runs done and the name of the next.
-        resume: a .json or .csv file that is kept up to date, and read first if it is there.
+        path: a .json or .csv file that is kept up to date, and read first if it is there.
         fresh: do not read it; it is replaced when the first run is done.
-        backend: of all runs, so that their times compare: ``"auto"`` takes the compiled core if it has every method
-            of the comparison, and Python otherwise.
+        backend: of all runs, so that their times are comparable: ``"auto"`` takes the compiled core if it supports
+            every method of the comparison, and Python otherwise.
 
     Raises:
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
-        UnknownNameError: for a method or formulation that does not exist.
+        UnknownNameError: for an unknown method or formulation.
     """
     problem = problem_of(problem, "compare")
     motion = _motion(problem, t_span, q, v, outputs, max_steps)
-    if methods is None and formulations is None:
-        chosen = usual(problem, METHODS, **({"rtol": TOLERANCES[0]} if steps is None else {"step": 1.0}))
-    else:
-        chosen = variants(METHODS if methods is None else methods, formulations)
+    chosen = _chosen(problem, methods, formulations, steps is not None)
     trials = _trials(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
     _refuse_unsuited(problem, kinds)
@@ -105,7 +102,7 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    bench = RunQueue(motion, trials, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
+    bench = RunQueue(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
     complete = False
     try:
         bench.refer()
@@ -118,11 +115,23 @@ def compare(
     return bench.result(complete)
 
 
+def _chosen(
+    problem: Problem,
+    methods: str | Iterable[str | Variant] | None,
+    formulations: str | Iterable[str] | None,
+    fixed: bool,
+) -> list[Variant]:
+    """The methods to compare, for runs with fixed steps or with tolerances."""
+    if methods is None and formulations is None:
+        return usual(problem, METHODS, **({"step": 1.0} if fixed else {"rtol": TOLERANCES[0]}))
+    return variants(METHODS if methods is None else methods, formulations)
+
+
 def _refuse_unsuited(problem: Problem, kinds: Iterable[Variant]) -> None:
-    """Refuse methods by name whose formulation knows no stops, before the reference is computed.
+    """Reject methods by name whose formulation does not support stops, before the reference is computed.
 
     Raises:
-        InputError: names them, and what opens, closes or steps.
+        InputError: names them, and the switches.
     """
     if not isinstance(problem, Mechanism) or not problem.switches:
         return
@@ -149,12 +158,21 @@ def _trials(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequenc
     if rtol is not None and steps is not None:
         raise InputError("a comparison takes tolerances or numbers of steps, not both")
     if steps is not None:
-        require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
-        if not len(steps) or any(n < 1 or n != int(n) for n in steps):
-            raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
-        return [Trial(m, None, n) for m in methods for n in sorted({int(n) for n in steps})]
-    chosen = TOLERANCES if rtol is None else rtol
-    require(chosen, Sequence | np.ndarray, "rtol is a list of numbers")
-    if not len(chosen) or not all(0 < r < 1 for r in chosen):
+        numbers = _step_numbers(steps)
+        return [Trial(m, None, n) for m in methods for n in numbers]
+    tolerances = _tolerances(TOLERANCES if rtol is None else rtol)
+    return [Trial(m, r) for m in methods for r in tolerances]
+
+
+def _step_numbers(steps: Sequence[int]) -> list[int]:
+    require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
+    if not len(steps) or any(n < 1 or n != int(n) for n in steps):
+        raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
+    return sorted({int(n) for n in steps})
+
+
+def _tolerances(rtol: Sequence[float]) -> list[float]:
+    require(rtol, Sequence | np.ndarray, "rtol is a list of numbers")
+    if not len(rtol) or not all(0 < r < 1 for r in rtol):
         raise InputError(f"rtol holds numbers between 0 and 1, got {rtol!r}")
-    return [Trial(m, r) for m in methods for r in sorted({float(r) for r in chosen}, reverse=True)]
+    return sorted({float(r) for r in rtol}, reverse=True)

@@ -1,4 +1,4 @@
-"""What `mbdae.studies.comparison.compare.compare` returns: one row per run, and what follows from them."""
+"""Result of `mbdae.studies.comparison.compare.compare`: one row per run, and derived rankings."""
 
 import csv
 import json
@@ -16,7 +16,7 @@ from .run_result import RunResult, parameter_value, read_point
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KNOWN = 5.0  # an error is known where it is this many times the uncertainty of the reference
+KNOWN = 5.0  # ratio to the uncertainty of the reference above which an error is known
 Work = Literal["solves", "seconds"]
 QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
 OF_TEXTBOOK = ("y", "z")
@@ -31,14 +31,14 @@ class Comparison(Tabular):
     Attributes:
         title: of the mechanism or textbook problem.
         t_span: start and end in s.
-        points: the runs that were finished, by method and then from coarse to fine.
-        reference: the run that the errors are differences to, in words.
-        witness: the run of another family that it was held against, in words; "" for an exact solution.
+        points: the finished runs, by method and then from coarse to fine.
+        reference: the reference run for errors, in words.
+        witness: the run of another family that checks the reference, in words; "" for an exact solution.
         uncertainty: largest difference of the two, for ``"q"``, ``"v"``, ``"lam"`` of a mechanism, ``"y"``, ``"z"`` of
-            a textbook problem: what is known of the reference.
-        complete: False when the comparison was stopped before its end.
-        meta: key of the settings, versions, command, machine, back end and what keeps the runs from the core, how many
-            runs were asked for.
+            a textbook problem: the uncertainty of the reference.
+        complete: False if the comparison was stopped before its end.
+        meta: key of the settings, versions, command, machine, back end and why runs cannot use the core, number of
+            requested runs.
     """
 
     title: str
@@ -52,27 +52,27 @@ class Comparison(Tabular):
 
     @property
     def asked(self) -> int:
-        """How many runs were asked for."""
+        """Number of requested runs."""
         return self.meta.get("runs", len(self.points))
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What the errors are of: q, v and lam of a mechanism, y and z of a textbook problem."""
+        """Quantities of the errors: q, v and lam of a mechanism, y and z of a textbook problem."""
         return tuple(self.uncertainty)
 
     @property
     def trust(self) -> str:
-        """The reference, and how far it can be trusted, in words."""
+        """Description of the reference and its uncertainty."""
         known = ", ".join(f"{u:.1e} in {name}" for name, u in self.uncertainty.items())
         if not self.witness:
             return f"{self.reference}, known to {known}"
         return f"{self.reference}; {self.witness} differs by {known}"
 
     def quantity(self, name: str | None) -> str:
-        """The name of a quantity; that of the positions when left out.
+        """Return the name of a quantity; that of the positions when left out.
 
         Raises:
-            UnknownNameError: for one that there is not.
+            UnknownNameError: for an unknown quantity.
         """
         if name is not None and name not in self.uncertainty:
             raise UnknownNameError("quantity", name, self.uncertainty)
@@ -85,7 +85,7 @@ class Comparison(Tabular):
 
     @property
     def computed_by(self) -> str:
-        """Which back end and which processor the times are of, in words."""
+        """Back end and processor of the times, in words."""
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
         stepped = [name for name in self.methods if name.rpartition(":")[2] in SCIPY]
         scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
@@ -96,15 +96,15 @@ class Comparison(Tabular):
         return [p for p in self.points if p.method == method and p.success]
 
     def floor(self, quantity: str | None = None) -> float:
-        """Errors below are not known: five times the uncertainty of the reference."""
+        """Return the smallest known error: five times the uncertainty of the reference."""
         return KNOWN * self.uncertainty[self.quantity(quantity)]
 
     def known(self, point: RunResult, quantity: str | None = None) -> bool:
-        """True when the error of a run stands clear of the uncertainty of the reference."""
+        """Return whether the error of a run is clearly above the uncertainty of the reference."""
         return point.success and point.errors[self.quantity(quantity)] >= self.floor(quantity)
 
     def targets(self, quantity: str | None = None) -> list[float]:
-        """Powers of ten that at least two methods reach, and that the reference can tell."""
+        """Return powers of ten that at least two methods reach, above the uncertainty of the reference."""
         name = self.quantity(quantity)
         bound = self.floor(name) + self.uncertainty[name]
         return targets([[p.errors[name] for p in self.of(method)] for method in self.methods], bound)
@@ -112,12 +112,12 @@ class Comparison(Tabular):
     def ranking(self, target: float, *, work: Work = "solves", quantity: str | None = None) -> list[RankingEntry]:
         """Order the methods by the work that they need to an error of at most ``target``.
 
-        Between two runs of a method the logarithm of the work is linear in that of the error. A run whose error is not
-        known counts with an upper bound of it.
+        Between two runs of a method, the logarithm of the work is linear in that of the error. A run with unknown error
+        counts with an upper bound.
 
         Raises:
-            InputError: for a target below what the reference can tell.
-            UnknownNameError: for a quantity that there is not.
+            InputError: for a target below the uncertainty of the reference.
+            UnknownNameError: for an unknown quantity.
         """
         error = self.quantity(quantity)
         bound = self.floor(error) + self.uncertainty[error]
@@ -151,7 +151,7 @@ class Comparison(Tabular):
         return comparison_table(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {
             "title": self.title,
             "t_span": list(self.t_span),
@@ -165,18 +165,18 @@ class Comparison(Tabular):
         }
 
     def cells(self) -> list[list[str]]:
-        """The runs, as they are read."""
+        """Return the runs for display."""
         from .tables import comparison_rows
 
         heads, rows = comparison_rows(self)
         return [heads, *rows]
 
     def remarks(self) -> list[str]:
-        """Which method is best for an accuracy."""
+        """Return which method is best for an accuracy."""
         return self.sentences()
 
     def tabulated(self) -> Columns:
-        """A row for each run; all else stands as JSON in the first row of the last column, ``about``."""
+        """Return a row for each run; further data are JSON in the first row of the last column, ``about``."""
         rows = [{**p.row(self.quantities), "known": self.known(p), "about": ""} for p in self.points]
         rest = {k: v for k, v in self.to_dict().items() if k not in ("points", "ranking")}
         rows = rows or [dict.fromkeys([*RunResult("", None, None, "").row(self.quantities), "known", "about"])]
@@ -215,7 +215,7 @@ class Comparison(Tabular):
         """Draw the work-precision diagram as .png, .svg or .pdf, see `mbdae.studies.figures`.
 
         Raises:
-            InputError: for another format or an unwritable path.
+            UnknownNameError: for an unknown quantity.
             UnknownNameError: for a quantity that there is not.
         """
         from .. import figures

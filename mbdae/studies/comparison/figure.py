@@ -17,7 +17,7 @@ SYMBOLS = {"lam": r"\lambda"}
 
 @settled
 def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
-    """Draw the error over linear solves and over wall time; errors that the reference does not tell are bounds.
+    """Draw the error over linear solves and over wall time; errors below the uncertainty are bounds.
 
     A bound is drawn at the upper edge of the grey band, with an arrow down and without a line to it.
     """

@@ -1,4 +1,4 @@
-"""Which method needs the least work to an error: interpolation in work-precision data."""
+"""Ranking of methods by the work for an error: interpolation in work-precision data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ class RankingEntry:
 
     Attributes:
         method: its name.
-        work: what it needs; None when it does not reach the target.
-        bound: True when even its coarsest run was better than the target: it needs at most this.
+        work: required work; None if the method does not reach the target.
+        bound: True if even its coarsest run is more accurate than the target: an upper bound of the work.
     """
 
     method: str
@@ -23,10 +23,10 @@ class RankingEntry:
 
 
 def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
-    """Work that a method needs to stay at or below an error, and whether that is an upper bound only.
+    """Return the work that a method needs to reach an error, and whether that is an upper bound only.
 
     Interpolated in logarithms between its last run above the target and the next one, log work linear in log error.
-    None when its finest run is above.
+    None if its finest run is above.
     """
     above = [i for i, (error, _) in enumerate(runs) if error > target]
     if not runs or (above and above[-1] == len(runs) - 1):
@@ -45,11 +45,11 @@ def rank(table: Mapping[str, Runs], target: float) -> list[RankingEntry]:
 
 
 def targets(errors: Sequence[Sequence[float]], bound: float) -> list[float]:
-    """Powers of ten, not below a bound, that at least two methods reach and at least one does not overshoot.
+    """Return powers of ten, not below a bound, that two methods reach and at least one does not overshoot.
 
     Args:
         errors: errors of the runs of each method.
-        bound: the least error that can be told.
+        bound: the smallest known error.
     """
     best = sorted(min(e) for e in errors if e)
     if not best:
@@ -62,12 +62,12 @@ def targets(errors: Sequence[Sequence[float]], bound: float) -> list[float]:
 
 
 def log10(x: float) -> float:
-    """Logarithm to base 10, rounded so that powers of ten come out whole."""
+    """Return the logarithm to base 10, rounded so that powers of ten are exact."""
     return round(log(x) / log(10.0), 9)
 
 
 def sentence(places: Sequence[RankingEntry], work: str) -> str:
-    """Say a ranking in words; empty when no method was measured."""
+    """Return a ranking in words; empty if no method was measured."""
     reached = [(p, p.work) for p in places if p.work is not None]
     if not reached:
         return ""

@@ -1,4 +1,4 @@
-"""One motion that several methods compute, and how far each of them is from a reference."""
+"""A motion that several methods compute, and errors relative to a reference."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -44,16 +44,16 @@ class Trial:
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """A mechanism or textbook problem, a start, a time span, and the common times of the samples.
+    """A mechanism or textbook problem with a start, a time span, and the common times of the samples.
 
     Attributes:
-        problem: what moves.
-        start: configuration (nq,) and velocity (nv,) of a mechanism; none of a textbook problem, which has its own.
+        problem: the problem.
+        start: configuration (nq,) and velocity (nv,) of a mechanism; empty for a textbook problem.
         t_span: start and end in s.
         times: common times in s, without the start, (m,).
-        max_steps: a run that takes more is given up.
+        max_steps: runs with more steps are aborted.
         backend: of all runs, see `mbdae.solve`.
-        because: what keeps them from the compiled core, in words; "" where nothing does.
+        because: why they cannot use the compiled core, in words; "" if they can.
     """
 
     problem: Problem
@@ -68,7 +68,7 @@ class ReferenceMotion:
         """Run a method.
 
         Raises:
-            KeyboardInterrupt: when the user stops it, or ``stop()`` says so.
+            KeyboardInterrupt: if the user or ``stop()`` stops it.
         """
 
         def check(done: float) -> None:
@@ -83,11 +83,11 @@ class ReferenceMotion:
         return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=tell, **options))  # type: ignore[arg-type]
 
     def sample(self, sol: Solution) -> Samples:
-        """The state and the hidden-constraint multipliers at the common times.
+        """Return the state and the hidden-constraint multipliers at the common times.
 
-        A run is carried on from the step before each of them by the underlying ordinary differential equation, solved
-        to rounding: what is measured is the error of its steps, and not that of an interpolation. Behind a singular
-        configuration, which that equation does not pass, it is interpolated. Each time has the mode of its step.
+        A run is continued from the step before each of them by the underlying ordinary differential equation, solved to
+        rounding: this measures the error of the steps, not that of interpolation. After a singular configuration, which
+        that equation cannot cross, it is interpolated. Each time has the mode of its step.
         """
         m = self.problem
         system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
@@ -96,7 +96,7 @@ class ReferenceMotion:
             if sol.modes:
                 system.enter(sol.mode(int(node)))
             points.append(_carried(system, sol, int(node), t))
-            with suppress(StepError):  # there is none in a singular configuration
+            with suppress(StepError):  # none exists in a singular configuration
                 z[k] = system.derivative(t, points[-1])[1]
         y = np.array(points)
         if isinstance(m, Mechanism):
@@ -104,7 +104,7 @@ class ReferenceMotion:
         return dict(zip(OF_TEXTBOOK, (y, z), strict=True))
 
     def difference(self, a: Samples, b: Samples) -> Array:
-        """Largest difference of each quantity at each of the times, (m, 3) or (m, 2)."""
+        """Return the largest difference of each quantity at each of the times, (m, 3) or (m, 2)."""
         apart = {name: np.abs(a[name] - b[name]).max(axis=1, initial=0.0) for name in a}
         if isinstance(self.problem, Mechanism):
             pairs = zip(a["q"], b["q"], strict=True)
@@ -112,7 +112,7 @@ class ReferenceMotion:
         return np.column_stack(list(apart.values()))
 
     def measure(self, trial: Trial, sol: Solution, reference: Samples) -> RunResult:
-        """The row of a run, without times."""
+        """Return the row of a run, without times."""
         row = RunResult(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS})
         if not sol.ended:
             return row
@@ -123,12 +123,12 @@ class ReferenceMotion:
         return replace(row, errors=largest, ends=ends, g=kept.g_max, Gv=kept.Gv_max, energy=kept.energy_relative)
 
     def tightest(self, variant: Variant, rtol: float) -> tuple[Trial, Samples]:
-        """The run of a reference: at ``rtol``, or at the next power of ten that the method can meet.
+        """Return the reference run: at ``rtol``, or at the next power of ten that the method can satisfy.
 
-        Where loops have drifted open before a singular configuration it is run again with positions kept.
+        If loops have drifted open before a singular configuration, it is repeated with projection.
 
         Raises:
-            InputError: if it meets none.
+            InputError: if it can satisfy none.
         """
         while rtol <= LOOSEST:
             trial = Trial(variant, rtol)
@@ -141,11 +141,11 @@ class ReferenceMotion:
         raise InputError(f"no reference for {self.problem.title!r}: {variant} ends with {sol.status}, {sol.message}")
 
     def reference(self, names: Sequence[Variant], rtol: float) -> tuple[tuple[str, str], Samples, dict[str, float]]:
-        """What errors are differences to: the exact solution where it is known, or two tight runs of other families.
+        """Return the reference of errors: the exact solution if known, or two tight runs of other families.
 
         Returns:
-            What they are; samples of the first; and for each quantity how far the second differs, which is at least
-            the rounding of the samples.
+            Their description; samples of the first; and for each quantity the difference of the second, at least the
+            rounding of the samples.
         """
         samples, others = self._exact(), None
         words = ("the exact solution", "")
@@ -157,7 +157,7 @@ class ReferenceMotion:
         return words, samples, dict(zip(samples, apart.tolist(), strict=True))
 
     def _exact(self) -> Samples | None:
-        """The exact solution, where it is known from this start."""
+        """Return the exact solution, if known from this start."""
         exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
         if exact is None or not np.allclose(exact(self.t_span[0])[0], self.problem.point(), rtol=1e-12, atol=1e-12):
             return None
@@ -166,7 +166,7 @@ class ReferenceMotion:
 
 
 def _carried(system: Any, sol: Solution, i: int, t: float) -> Array:
-    """The point of a run at time t, from its last step end i before t."""
+    """Return the point of a run at time t, from its last step end i before t."""
     ts, ys, zs = sol.nodes
     if abs(t - ts[i]) <= 16 * np.spacing(abs(t)):
         return ys[i]
@@ -177,5 +177,5 @@ def _carried(system: Any, sol: Solution, i: int, t: float) -> Array:
     if isinstance(system, Index1System):
         carried = solve_ivp(lambda s, y: system.rate(s, y)[0], (ts[i], t), ys[i], "DOP853", **options)
         return system.normal(carried.y[:, -1])
-    system.derivative(ts[i], ys[i], zs[i])  # the root z that the run is on
+    system.derivative(ts[i], ys[i], zs[i])  # selects the root z of the run
     return solve_ivp(lambda s, y: system.derivative(s, y)[0], (ts[i], t), ys[i], "DOP853", **options).y[:, -1]

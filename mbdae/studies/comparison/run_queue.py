@@ -1,4 +1,4 @@
-"""The runs of a comparison: what is finished, the file that keeps it, and the order in which the rest is done."""
+"""The runs of a comparison: finished runs, their file, and the order of the others."""
 
 import hashlib
 import json
@@ -21,12 +21,12 @@ from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Samples, Trial
 from .run_result import RunResult, in_order
 
-LONG = 2.0  # s: a run that takes longer is timed once
+LONG = 2.0  # s: longer runs are timed once
 Progress = Callable[[float, str], None]
 
 
 class TrialConditions(NamedTuple):
-    """What the runs share: what is computed, the reference, and whether the first time counts."""
+    """Data shared by the runs: the motion, the reference, and whether the first time counts."""
 
     motion: ReferenceMotion
     reference: Samples | None = None
@@ -34,7 +34,7 @@ class TrialConditions(NamedTuple):
 
 
 def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
-    """Make a run and hold it against the reference."""
+    """Make a run and compare it with the reference."""
     assert job.reference is not None
     sol = job.motion.solve(trial, stop)
     point = job.motion.measure(trial, sol, job.reference)
@@ -47,20 +47,20 @@ def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float
 
 
 class RunQueue:
-    """The runs of a comparison, those that are finished, and the file that keeps them.
+    """The runs of a comparison, the finished ones, and the file that stores them.
 
     Args:
-        motion: what is computed.
+        motion: the motion.
         trials: the runs.
         pair: methods of the reference.
         rtol: their tolerance.
         path: the file, if any; it is read when it exists.
         progress: see `mbdae.compare`.
-        passes: how often each run will be made.
-        fresh: leave the file unread.
+        passes: number of repetitions of each run.
+        fresh: do not read the file.
 
     Raises:
-        InputError: for a file with another comparison, or of a problem that no file can name.
+        InputError: for a file with another comparison, or of a problem without a name.
     """
 
     def __init__(
@@ -87,12 +87,12 @@ class RunQueue:
             self._read(path)
 
     def key(self) -> str:
-        """What two comparisons must share to have points in common: problem, start, times, reference, version.
+        """Key of comparisons that may share runs: problem, start, times, reference, version.
 
-        Empty for a textbook problem of the user's: its functions cannot be told from others.
+        Empty for a custom textbook problem: its functions cannot be identified.
 
         Raises:
-            InputError: for such a problem, when there is a file.
+            InputError: for such a problem, if there is a file.
         """
         c = self.motion
         own = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
@@ -117,17 +117,17 @@ class RunQueue:
         self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
 
     def open(self) -> list[Trial]:
-        """Runs that were not made yet."""
+        """Return runs that have not been made yet."""
         return [t for t in self.trials if t.label not in self.points]
 
     def refer(self) -> None:
-        """Compute the reference, if any run is still to be held against it."""
+        """Compute the reference, if any run is still to be compared with it."""
         if self.open():
             self.tell(0.0, "reference")
             (self.reference, self.witness), self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
 
     def measure(self, workers: int, *, clock: bool) -> None:
-        """Make the runs that are missing, here or in processes."""
+        """Make the missing runs, here or in processes."""
         todo = self.open()
         if self.samples is not None and todo:
             job = TrialConditions(self.motion, self.samples, clock)
@@ -155,7 +155,7 @@ class RunQueue:
         keep: Callable[[Trial, Any], None],
         what: str = "",
     ) -> None:
-        """Call a function for each of the runs, here or in processes, and keep what it returns."""
+        """Call a function for each of the runs, here or in processes, and keep the results."""
         if workers == 1:
             for i, trial in enumerate(trials):
                 self._say(i / len(trials), f"{what}{trial}")
@@ -174,7 +174,7 @@ class RunQueue:
         self.passed += 1
 
     def _say(self, share: float, name: str) -> None:
-        """Tell the progress: so many passes over the runs are done, and a share of the next one."""
+        """Report the progress: the number of passes over the runs, and a share of the next one."""
         self.tell(min(1.0, (self.passed + share) / self.passes), name)
 
     def _keep(self, point: RunResult) -> None:
@@ -183,7 +183,7 @@ class RunQueue:
             self._comparison(list(self.points), complete=False).save(self.path)
 
     def result(self, complete: bool) -> Comparison:
-        """What was finished of the runs asked for; the file also keeps what it held before."""
+        """Return the finished runs among the requested ones; the file also keeps older ones."""
         if complete and self.path:
             self._comparison(list(self.points), complete=True).save(self.path)
         return self._comparison([], complete)
@@ -200,7 +200,7 @@ def _again(point: RunResult) -> bool:
 
 
 def without_geometry(problem: Problem) -> Problem:
-    """The problem, without the shapes of a mechanism, which can be hundreds of megabytes, and without what made it."""
+    """Return the problem without geometry, which can be hundreds of megabytes, and without its source files."""
     if not isinstance(problem, Mechanism):
         return problem
     out = copy(problem)

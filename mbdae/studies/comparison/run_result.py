@@ -12,7 +12,7 @@ WHOLE = {"n", *COUNTS}
 
 @dataclass(frozen=True)
 class RunResult:
-    """One run of a comparison; what could not be computed is None.
+    """One run of a comparison; values that could not be computed are None.
 
     Attributes:
         method: a `mbdae.studies.method_variant.Variant` as text.
@@ -27,7 +27,7 @@ class RunResult:
         Gv: max |G v| over all rows and steps (m/s, rad/s); of a textbook problem that of g' = g_t + g_y f.
         energy: relative error of the energy balance; None where there is no energy.
         steps: steps taken.
-        rejected: steps rejected; None where a solver does not tell.
+        rejected: steps rejected; None if a solver does not report them.
         f: evaluations of the forces.
         M: mass matrices.
         G: constraint Jacobians.
@@ -56,21 +56,21 @@ class RunResult:
 
     @property
     def label(self) -> tuple[str, float | None, int | None]:
-        """What tells runs apart: method, tolerance, number of steps."""
+        """Key of a run: method, tolerance, number of steps."""
         return self.method, self.rtol, self.n
 
     @property
     def seconds(self) -> float | None:
-        """Median wall time in s; None when it was not measured."""
+        """Median wall time in s; None if not measured."""
         return median(self.times) if self.times else None
 
     @property
     def success(self) -> bool:
-        """The run came to its end, and has errors."""
+        """Whether the run came to its end, and has errors."""
         return bool(self.errors)
 
     def row(self, quantities: Sequence[str]) -> dict[str, Any]:
-        """Plain data for JSON and CSV, with ``error_q`` and ``end_q`` for each quantity."""
+        """Return JSON and CSV data, with ``error_q`` and ``end_q`` for each quantity."""
         out: dict[str, Any] = {}
         for f in fields(self):
             if f.name in ("errors", "ends"):
@@ -82,10 +82,10 @@ class RunResult:
 
 
 def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
-    """A point from a row of JSON, or of CSV where everything is text and nothing is None.
+    """Return a run from a row of JSON, or of CSV where everything is text and nothing is None.
 
     Raises:
-        ValueError, KeyError, AttributeError, TypeError: for a row that is none.
+        ValueError, KeyError, AttributeError, TypeError: for an invalid row.
     """
     values: dict[str, Any] = {}
     for f in fields(RunResult):
@@ -107,10 +107,10 @@ def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
 
 
 def parameter_value(x: Any) -> float:
-    """A number of a file: finite, and not negative, as tolerances, errors and drifts are.
+    """Return a number from a file: finite, and not negative, as tolerances, errors and drifts are.
 
     Raises:
-        ValueError: for another one.
+        ValueError: for any other value.
     """
     if not 0 <= float(x) < inf:
         raise ValueError(f"expected a number of at least 0, got {x!r}")
@@ -118,6 +118,6 @@ def parameter_value(x: Any) -> float:
 
 
 def in_order(points: Iterable[RunResult], labels: Sequence[tuple]) -> tuple[RunResult, ...]:
-    """Points in the order of the labels asked for; others are left out."""
+    """Return runs in the order of the requested labels; others are omitted."""
     found = {p.label: p for p in points}
     return tuple(found[key] for key in labels if key in found)

@@ -14,7 +14,7 @@ SHORT = {"rejected": "rej.", "factorizations": "fact."}
 
 
 def comparison_table(result: "Comparison") -> str:
-    """All runs of a comparison as a table, with the reference above and the ranking below."""
+    """Return all runs of a comparison as a table, with the reference above and the ranking below."""
     t0, t1 = result.t_span
     lines = [
         f"comparison on {result.title}, {t0:g} to {t1:g} s"
@@ -29,7 +29,7 @@ def comparison_table(result: "Comparison") -> str:
 
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the table as text."""
+    """Return headings and rows of the table as text."""
     fixed = result.points and all(p.n is not None for p in result.points)
     kept = ("|g|", "|G v|", "energy") if "v" in result.quantities else ("|g|", "|g'|")
     counts = [SHORT.get(name, name) for name in COUNTS]

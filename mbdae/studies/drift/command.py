@@ -1,4 +1,4 @@
-"""The sub-command ``drift``."""
+"""Sub-command ``drift``."""
 
 import sys
 from typing import Any
@@ -39,7 +39,7 @@ def drift(
     targets: tuple[str, ...],
     started: tuple[str, ...],
     chosen: tuple[str, ...],
-    names: tuple[str, ...],
+    methods: tuple[str, ...],
     formulation: str | None,
     project: bool | None,
     limit: float | None,
@@ -57,18 +57,18 @@ def drift(
     from .drift import drift as measure_drift
 
     written = writable((output, TABLES), (plot, PICTURES))
-    if output and len(targets) * max(1, len(listed(names))) > 1:
+    if output and len(targets) * max(1, len(listed(methods))) > 1:
         raise InputError("-o takes the drift of one run")
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
-    given = any([started, chosen, names, *(value is not None for value in (formulation, project, *options.values()))])
+    given = any([started, chosen, methods, *(value is not None for value in (formulation, project, *options.values()))])
     if given and all(target.endswith(".npz") for target in targets):
         raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
     if project and formulation not in (None, "index2"):
         raise InputError(f"give --project or --formulation {formulation}, not both")
     sols = []
-    said = bool(names or formulation or project)
-    tried = variants(listed(names) or ["pherk6"], ["project" if project else formulation or "index2"]) if said else ()
+    said = bool(methods or formulation or project)
+    tried = variants(listed(methods) or ["pherk6"], ["project" if project else formulation or "index2"]) if said else ()
     for target in targets:
         if target.endswith(".npz"):
             sols.append(Solution.load(target))

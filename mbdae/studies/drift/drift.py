@@ -1,4 +1,4 @@
-"""How far a run drifted: position and velocity residuals over all rows, and the energy balance."""
+"""Drift of a run: position and velocity residuals over all rows, and the energy balance."""
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -25,7 +25,7 @@ class History:
 
     Attributes:
         title: of the mechanism.
-        method: as a `mbdae.studies.method_variant.Variant` is written.
+        method: a `mbdae.studies.method_variant.Variant` as text.
         label: method and tolerance or step.
         t: times in s, (n,).
         g: max |g| over rows (m, rad), (n,).
@@ -44,20 +44,20 @@ class History:
 
 @dataclass(frozen=True)
 class Drift(Tabular):
-    """Result of `drift`. A textbook problem has no energy: what tells of it is None.
+    """Result of `drift`. For a textbook problem, which has no energy, the energy fields are None.
 
     Attributes:
         title: of the mechanism.
-        method: that computed the run, as a `mbdae.studies.method_variant.Variant` is written.
+        method: method of the run, a `mbdae.studies.method_variant.Variant` as text.
         label: method and tolerance or step.
         t_end: last time in s.
         g_max: max |g| over rows and times (m, or rad for directions).
         g_end: max |g| over rows at the end.
-        g_closure: name of the closure that opened the most.
-        g_rows: number of rows that have a g, and of all.
+        g_closure: name of the closure with the largest violation.
+        g_rows: number of rows that have a g, and of all rows.
         Gv_max: max |G v| over rows and times (m/s, rad/s); of a textbook problem max |g_t + g_y f|.
         Gv_end: max |G v| at the end.
-        energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated along.
+        energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
         energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
         work_end: W at the end in J.
         history: the same over time.
@@ -91,18 +91,18 @@ class Drift(Tabular):
         return float(np.max([self.g_max, self.Gv_max, *([] if (e := self.energy_relative) is None else [e])]))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
         return {**own, "energy_relative": self.energy_relative}
 
     def tabulated(self) -> Columns:
-        """Largest |g| and |G v|, and the error of the energy balance over the energy scale, over time."""
+        """Return largest |g| and |G v|, and the relative error of the energy balance, over time."""
         h = self.history
         columns = {"t": h.t, "g": h.g, "Gv": h.Gv} | ({} if h.energy is None else {"energy": h.energy})
         return Columns(columns, {"t": "s", "g": "m, rad", "Gv": "m/s, rad/s", "energy": "1"}, "t")
 
     def cells(self) -> list[list[str]]:
-        """Largest and last residuals, and the energy balance."""
+        """Return largest and last residuals, and the energy balance."""
         rows = [
             ["", "max", "at the end"],
             ["|g|", f"{self.g_max:.2e}", f"{self.g_end:.2e}"],
@@ -121,7 +121,7 @@ class Drift(Tabular):
         return "|g_t + g_y f|" if self.energy_error is None else "|G v|"
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the drift over time; written where a path is given.
+        """Draw the drift over time; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
@@ -160,12 +160,12 @@ def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
 
 
 def brief(x: float) -> str:
-    """A tolerance in all its digits: 1e-04, 2.5e-04."""
+    """Return a tolerance with all its digits: 1e-04, 2.5e-04."""
     return np.format_float_scientific(x, trim="-", exp_digits=2)
 
 
 def names_of_run(sol: Solution) -> tuple[str, str]:
-    """Return the method of a run as a `mbdae.studies.method_variant.Variant`, and the same with its control."""
+    """Return the method of a run as a `mbdae.studies.method_variant.Variant`, and the same with its step control."""
     method, settings = str(variant_of(sol.settings)), sol.settings
     control = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
     return method, f"{method}, {control}"
@@ -174,9 +174,10 @@ def names_of_run(sol: Solution) -> tuple[str, str]:
 def drift(sol: Solution) -> Drift:
     """Measure the drift of a solution at its times.
 
-    Position level: g(t, q) over all rows, watched and not enforced. Velocity level: G v + g_t. Energy: the kinetic and
-    potential energy less their start and the integrated work, E(t) - E(0) - W(t). Of a textbook problem 0 = g, which
-    methods keep, and what the method's own z leaves of the hidden constraint, g_t + g_y f(t, y, z); it has no energy.
+    Position level: g(t, q) over all rows, monitored and not enforced. Velocity level: G v + g_t. Energy: the kinetic
+    and potential energy less their start and the integrated work, E(t) - E(0) - W(t). Of a textbook problem 0 = g,
+    which methods keep, and what the method's own z leaves of the hidden constraint, g_t + g_y f(t, y, z); it has no
+    energy.
 
     Args:
         sol: the solution, of a mechanism or a textbook problem.

@@ -1,1 +1,1 @@
-"""Numbers of a mechanism from measurements of its motion."""
+"""Parameter identification of a mechanism from measurements of its motion."""

@@ -1,4 +1,4 @@
-"""The sub-command ``fit``."""
+"""Sub-command ``fit``."""
 
 import sys
 from typing import Any
@@ -57,7 +57,7 @@ def fit(
     plot: str | None,
     as_json: bool,
 ) -> None:
-    """Find numbers of a model from measured signals, columns of CSV or Parquet files named as those of `mbdae run`.
+    """Find numbers of a model from measured signals, columns of CSV or Parquet files named as those of `mbdae solve`.
 
     Exit 1: residuals are no noise, or the search did not end; 3: the data do not tell every parameter.
     """

@@ -17,12 +17,12 @@ LARGEST = 1e150  # value
 
 
 class Recording(NamedTuple):
-    """What was measured in one run.
+    """Measurements of one run.
 
     Attributes:
         name: for messages: a file, or a number.
-        t: times in s, rising, (n,).
-        columns: signals at these times, (n,) each, nan where nothing was measured.
+        t: times in s, ascending, (n,).
+        columns: signals at these times, (n,) each, nan for missing values.
     """
 
     name: str
@@ -35,10 +35,10 @@ def records(data: Any, signals: Sequence[str] = ()) -> list[Recording]:
 
     Args:
         data: tables ``{"t": ..., signal: ...}`` of equal length, or paths of CSV or Parquet files with such columns.
-        signals: those that count; all when left out.
+        signals: names of the signals to use; all when left out.
 
     Raises:
-        InputError: for a table that is none; names the file and what is wrong with it.
+        InputError: for an invalid table; names the file and the error.
     """
     several = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
     if not several:
@@ -49,6 +49,14 @@ def records(data: Any, signals: Sequence[str] = ()) -> list[Recording]:
 def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     if isinstance(data, str | Path):
         name, data = str(data), _read(Path(data))
+    found = Recording(name, *_columns(data, name, signals))
+    _check_times(found)
+    _check_values(found)
+    return found
+
+
+def _columns(data: Any, name: str, signals: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    """The times of a table, and the signals that count."""
     if not isinstance(data, Mapping):
         raise InputError(f"{name}: expected a table of t and signals, or the path of a file, got {data!r:.60}")
     try:
@@ -58,17 +66,24 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     if TIME not in columns:
         raise InputError(f"{name}: there is no column {TIME!r} of times, but {', '.join(columns) or 'nothing'}")
     t = columns.pop(TIME)
-    for signal in signals:
-        if signal not in columns:
-            raise InputError(f"{name}: there is no column {signal!r}, but {', '.join(columns)}")
-    columns = {key: x for key, x in columns.items() if not signals or key in signals}
-    if t.ndim != 1 or any(x.shape != t.shape for x in columns.values()) or not columns:
+    if missing := [signal for signal in signals if signal not in columns]:
+        raise InputError(f"{name}: there is no column {missing[0]!r}, but {', '.join(columns)}")
+    return t, {key: x for key, x in columns.items() if not signals or key in signals}
+
+
+def _check_times(found: Recording) -> None:
+    name, t = found.name, found.t
+    if t.ndim != 1 or any(x.shape != t.shape for x in found.columns.values()) or not found.columns:
         raise InputError(f"{name}: expected a column t and signals of its length")
     rises = np.append(np.diff(t) > 0, np.isfinite(t[-1:]))
     if not rises.all():
         pair = t[(i := int(rises.argmin())) : i + 2]
         impact = ", as at an impact" if len(pair) == 2 and pair[0] == pair[1] else ""
         raise InputError(f"{name}: times must rise, got {', then '.join(f'{x:.9g}' for x in pair)}{impact}")
+
+
+def _check_values(found: Recording) -> None:
+    name, columns = found.name, found.columns
     for key, x in columns.items():
         if np.isinf(x).any():
             raise InputError(f"{name}: column {key!r} has a value that is infinite")
@@ -76,31 +91,40 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
             raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST:g}, of which no square is known")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")
-    return Recording(name, t, columns)
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        if path.suffix == ".parquet":
-            table = arrow().parquet.read_table(path)
-            return {name: np.array(table[name].to_pylist(), float) for name in table.column_names}
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file))
+        return _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path)
     except InputError:
         raise
-    except Exception as e:  # pyarrow has errors of its own
+    except Exception as e:  # pyarrow has several exception types
         raise InputError(f"{path} cannot be read: {' '.join(str(e).split())}") from None
+
+
+def _read_parquet(path: Path) -> dict[str, Any]:
+    table = arrow().parquet.read_table(path)
+    return {name: np.array(table[name].to_pylist(), float) for name in table.column_names}
+
+
+def _read_csv(path: Path) -> dict[str, Any]:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = list(csv.reader(file))
     if not any(rows[1:]):
         raise InputError(f"{path}: expected a line of names and lines of numbers")
     head = [name.strip() for name in rows[0]]
-    twice = [name for i, name in enumerate(head) if name in head[:i]]
-    if twice:
+    if twice := [name for i, name in enumerate(head) if name in head[:i]]:
         raise InputError(f"{path}: two columns are named {twice[0]!r}")
     for i, row in enumerate(rows[1:], 2):
         if row and len(row) != len(head):
             raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")
     try:
-        body = np.array([[float(x) if x.strip() else np.nan for x in row] for row in rows[1:] if row]).T
+        body = np.array([[_value(x) for x in row] for row in rows[1:] if row]).T
     except ValueError as e:
         raise InputError(f"{path}: {e}") from None
     return dict(zip(head, body, strict=True))
+
+
+def _value(text: str) -> float:
+    """The number of a cell, nan where it is empty."""
+    return float(text) if text.strip() else np.nan

@@ -1,4 +1,4 @@
-"""Measured and computed signals of a fit, and what remains."""
+"""Figure of measured and computed signals of a fit, and residuals."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,12 +10,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00")
-HEIGHT = 2.2  # inches of a signal
+HEIGHT = 2.2  # inches per signal
 
 
 @settled
 def compared(fit: Fit) -> "Figure":
-    """Draw each signal of each run, measured and computed, and its residuals in noise levels beside it."""
+    """Draw each signal of each run, measured and computed, and its residuals in noise levels next to it."""
     panels = [(i, name) for i, signals in enumerate(fit.measured) for name in signals]
     figure = sheet(WIDTH, HEIGHT * len(panels) + 0.3)
     axes = figure.subplots(len(panels), 2, squeeze=False, width_ratios=(2, 1))

@@ -1,4 +1,4 @@
-"""Residuals of measurements against runs, and their exact derivatives."""
+"""Residuals between measurements and runs, and their exact derivatives."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,11 +18,11 @@ from ..sensitivity.sensitivity import sensitivity
 from ..sensitivity.signal_jacobian import differentiable
 from .data import Recording
 
-FEWEST = 3  # samples of a span for each parameter
+FEWEST = 3  # samples of a span per parameter
 
 
 class FitResiduals:
-    """Residuals of all runs and their derivatives, of the first share of the samples."""
+    """Residuals of all runs and their derivatives, for the first share of the samples."""
 
     def __init__(
         self,
@@ -55,14 +55,14 @@ class FitResiduals:
         self._size = 0
 
     def shares(self, spans: Sequence[float], k: int) -> list[float]:
-        """The shares of the samples, those with enough of them, and all at last."""
+        """Return the shares with enough samples, followed by all samples."""
         n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
         if not isinstance(spans, Sequence) or not all(is_number(s) and 0 < s <= 1 for s in spans):
             raise InputError(f"spans are shares of the samples between 0 and 1, got {spans!r:.60}")
         return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= FEWEST * k), 1.0]
 
     def solved(self, x: Array) -> list[Any]:
-        """The runs of all data with these parameters; what fails raises."""
+        """Return the runs of all data with these parameters; failures raise."""
         key = (tuple(x), self.share)
         if self._last[0] != key:
             values, out = dict(zip(self.names, map(float, x), strict=True)), []
@@ -83,7 +83,7 @@ class FitResiduals:
         return self._last[1]
 
     def residuals(self, x: Array) -> Array:
-        """(signal - data)/sigma of all values that were measured; inf where a run fails."""
+        """Return (signal - data)/sigma of all measured values; inf if a run fails."""
         try:
             parts = [self.left(record, computed_signals(sol, record.columns), len(sol.t))
                      for record, sol in zip(self.found, self.solved(x), strict=True)]  # fmt: skip
@@ -96,13 +96,13 @@ class FitResiduals:
         return out
 
     def left(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
-        """Residuals of one run at its first n times, one signal behind the other."""
+        """Return residuals of one run at its first n times, signals concatenated."""
         parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
         left = np.concatenate(parts)
         return left[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
 
     def jacobian(self, x: Array) -> Array:
-        """Derivatives of the residuals, (n, k)."""
+        """Return derivatives of the residuals, (n, k)."""
         values, rows = dict(zip(self.names, map(float, x), strict=True)), []
         for record, known, sol in zip(self.found, self.known, self.solved(x), strict=True):
             found = sensitivity(sol, values, model=_With(self.make, known))
@@ -117,11 +117,11 @@ class FitResiduals:
 
 
 class _With:
-    """Mechanisms with some numbers known."""
+    """Mechanism factory with some parameters fixed."""
 
     def __init__(self, make: MechanismFactory, known: Mapping[str, float]) -> None:
         self.inner, self.known = make, known
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
-        """The mechanism with these values, and what is known."""
+        """Return the mechanism with these values and the fixed ones."""
         return self.inner.make({**self.known, **values})

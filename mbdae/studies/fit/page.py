@@ -1,4 +1,4 @@
-"""A fit as one HTML page: values, what stands against them, measured against computed signals, correlations."""
+"""A fit as one HTML page: values, warnings, measured against computed signals, correlations."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from .result import Fit
 
 
 def page(fit: Fit) -> str:
-    """The page as text, in the style of `mbdae.studies.report`."""
+    """Return the page as text, in the style of `mbdae.studies.report`."""
     meta = provenance({})
     version = meta["versions"]["mbdae"]
     ratio = fit.chi2 / fit.dof if fit.dof else np.nan

@@ -1,4 +1,4 @@
-"""What a fit returns: values, how well the data tell them, and what remains of the data."""
+"""Result of a fit: values, their uncertainties, and residuals."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-IMPROBABLE = 1e-6  # of chi-squared: residuals that are hardly noise
-TIED = 0.999  # correlation: two parameters of which the data tell a combination
+IMPROBABLE = 1e-6  # of chi-squared: smaller probabilities exclude noise
+TIED = 0.999  # correlation above which only a combination of two parameters is identifiable
 
 
 SAME = 1e-3  # of chi-squared: searches that end in the same minimum
 
 
 class Attempt(NamedTuple):
-    """A search of a fit: where it started, where it ended (nothing where it failed), and how."""
+    """A search of a fit: its start, its end (empty if it failed), and its message."""
 
     start: dict[str, float]
     values: dict[str, float]
@@ -38,24 +38,24 @@ class Fit(Tabular):
 
     Attributes:
         model: title.
-        values: the parameters where the sum of squares is least.
-        deviations: their standard deviations; inf where the data do not tell.
+        values: the parameters at the least sum of squares.
+        deviations: their standard deviations; inf if unidentifiable.
         covariance: (k, k), (J^T J)^-1 of residuals in noise levels.
         correlations: (k, k).
         chi2: sum of squares of residuals in noise levels.
-        dof: values measured less parameters.
-        probability: of a larger chi2 if nothing but noise were left; nan without known noise levels.
-        untold: groups of parameters of which the data tell nothing, or a combination only.
-        at_bounds: parameters that stand at a bound.
+        dof: number of measured values minus number of parameters.
+        probability: of a larger chi2 for pure noise; nan without known noise levels.
+        untold: groups of unidentifiable parameters, singly or in a combination.
+        at_bounds: parameters at a bound.
         residuals: for each run, by signal, (computed - measured) / sigma, (n,).
         computed: for each run, by signal, (n,).
-        measured: alike.
+        measured: likewise.
         times: for each run, (n,).
         names: of the runs.
-        runs: number of runs that were computed, those with derivatives among them.
+        runs: number of computed runs, including those with derivatives.
         gradients: number of runs with derivatives.
-        converged: whether the search came to an end.
-        message: how it ended.
+        converged: whether the search converged.
+        message: termination message.
         searches: one for each start.
         units: of the signals.
     """
@@ -84,21 +84,21 @@ class Fit(Tabular):
 
     @property
     def agreeing(self) -> int:
-        """How many of the searches came to this minimum."""
+        """Number of searches that ended at this minimum."""
         return sum(s.chi2 <= self.chi2 * (1 + SAME) + 1e-12 for s in self.searches)
 
     @property
     def refuted(self) -> bool:
-        """Whether what remains of the data is no noise: a false minimum, or a model that is not the machine."""
+        """Whether the residuals are not noise: a false minimum, or an inadequate model."""
         return bool(self.probability < IMPROBABLE)
 
     @property
     def success(self) -> bool:
-        """Whether the search ended, residuals may be noise, and the data tell every parameter."""
+        """Whether the search converged, residuals may be noise, and all parameters are identifiable."""
         return self.converged and not self.refuted and not self.untold
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         plain = ("model", "values", "deviations", "chi2", "dof", "probability", "at_bounds", "runs", "gradients",
                  "converged", "message")  # fmt: skip
         return {
@@ -121,7 +121,7 @@ class Fit(Tabular):
         return [{"measured": m, "computed": c, "residuals": r} for m, c, r in both]
 
     def save(self, path: str | Path) -> None:
-        """Write a page as .html: figure, values, correlations, and what stands against them; or as `Tabular.save`.
+        """Write a page as .html: figure, values, correlations, and warnings; or as `Tabular.save`.
 
         Raises:
             InputError: for another suffix, or a path that cannot be written.
@@ -134,17 +134,17 @@ class Fit(Tabular):
         write_page(path, lambda: page(self), "a fit")
 
     def tabulated(self) -> Columns:
-        """Names, values and standard deviations of the parameters."""
+        """Return names, values and standard deviations of the parameters."""
         columns = {"parameter": list(self.values), "value": list(self.values.values())}
         return Columns({**columns, "deviation": [self.deviations[name] for name in self.values]})
 
     def cells(self) -> list[list[str]]:
-        """Values and standard deviations."""
+        """Return values and standard deviations."""
         rows = [[name, f"{x:.8g}", f"{self.deviations[name]:.2g}"] for name, x in self.values.items()]
         return [["parameter", "value", "deviation"], *rows]
 
     def remarks(self) -> list[str]:
-        """How well the model explains the data, and what they do not tell."""
+        """Return the quality of the fit, and unidentifiable parameters."""
         return str(self).splitlines()[1 + len(self.values) :]
 
     def plot(self, path: str | Path | None = None) -> "Figure":
@@ -172,7 +172,7 @@ class Fit(Tabular):
 
     @property
     def warnings(self) -> list[str]:
-        """What stands against the values, in words."""
+        """Return warnings about the values, in words."""
         lines = []
         for group in self.untold:
             what = "the data do not tell" if len(group) == 1 else "the data tell a combination only of"

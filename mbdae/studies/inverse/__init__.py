@@ -1,1 +1,1 @@
-"""Inverse dynamics: the torques that a prescribed motion takes."""
+"""Inverse dynamics: torques for a prescribed motion."""

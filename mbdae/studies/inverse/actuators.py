@@ -1,4 +1,4 @@
-"""Which joints and drivers shall bring a motion about, and what they act on."""
+"""Actuators of inverse dynamics: joints and drivers, and the coordinates that they act on."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, as_list
-from ...mechanism import Mechanism
+from ...mechanism import Driver, Mechanism
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
@@ -14,19 +14,19 @@ from ...mechanism.forces.joint_torque import JointTorque
 from ...mechanism.frames import find_joint
 from ...system import Array
 
-ACTING = (JointPID, JointTorque, DCMotor)  # forces in whose place actuators are
+ACTING = (JointPID, JointTorque, DCMotor)  # forces that actuators replace
 
 
 class Actuators(NamedTuple):
-    """What acts, m efforts in all.
+    """Actuators with m efforts in total.
 
     Attributes:
         mechanism: without the forces that actuators replace; drivers are its last rows.
         names: of the efforts.
         units: ``"N m"`` or ``"N"``.
-        fixed: rows of joints, (m, nv); zero for those that are drivers.
+        fixed: rows of joints, (m, nv); zero for drivers.
         rows: for each effort the row of G of its driver, -1 for joints.
-        carrying: numbers of the rows that are no drivers, (c,).
+        carrying: indices of the rows that are not drivers, (c,).
     """
 
     mechanism: Mechanism
@@ -37,7 +37,7 @@ class Actuators(NamedTuple):
     carrying: Array
 
     def at(self, G: Array) -> Array:
-        """The rows S of all efforts, (m, nv): they act with S^T effort; G (ng, nv) has all rows."""
+        """Return the rows S of all efforts, (m, nv), with generalised force S^T effort; G (ng, nv) has all rows."""
         out = self.fixed.copy()
         for i, row in enumerate(self.rows):
             if row >= 0:
@@ -45,66 +45,117 @@ class Actuators(NamedTuple):
         return out
 
 
+class _Effort(NamedTuple):
+    """One effort: its name and unit, its row S (nv,), and the row of G of its driver, -1 for joints."""
+
+    name: str
+    unit: str
+    fixed: Array
+    row: int
+
+
+class _Candidates:
+    """What may be an actuator, by name: drivers, and joints with controllers, torques or motors."""
+
+    def __init__(self, mech: Mechanism) -> None:
+        self.mech = mech
+        self.drivers = {d.name: d for d in mech.drivers}
+        self.driven = {d.joint: d for d in reversed(mech.drivers)}
+        forces = {f.name: f.joint for f in mech.forces if isinstance(f, ACTING)}
+        motors = {m.name: m.joint for m in mech.motors}
+        self.joints = motors | forces
+        self.default = list(self.drivers) or list(dict.fromkeys([*forces.values(), *motors.values()]))
+        self.names = dict.fromkeys([*self.drivers, *forces, *motors, *mech.joint_names])
+
+    def chosen(self, names: str | Sequence[str] | None, drive: str) -> list[str]:
+        """The names of actuators that are meant.
+
+        Raises:
+            InputError: where none are given, and the mechanism has none.
+        """
+        if names is not None:
+            return as_list(names, "actuators is a list of joints and drivers")
+        chosen = [drive] if drive else self.default
+        if not chosen:
+            raise InputError(f"{self.mech.title!r} has no drivers and motors: name the joints that are actuated")
+        return chosen
+
+    def driver(self, name: str) -> Driver | None:
+        """The driver of that name, unless it acts along one joint."""
+        driver = self.drivers.get(name)
+        return None if driver is None or driver.joint else driver
+
+    def joint(self, name: str) -> str:
+        """The joint on which the actuator of that name acts.
+
+        Raises:
+            UnknownNameError: for a name that does not exist.
+        """
+        driver = self.drivers.get(name) or self.driven.get(name)
+        joint = driver.joint if driver else self.joints.get(name)
+        joint = joint or name
+        if joint not in self.mech.joint_names:
+            raise UnknownNameError("actuator", name, self.names)
+        return joint
+
+
 def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str = "") -> Actuators:
-    """Find the actuators by name; when left out the drive, all drivers, joints with motors or controllers.
+    """Return the actuators by name; by default the input, all drivers, joints with motors or controllers.
 
     Raises:
-        UnknownNameError: for a name that does not exist.
-        InputError: where there is none.
+        UnknownNameError: for an unknown name.
+        InputError: if there is none.
     """
-    drivers = {d.name: d for d in mech.drivers}
-    forces = {f.name: f.joint for f in mech.forces if isinstance(f, ACTING)}
-    motors = {m.name: m.joint for m in mech.motors}
-    if names is None:
-        chosen = [drive] if drive else [*drivers] or list(dict.fromkeys([*forces.values(), *motors.values()]))
-        if not chosen:
-            raise InputError(f"{mech.title!r} has no drivers and motors: name the joints that are actuated")
-    else:
-        chosen = as_list(names, "actuators is a list of joints and drivers")
-    found: list[tuple[str, str, Array, int]] = []
+    candidates = _Candidates(mech)
+    chosen = candidates.chosen(names, drive)
+    found: list[_Effort] = []
     joints: set[str] = set()
     for name in chosen:
-        driver = drivers.get(name) or next((d for d in mech.drivers if d.joint == name), None)
-        if driver is not None and not driver.joint:
-            kind = "N" if driver.frames else effort_unit(coordinate_units(mech), driver.between[0])
-            found.append((name, kind, np.zeros(mech.nv), mech.rows_of(driver.name)[0]))
+        if driver := candidates.driver(name):
+            found.append(_of_driver(mech, driver, name))
             continue
-        joint = (driver.joint if driver else None) or forces.get(name) or motors.get(name) or name
-        if joint not in mech.joint_names:
-            raise UnknownNameError("actuator", name, dict.fromkeys([*drivers, *forces, *motors, *mech.joint_names]))
+        joint = candidates.joint(name)
         joints.add(joint)
         found += _of_joint(mech, joint, name)
-    if len({n for n, *_ in found}) < len(found) or not found:
+    if len({effort.name for effort in found}) < len(found) or not found:
         raise InputError(f"actuators are named once each, got {', '.join(chosen) or 'none'}")
-    kept = [f for f in mech.forces if not (isinstance(f, ACTING) and f.joint in joints)]
-    bound = Mechanism(
-        mech.model, mech.closures, kept, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
-        title=mech.title, start=mech.start_values,
-    )  # fmt: skip
     labels, kinds, rows, numbers = zip(*found, strict=True)
     driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
     carrying = np.setdiff1d(np.arange(mech.ng), driven)
+    bound = _without_forces(mech, joints)
     return Actuators(bound, list(labels), list(kinds), np.array(rows), list(numbers), carrying)
 
 
-def _of_joint(mech: Mechanism, joint: str, name: str) -> list[tuple[str, str, Array, int]]:
-    j, out = find_joint(mech.model, joint), []
-    every = [n for n in coordinate_units(mech) if n.startswith("v.")]
-    columns = [n for n in every if n[2:] == joint or n.startswith(f"v.{joint}.")]
+def _without_forces(mech: Mechanism, joints: set[str]) -> Mechanism:
+    """The mechanism without the forces that actuators of these joints replace."""
+    kept = [f for f in mech.forces if not (isinstance(f, ACTING) and f.joint in joints)]
+    return Mechanism(
+        mech.model, mech.closures, kept, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
+        title=mech.title, start=mech.start_values,
+    )  # fmt: skip
+
+
+def _of_driver(mech: Mechanism, driver: Driver, name: str) -> _Effort:
+    unit = "N" if driver.frames else effort_unit(coordinate_units(mech), driver.between[0])
+    return _Effort(name, unit, np.zeros(mech.nv), mech.rows_of(driver.name)[0])
+
+
+def _of_joint(mech: Mechanism, joint: str, name: str) -> list[_Effort]:
+    j, units = find_joint(mech.model, joint), coordinate_units(mech)
+    columns = [n for n in units if n == f"v.{joint}" or n.startswith(f"v.{joint}.")]
+    out = []
     for i in range(j.nv):
-        row = np.zeros(mech.nv)
-        row[j.idx_v + i] = 1.0
         part = columns[i][2 + len(joint) :] if j.nv > 1 else ""
-        unit = "N" if len(columns) == j.nv and coordinate_units(mech)[columns[i]] == "m/s" else "N m"
-        out.append((name + part, unit, row, -1))
+        unit = "N" if len(columns) == j.nv and units[columns[i]] == "m/s" else "N m"
+        out.append(_Effort(name + part, unit, np.eye(mech.nv)[j.idx_v + i], -1))
     return out
 
 
 def weights_of(names: Sequence[str], weights: Mapping[str, float] | None) -> Array:
-    """Weights of the squares of efforts, (m,), 1 where nothing is said.
+    """Return weights of the squares of efforts, (m,), 1 by default.
 
     Raises:
-        UnknownNameError: for a name that is no effort.
+        UnknownNameError: for a name that is not an effort.
         InputError: for a weight that is not positive.
     """
     out = np.ones(len(names))

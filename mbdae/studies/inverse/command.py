@@ -1,11 +1,23 @@
-"""The sub-command ``inverse``."""
+"""The sub-command ``inverse-dynamics``."""
 
 from typing import Any
 
 import click
 
 from ...cli.model import ChosenModel, model_argument
-from ...cli.options import PICTURES, TABLES, as_json, emit, listed, plot_option, table_option, writable
+from ...cli.options import (
+    PICTURES,
+    TABLES,
+    as_json,
+    emit,
+    from_option,
+    listed,
+    plot_option,
+    span_of,
+    table_option,
+    to_option,
+    writable,
+)
 from ...errors import InputError
 from ..kinematics.command import held
 
@@ -15,18 +27,18 @@ from ..kinematics.command import held
 @click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv]")
 @click.option("--drive", help="Instead of a motion: a joint that turns at constant speed, through one turn.")
 @click.option("--speed", type=float, help="Its speed in rad/s or m/s.")
-@click.option("--from", "first", type=float, help="Where the drive begins, with --to; one turn when left out.")
-@click.option("--to", "last", type=float, help="Where it ends.")
+@from_option
+@to_option
 @click.option("--hold", multiple=True, help="A joint that stands still while the drive turns, or joint=value.")
 @click.option("--points", type=click.IntRange(min=3), default=361, show_default=True, help="Poses of the drive.")
 @click.option(
-    "-a", "--actuator", "names", multiple=True, help="A joint or driver that acts; several times for several."
+    "-a", "--actuator", "actuators", multiple=True, help="A joint or driver that acts; several times for several."
 )
-@click.option("--weight", multiple=True, help="actuator=weight, where there are more of them than freedoms.")
+@click.option("--weight", "weights", multiple=True, help="actuator=weight, for more actuators than degrees of freedom.")
 @table_option
 @plot_option
 @as_json
-def inverse(
+def inverse_dynamics(
     model: ChosenModel,
     motion: str | None,
     drive: str | None,
@@ -35,29 +47,29 @@ def inverse(
     last: float | None,
     hold: tuple[str, ...],
     points: int,
-    names: tuple[str, ...],
-    weight: tuple[str, ...],
+    actuators: tuple[str, ...],
+    weights: tuple[str, ...],
     output: str | None,
     plot: str | None,
     as_json: bool,
 ) -> None:
     """Tell what actuators must give for a motion: a saved run, a table of q(t), or a drive at constant speed."""
     from ..kinematics.kinematics import kinematics
-    from .inverse import inverse_dynamics
+    from .inverse import inverse_dynamics as study
 
     written = writable((output, TABLES), (plot, PICTURES))
     if (motion is None) == (drive is None):
         raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")
-    if (first is None) != (last is None) or (motion and (speed is not None or first is not None or hold)):
-        raise InputError("--speed, --from, --to and --hold go with --drive; give both --from and --to, or none")
+    span = span_of(first, last)
+    if motion and (speed is not None or span or hold):
+        raise InputError("--speed, --from, --to and --hold go with --drive")
     mech = model.load()
     prescribed: Any = motion
     if drive is not None:
         if speed is None:
             raise InputError(f"give --speed, at which {drive!r} turns")
-        span = None if first is None or last is None else (first, last)
         prescribed = kinematics(mech, drive, span=span, hold=held(hold), points=points)
-    found = inverse_dynamics(mech, prescribed, listed(names) or None, speed=speed, weights=_weights(weight))
+    found = study(mech, prescribed, listed(actuators) or None, speed=speed, weights=_weights(weights))
     if output:
         found.save(output)
     if plot:

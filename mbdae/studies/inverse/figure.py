@@ -10,7 +10,7 @@ from .result import InverseDynamics
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST = 7  # joints whose forces can be told apart
+MOST = 7  # largest number of joints in a figure
 
 
 @settled

@@ -1,4 +1,4 @@
-"""Inverse dynamics of closed loops: what actuators must give for a motion, and what all joints carry."""
+"""Inverse dynamics of closed loops: actuator efforts and joint reactions for a motion."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ from .result import InverseDynamics
 __all__ = ["inverse_dynamics"]
 
 RANK = 1e-9  # of the largest singular value of G
-REACHED = 1e-8  # of the largest force: what actuators may leave
+REACHED = 1e-8  # of the largest force: tolerated residual without actuation
 
 
 def inverse_dynamics(
@@ -35,30 +35,30 @@ def inverse_dynamics(
     speed: float | None = None,
     weights: Mapping[str, float] | None = None,
 ) -> InverseDynamics:
-    """Return the efforts of actuators that bring about a motion, and the forces in all joints.
+    """Return the actuator efforts for a motion, and the reactions in all joints.
 
         b = M v' - f,   Z^T S^T tau = Z^T b with |W^1/2 tau| least,   then G^T lam = b - S^T tau with |lam| least
 
     with an orthonormal basis Z of the null space of the closures' G: efforts and multipliers are not mixed. Weight,
-    springs, dampers and all forces count, but for motors and controllers of the joints that are actuated; drivers
-    count as motions, not as forces. In a run the rows that its modes have closed at a time carry: stops, ropes,
-    contacts, clutches that lock, joints that stick. In any other motion none of them does, but clutches engaged on
-    command and closures within their windows; exact friction acts against the velocity, and what the motion passes is
-    told.
+    springs, dampers and all other forces are included, except for motors and controllers of the actuated joints;
+    drivers count as motions, not as forces. In a run, the rows that are active in its modes carry load: stops, ropes,
+    contacts, locked clutches, sticking joints. In any other motion none of them does, except clutches engaged on
+    command and closures within their active range; exact friction opposes the velocity, and violated unilateral
+    constraints are reported.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
+        mech: the mechanism, or an argument of `mbdae.load`.
         motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a
-            table of columns ``t`` and joints of one coordinate, or the path of its .csv, through which splines of
-            degree 5 are laid and from which the closures tell the other joints; or arrays (t, q, v, a).
-        actuators: names of joints, drivers, motors or controllers. When left out: the drive of the curve, the
+            table of columns ``t`` and joints of one coordinate, or the path of its .csv, interpolated by splines of
+            degree 5, from which the closures determine the other joints; or arrays (t, q, v, a).
+        actuators: names of joints, drivers, motors or controllers. When left out: the input of the curve, the
             mechanism's drivers, or its joints with motors and controllers.
-        speed: constant speed of the drive in rad/s or m/s.
-        weights: of the squares of efforts by name, where there are more of them than freedoms; 1 when left out.
+        speed: constant speed of the input in rad/s or m/s.
+        weights: of the squares of efforts by name, if there are more of them than degrees of freedom; 1 when left out.
 
     Raises:
-        UnknownNameError: for a name that does not exist.
-        InputError: for a motion that the closures do not admit, or actuators that do not bring it about.
+        UnknownNameError: for an unknown name.
+        InputError: for a motion that violates the closures, or actuators that cannot cause it.
 
     Example:
         >>> turn = kinematics(mech, "crank")                              # doctest: +SKIP
@@ -84,7 +84,7 @@ def inverse_dynamics(
     for i, (t, q, v, vdot) in enumerate(zip(*moves[:4], strict=True)):
         r, Z = bases[i]
         if r < usual[modes[i]]:
-            continue  # several motions go through this pose: no effort is determined
+            continue  # several motions are possible in this pose: efforts are undetermined
         system.enter(modes[i])
         U, G = system.inertia(t, q), system.jacobian()
         b = U.T @ (U @ vdot) - system.force(t, q, v, s[i])[0]
@@ -108,9 +108,9 @@ def inverse_dynamics(
 
 
 def _modes(mech: Mechanism, moves: Prescribed) -> list[Mode]:
-    """Return which rows may carry at each time: those that a run found closed, of a prescribed motion none that open.
+    """Return the active rows at each time: those of a run, or none that can open in a prescribed motion.
 
-    Dry friction of a prescribed motion acts against it.
+    Dry friction opposes a prescribed motion.
     """
     found = [
         moves.modes[switch.name].tolist()
@@ -122,14 +122,14 @@ def _modes(mech: Mechanism, moves: Prescribed) -> list[Mode]:
 
 
 def _passed(mech: Mechanism, moves: Prescribed) -> tuple[Passed, ...]:
-    """Return what a prescribed motion passes; of a run, whose stops acted, nothing."""
+    """Return the unilateral constraints that a prescribed motion violates; none for a run."""
     if moves.modes or not (np.diff(moves.t) > 0).all():
         return ()
     return passages(mech, moves.t, moves.q, moves.v, moves.over[0])
 
 
 def _held(mech: Mechanism, moves: Prescribed) -> dict[str, float]:
-    """Return the static friction of joints that a prescribed motion holds for a while, which may act both ways."""
+    """Return the static friction of joints that a prescribed motion keeps at rest for a while."""
     brakes = [] if moves.modes else [c for c in mech.constraints if isinstance(c, Brake)]
     out = {}
     for brake in brakes:
@@ -140,12 +140,12 @@ def _held(mech: Mechanism, moves: Prescribed) -> dict[str, float]:
 
 
 def _states(mech: Mechanism, known: Mapping[str, Array], n: int) -> Array:
-    """States of the forces that are left, (n, ns): those of the motion, or their start values."""
+    """Return states of the remaining forces, (n, ns): those of the motion, or their start values."""
     return np.array([known.get(name, np.full(n, start)) for name, start in mech.states.items()]).T.reshape(n, -1)
 
 
 def _basis(G: Array, nv: int) -> tuple[int, Array]:
-    """Rank of G, and an orthonormal basis Z (nv, nv - r) of its null space."""
+    """Return the rank of G, and an orthonormal basis Z (nv, nv - r) of its null space."""
     if not len(G):
         return 0, np.eye(nv)
     _, sizes, right = np.linalg.svd(G)
@@ -154,7 +154,7 @@ def _basis(G: Array, nv: int) -> tuple[int, Array]:
 
 
 def _least(A: Array, b: Array, weight: Array) -> Array:
-    """The x with A x = b of least sum of weight x^2."""
+    """Return the x with A x = b that minimises the sum of weight x^2."""
     root = np.sqrt(weight)
     return np.linalg.lstsq(A / root, b, rcond=RANK)[0] / root
 

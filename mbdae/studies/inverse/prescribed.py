@@ -10,9 +10,9 @@ from scipy.interpolate import make_interp_spline
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
-from ...mechanism.assembly import close_position
 from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.frames import find_joint
+from ...mechanism.position_search import close_position
 from ...solution.solution import Solution
 from ...system import Array
 from ..kinematics.driven_mechanism import start_pose
@@ -20,7 +20,7 @@ from ..kinematics.result import Kinematics
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
 RANK = 1e-9  # of the largest singular value of G
-CONTRADICTS = 1e-4  # rad or m by which a table may miss the closures
+CONTRADICTS = 1e-4  # rad or m: tolerated violation of the closures by a table
 ITERATIONS = 20
 
 
@@ -32,9 +32,9 @@ class Prescribed(NamedTuple):
         q: configurations, (n, nq).
         v: velocities, (n, nv).
         vdot: accelerations, (n, nv).
-        states: of forces by name, (n,) each, as far as the motion has them.
-        over: what figures have as abscissa, (n,), and its name with unit.
-        modes: states of switches by name where a run found them, (n,) each.
+        states: of forces by name, (n,) each, if known.
+        over: abscissa of figures, (n,), and its name with unit.
+        modes: states of switches of a run by name, (n,) each.
         impacts: times of impacts in s, (k,).
     """
 
@@ -49,11 +49,11 @@ class Prescribed(NamedTuple):
 
 
 def prescribed(mech: Mechanism, motion: Any, speed: float | None) -> Prescribed:
-    """Return a motion of a mechanism as numbers, see `mbdae.inverse_dynamics`.
+    """Return a motion of a mechanism as arrays, see `mbdae.inverse_dynamics`.
 
     Raises:
-        InputError: for something else, a motion of another mechanism, or one that the closures do not admit.
-        UnknownNameError: for a column that is no joint of one coordinate.
+        InputError: for an invalid motion, one of another mechanism, or one that violates the closures.
+        UnknownNameError: for a column that is not a joint of one coordinate.
     """
     if speed is not None and not isinstance(motion, Kinematics):
         raise InputError("speed goes with a curve of mbdae.kinematics: other motions have times")
@@ -126,10 +126,10 @@ def _misses(system: Any, q: Array, v: Array, a: Array) -> tuple[Array, Array, Ar
 
 
 def read_motion(motion: Any) -> Any:
-    """Return a motion, read where it is the path of a run or a table.
+    """Return a motion, read from a file if it is the path of a run or a table.
 
     Raises:
-        InputError: for a file that is missing, or holds something else.
+        InputError: for a file that is missing or invalid.
     """
     if not isinstance(motion, str | Path):
         return motion
@@ -140,7 +140,7 @@ def read_table(path: str | Path) -> dict[str, Array]:
     """Read the columns of a .csv file: the first line has their names.
 
     Raises:
-        InputError: for a file that is missing, or holds something else.
+        InputError: for a file that is missing or invalid.
     """
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
@@ -153,61 +153,59 @@ def read_table(path: str | Path) -> dict[str, Array]:
 
 def _of_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
     """A spline of degree 5 through each column, and the motion of all joints that follows from the closures."""
-    known = {n: np.asarray(x, float) for n, x in columns.items()}
-    if "t" not in known:
-        raise InputError(f"a table of a motion has a column t, got {', '.join(known) or 'none'}")
-    t = known.pop("t")
     single = {n: j for n in mech.joint_names if (j := find_joint(mech.model, n)).nv == 1}
-    prefixed = any(n.startswith("q.") for n in known)
-    given = {n.removeprefix("q."): x for n, x in known.items() if n.startswith("q.") or not prefixed}
-    for name in given:
-        if name not in single:
-            raise UnknownNameError("joint of one coordinate", name, single)
-    if not given:
-        raise InputError(f"a table of a motion has columns of joints: {', '.join(single)}")
-    if len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
-        raise InputError("columns of a motion are finite, of one length, with at least three times")
-    if not (rises := np.diff(t) > 0).all():
-        first, then = t[(i := int(np.argmin(rises)))], t[i + 1]
-        impact = " (a run has the time of an impact twice: give its .npz)" if first == then else ""
-        raise InputError(f"the times of a motion must rise, got {first:.9g} and then {then:.9g}{impact}")
+    t, given = _joint_columns(columns, single)
+    _check_columns(t, given)
     degree = next(k for k in (DEGREE, 3, 2) if k < len(t))
     curves = make_interp_spline(t, np.array(list(given.values())).T, k=degree)
     targets = np.stack([curves(t, k) for k in range(3)])
     return Prescribed(t, *_followed(mech, [single[n] for n in given], targets), {}, (t, "t (s)"))
 
 
+def _joint_columns(columns: Mapping[str, Any], single: Mapping[str, Any]) -> tuple[Array, dict[str, Array]]:
+    """The times of a table, and its columns by the names of joints: those with ``q.`` where there are such.
+
+    Raises:
+        UnknownNameError: for a column that is no joint of one coordinate.
+        InputError: where times or joints are missing.
+    """
+    known = {n: np.asarray(x, float) for n, x in columns.items()}
+    if "t" not in known:
+        raise InputError(f"a table of a motion has a column t, got {', '.join(known) or 'none'}")
+    t = known.pop("t")
+    prefixed = any(n.startswith("q.") for n in known)
+    given = {n.removeprefix("q."): x for n, x in known.items() if n.startswith("q.") or not prefixed}
+    if unknown := [name for name in given if name not in single]:
+        raise UnknownNameError("joint of one coordinate", unknown[0], single)
+    if not given:
+        raise InputError(f"a table of a motion has columns of joints: {', '.join(single)}")
+    return t, given
+
+
+def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
+    if len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
+        raise InputError("columns of a motion are finite, of one length, with at least three times")
+    if not (rises := np.diff(t) > 0).all():
+        first, then = t[(i := int(np.argmin(rises)))], t[i + 1]
+        impact = " (a run has the time of an impact twice: give its .npz)" if first == then else ""
+        raise InputError(f"the times of a motion must rise, got {first:.9g} and then {then:.9g}{impact}")
+
+
 def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array, Array, Array]:
-    """q, v and v' with joints at targets u, u', u'', (3, n, k): closures exactly, the targets by least squares."""
+    """Return q, v and v' for joint values u, u', u'', (3, n, k): closures exactly, the values by least squares."""
     free = Mechanism(mech.model, mech.closures, start=mech.start_values)
     system, n = free.system(), targets.shape[1]
-    at, iq = [j.idx_v for j in joints], [(j.idx_q, j.nq) for j in joints]
+    at = [j.idx_v for j in joints]
     out = np.empty((n, mech.nq)), np.empty((n, mech.nv)), np.empty((n, mech.nv))
     q = close_position(system, start_pose(mech), np.array([], int), 0.0)
     for i in range(n):
-        for _ in range(ITERATIONS):
-            g, G = system.closures(q, 0.0)
-            here = np.array([q[k] if m == 1 else np.arctan2(q[k + 1], q[k]) for k, m in iq])
-            miss = targets[0, i] - here
-            miss = np.where([m == 2 for _, m in iq], (miss + np.pi) % (2 * np.pi) - np.pi, miss)
-            x = _solve(G, -g, at, miss)
-            x /= max(1.0, 2.0 * float(np.abs(x).max()))
-            q = system.manifold.integrate(q, x)
-            if np.abs(x).max() < 1e-10:
-                break
-        names = ", ".join(free.coordinate_joint(k) for k in at)
-        if i == 0 and not free.positional.all() and _remaining_dof(G[free.positional], at):
-            rolls = free.row_names[int(np.argmin(free.positional))]
-            raise InputError(f"{rolls!r} has rows of velocity: where it goes depends on the way, not on {names} alone: "
-                             "give a run, or (t, q, v, a)")  # fmt: skip
-        if i == 0 and _remaining_dof(G, at):
-            raise InputError(
-                f"{_remaining_dof(G, at)} freedoms are left when {names} move as in the table: name more joints"
-            )
-        missed = float(np.abs(miss).max())
-        if not (missed < CONTRADICTS and np.abs(g).max(initial=0.0) < CONTRADICTS):
+        found = _at_targets(system, q, joints, targets[0, i])
+        q, G = found.q, found.G
+        if i == 0:
+            _check_dof(free, G, at)
+        if not (found.missed < CONTRADICTS and np.abs(found.g).max(initial=0.0) < CONTRADICTS):
             raise InputError(f"the closures do not let the joints follow the table at point {i + 1}: they miss it by "
-                             f"{missed:.3g} rad or m")  # fmt: skip
+                             f"{found.missed:.3g} rad or m")  # fmt: skip
         v = _solve(G, np.zeros(len(G)), at, targets[1, i])
         gamma = system.gamma(q, v, 0.0)
         G = system.jacobian(q)
@@ -215,8 +213,53 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
     return out
 
 
+class _Posed(NamedTuple):
+    """A configuration (nq,), g and G of the last iterate before it, and by how much the joints missed their targets."""
+
+    q: Array
+    g: Array
+    G: Array
+    missed: float
+
+
+def _at_targets(system: Any, q: Array, joints: list[Any], target: Array) -> _Posed:
+    """The configuration with g = 0 and joints next to their targets (k,), by Gauss-Newton steps from q."""
+    at, circles = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
+    for _ in range(ITERATIONS):
+        g, G = system.closures(q, 0.0)
+        miss = target - np.array([_coordinate(q, j) for j in joints])
+        miss = np.where(circles, (miss + np.pi) % (2 * np.pi) - np.pi, miss)
+        x = _solve(G, -g, at, miss)
+        x /= max(1.0, 2.0 * float(np.abs(x).max()))
+        q = system.manifold.integrate(q, x)
+        if np.abs(x).max() < 1e-10:
+            break
+    return _Posed(q, g, G, float(np.abs(miss).max()))
+
+
+def _coordinate(q: Array, joint: Any) -> float:
+    """The coordinate of a joint: an angle for one that is stored as its cosine and sine."""
+    k = joint.idx_q
+    return float(q[k] if joint.nq == 1 else np.arctan2(q[k + 1], q[k]))
+
+
+def _check_dof(free: Mechanism, G: Array, at: list[int]) -> None:
+    """Raise where the coordinates at these places do not determine the motion.
+
+    Raises:
+        InputError: for nonholonomic rows, and degrees of freedom that are left.
+    """
+    names = ", ".join(free.coordinate_joint(k) for k in at)
+    if not free.positional.all() and _remaining_dof(G[free.positional], at):
+        rolls = free.row_names[int(np.argmin(free.positional))]
+        raise InputError(f"{rolls!r} has rows of velocity: where it goes depends on the way, not on {names} alone: "
+                         "give a run, or (t, q, v, a)")  # fmt: skip
+    if left := _remaining_dof(G, at):
+        raise InputError(f"{left} freedoms are left when {names} move as in the table: name more joints")
+
+
 def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:
-    """The x with G x = rate and x[at] next to a target."""
+    """Return the x with G x = rate and x[at] closest to a target."""
     if not len(G):
         Z, x = np.eye(G.shape[1]), np.zeros(G.shape[1])
     else:
@@ -227,7 +270,7 @@ def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:
 
 
 def _remaining_dof(G: Array, at: list[int]) -> int:
-    """Freedoms that are left while some coordinates are given."""
+    """Return the degrees of freedom that remain if some coordinates are prescribed."""
     rows = np.vstack([G, np.eye(G.shape[1])[at]])
     sizes = np.linalg.svd(rows, compute_uv=False)
     return G.shape[1] - int(np.count_nonzero(sizes > RANK * sizes[0]))

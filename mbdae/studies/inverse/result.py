@@ -1,4 +1,4 @@
-"""What `mbdae.inverse_dynamics` returns: efforts, powers, and the forces in all joints."""
+"""Result of `mbdae.inverse_dynamics`: efforts, powers, and joint reactions."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
 
 class Demand(NamedTuple):
-    """What an actuator must do, for choosing a motor.
+    """Requirements on an actuator, for choosing a motor.
 
     Attributes:
         name: of the effort.
         unit: ``"N m"`` or ``"N"``.
         peak: largest |effort|.
-        at: where, in the figure's abscissa.
+        at: position of the peak on the figure's abscissa.
         rms: root of the mean square over time.
         speed: largest |speed|, in rad/s or m/s.
-        power: largest power that it gives, in W.
-        braking: largest power that it takes, in W.
-        energy: in J: given less taken.
-        given: in J.
-        taken: in J.
+        power: largest delivered power, in W.
+        braking: largest absorbed power, in W.
+        energy: in J: delivered minus absorbed.
+        given: delivered energy in J.
+        taken: absorbed energy in J.
     """
 
     name: str
@@ -65,14 +65,13 @@ class InverseDynamics(Tabular):
         units: of their efforts, ``"N m"`` or ``"N"``.
         efforts: (n, m); nan in poses where the closures lose rank.
         speeds: of the actuators in rad/s or m/s, (n, m).
-        lam: multipliers of all rows but drivers', (n, c), of least norm where rows depend on each other; 0 for those
-            that are open.
-        joints: force and torque in each joint of the tree, on the body behind it, in the joint's axes, (n, nj, 6).
+        lam: multipliers of all rows except drivers', (n, c), of least norm for redundant rows; 0 for inactive ones.
+        joints: force and torque in each tree joint, on its child body, in the joint's axes, (n, nj, 6).
         over: abscissa of figures, (n,).
         over_name: its name with unit.
-        impacts: times of impacts of a run, whose impulses are in no effort.
-        passed: stops, ropes, contacts and clutches that a prescribed motion passes, over the abscissa.
-        held: static friction in N m or N of joints that a prescribed motion holds still: efforts leave it out.
+        impacts: times of impacts of a run, whose impulses are not included in efforts.
+        passed: unilateral constraints (stops, ropes, contacts, clutches) that a prescribed motion violates.
+        held: static friction in N m or N of joints that a prescribed motion keeps at rest: not included in efforts.
     """
 
     mechanism: Mechanism
@@ -94,17 +93,17 @@ class InverseDynamics(Tabular):
 
     @cached_property
     def power(self) -> Array:
-        """Power that each actuator gives in W, (n, m)."""
+        """Power delivered by each actuator in W, (n, m)."""
         return self.efforts * self.speeds
 
     @cached_property
     def undetermined(self) -> Array:
-        """Times of poses in which the closures lose rank, and efforts are not determined, (k,)."""
+        """Times of poses in which the closures lose rank and efforts are undetermined, (k,)."""
         return self.t[~np.isfinite(self.efforts).all(axis=1)]
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """What each actuator must do."""
+        """Requirements on each actuator."""
         kept = np.isfinite(self.efforts).all(axis=1)
         t = self.t[kept]
         pieces = [k for k in np.split(np.arange(len(t)), 1 + np.flatnonzero(np.diff(t) == 0)) if len(k) > 1]
@@ -125,20 +124,20 @@ class InverseDynamics(Tabular):
         return tuple(out)
 
     def effort(self, name: str) -> Array:
-        """The effort of an actuator in N m or N, (n,).
+        """Return the effort of an actuator in N m or N, (n,).
 
         Raises:
-            UnknownNameError: lists those that exist.
+            UnknownNameError: lists the valid names.
         """
         if name not in self.names:
             raise UnknownNameError("actuator", name, self.names)
         return self.efforts[:, self.names.index(name)]
 
     def joint(self, name: str) -> tuple[Array, Array]:
-        """Force in N and torque in N m in a joint of the tree, on the body behind it, in the joint's axes, (n, 3) each.
+        """Return force in N and torque in N m of a tree joint on its child body, in the joint's axes, (n, 3) each.
 
         Raises:
-            UnknownNameError: lists the joints that exist.
+            UnknownNameError: lists the valid joints.
         """
         if name not in self.mechanism.joint_names:
             raise UnknownNameError("joint", name, self.mechanism.joint_names)
@@ -146,7 +145,7 @@ class InverseDynamics(Tabular):
         return values[:, :3], values[:, 3:]
 
     def reaction(self, name: str) -> Reaction:
-        """Force and torque of a closure, see `mbdae.Solution.reaction`."""
+        """Return force and torque of a closure, see `mbdae.Solution.reaction`."""
         return reaction(self._closed, name, self.t, self.q, self.lam)
 
     @cached_property
@@ -155,10 +154,10 @@ class InverseDynamics(Tabular):
         return Mechanism(m.model, m.closures, m.forces, stops=m.stops, clutches=m.clutches)
 
     def signals(self) -> dict[str, Array]:
-        """Named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
+        """Return named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
 
         ``t``; the abscissa under its name; ``effort``, ``speed`` and ``power.<actuator>``; ``lam.<closure>.<row>``;
-        ``force`` and ``torque.<joint>`` on the body behind it, magnitude and ``.1 .2 .3`` along the joint's axes.
+        ``force`` and ``torque.<joint>`` on the child body, magnitude and ``.1 .2 .3`` along the joint's axes.
         """
         out: dict[str, Array] = {"t": self.t}
         if not self.over_name.startswith("t "):
@@ -173,7 +172,7 @@ class InverseDynamics(Tabular):
         return out
 
     def tabulated(self) -> Columns:
-        """The columns of `signals` over time."""
+        """Return the columns of `signals` over time."""
         columns, known = self.signals(), dict(zip(self.names, self.units, strict=True))
         fixed = {"t": "s", "power": "W", "force": "N", "torque": "N m", "lam": "N, N m"}
         heads = {name: name.split(".", 1) for name in columns}
@@ -182,14 +181,14 @@ class InverseDynamics(Tabular):
         return Columns(columns, {name: unit for name, unit in (given | speeds).items() if unit}, "t")
 
     def cells(self) -> list[list[str]]:
-        """What each actuator must give."""
+        """Return the requirements on each actuator."""
         heads = ["actuator", "peak", "RMS", "unit", "speed", "power W", "braking W", "energy J"]
         rows = [[d.name, f"{d.peak:.5g}", f"{d.rms:.5g}", d.unit, *(f"{x:.4g}" for x in (d.speed, d.power, d.braking)),
                  f"{d.energy:.5g}"] for d in self.demands]  # fmt: skip
         return [heads, *rows]
 
     def remarks(self) -> list[str]:
-        """Forces in joints, and where nothing is determined."""
+        """Return the largest joint forces, and where efforts are undetermined."""
         sizes = np.linalg.norm(self.joints[:, :, :3], axis=2)
         largest = np.nanmax(sizes, axis=0)
         loads = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.mechanism.joint_names, largest, strict=True))
@@ -211,7 +210,7 @@ class InverseDynamics(Tabular):
         return [(name, x, effort_unit(units, name)) for name, x in self.held.items()]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {
             "title": self.mechanism.title,
             "over": self.over_name,
@@ -224,7 +223,7 @@ class InverseDynamics(Tabular):
         }
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw efforts, power and forces in joints; written where a path is given.
+        """Draw efforts, power and joint forces; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
@@ -252,7 +251,7 @@ class InverseDynamics(Tabular):
 
 
 def _integral(values: Array, t: Array, pieces: list[Array], power: int = 1) -> float:
-    """Integrate values**power over time (n,), between jumps: of cubics that overshoot nowhere, so squares give no less.
+    """Integrate values**power over time (n,), between jumps: by monotone cubics, which keep squares nonnegative.
 
     Source: F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984), for the cubics.
     """

@@ -15,12 +15,11 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from ...system import Array
-from .pose_curve import NEAR, CurvePoint, PoseCurve
+from .pose_curve import LONGEST, NEAR, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-LONGEST = 100.0  # rad and characteristic lengths: how far the input is followed
 DEAD = 1e-9  # of the arclength's rate: where the input's is smaller, it turns back
 
 

@@ -1,27 +1,42 @@
-"""The sub-command ``kinematics``."""
+"""The sub-commands ``kinematics`` and ``assembly-modes``."""
 
 from typing import Any
 
 import click
 
 from ...cli.model import ChosenModel, model_argument
-from ...cli.options import PAGES, PICTURES, TABLES, as_json, emit, listed, plot_option, speed_option, writable
+from ...cli.options import (
+    PAGES,
+    PICTURES,
+    TABLES,
+    as_json,
+    emit,
+    from_option,
+    listed,
+    plot_option,
+    span_of,
+    speed_option,
+    table_option,
+    to_option,
+    writable,
+)
 from ...errors import InputError
+
+DRIVE = click.option("--drive", required=True, help="The input: a joint of one coordinate, or a driver of the model.")
+HOLD = click.option("--hold", multiple=True, help="A joint to lock, or joint=value; several times for several.")
 
 
 @click.command()
 @model_argument
-@click.option("--drive", required=True, help="The input: a joint of one coordinate, or a driver of the model.")
-@click.option("--from", "first", type=float, help="Where the input begins, in rad or m; the start when left out.")
-@click.option("--to", "last", type=float, help="Where it ends; with --from.")
+@DRIVE
+@from_option
+@to_option
 @click.option("--turns", type=float, default=1.0, show_default=True, help="Full turns, without --from and --to.")
-@click.option("--hold", multiple=True, help="A joint that stands still, or joint=value; several times for several.")
+@HOLD
 @click.option("--points", type=click.IntRange(min=2), default=181, show_default=True, help="About how many poses.")
-@click.option("--output-joint", "output", help="The joint of the transmission angle.")
+@click.option("--output-joint", help="The joint of the transmission angle.")
 @click.option("--branches", is_flag=True, help="Follow all branches from branch points on.")
-@click.option("--modes", is_flag=True, help="List all assembly modes at the start of the input instead.")
-@click.option("--apart", multiple=True, help="With --modes: joints by which modes are told apart.")
-@click.option("-o", "--output", "path", type=click.Path(dir_okay=False), help="Save the table as .csv or .json.")
+@table_option
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay along the curve as one HTML page.")
 @plot_option
 @speed_option
@@ -31,41 +46,21 @@ def kinematics(
     drive: str,
     first: float | None,
     last: float | None,
-    turns: float,
     hold: tuple[str, ...],
-    points: int,
     output: str | None,
-    branches: bool,
-    modes: bool,
-    apart: tuple[str, ...],
-    path: str | None,
     html: str | None,
     plot: str | None,
     speed: float | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
-    """Follow the poses of a mechanism with one freedom over an input: rates, dead points, branches, assembly modes."""
-    from .assembly_modes import assembly_modes
-    from .kinematics import kinematics as follow
+    """Follow the poses of a mechanism with one degree of freedom over an input: rates, dead points, branches."""
+    from .kinematics import kinematics as study
 
-    written = writable((path, TABLES), (html, PAGES), (plot, PICTURES))
-    if last is not None and first is None and not modes:
-        raise InputError("give --from and --to, or --turns")
-    if modes and written:
-        raise InputError("--modes lists poses at one value of the input: there is no curve to write")
-    mech = model.load()
-    if modes:
-        listing = assembly_modes(mech, drive, first, hold=held(hold), apart=listed(apart))
-        emit(listing.to_dict(), str(listing), as_json)
-        return
-    if (first is None) != (last is None):
-        raise InputError("give both --from and --to, or --turns")
-    span = None if first is None or last is None else (first, last)
-    found = follow(
-        mech, drive, span=span, turns=turns, hold=held(hold), points=points, output=output, branches=branches
-    )
-    if path:
-        found.save(path)
+    written = writable((output, TABLES), (html, PAGES), (plot, PICTURES))
+    found = study(model.load(), drive, span=span_of(first, last), hold=held(hold), **options)
+    if output:
+        found.save(output)
     if html:
         from ..replay.replay import animate
 
@@ -74,6 +69,23 @@ def kinematics(
         found.plot(plot)
     lines = [str(found), *(f"wrote {p}" for p in written)]
     emit({**found.to_dict(), "written": written}, "\n".join(lines), as_json)
+
+
+@click.command()
+@model_argument
+@DRIVE
+@click.option("--at", type=float, help="Value of the input, in rad or m; the start when left out.")
+@HOLD
+@click.option("--apart", multiple=True, help="Joints that distinguish the modes.")
+@as_json
+def assembly_modes(
+    model: ChosenModel, drive: str, at: float | None, hold: tuple[str, ...], apart: tuple[str, ...], as_json: bool
+) -> None:
+    """List all assembly modes at one value of the input: poses that the closures allow."""
+    from .assembly_modes import assembly_modes as study
+
+    found = study(model.load(), drive, at, hold=held(hold), apart=listed(apart))
+    emit(found.to_dict(), str(found), as_json)
 
 
 def held(values: tuple[str, ...]) -> dict[str, Any]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...errors import AssemblyError, InputError, StepError, is_number
 from ...mechanism import Mechanism
-from ...mechanism.assembly import close_position
 from ...mechanism.joints import angle_components
+from ...mechanism.position_search import close_position
 from ...solution.problem import mechanism_of
 from ...system import Array
 from .branch_following import branch_off, is_same_point
@@ -18,7 +18,7 @@ from .branch_points import BranchPoint
 from .curve_sampling import Events, at_crossing, events, sample
 from .driven_mechanism import Hold, driven_mechanism, input_at, left_open, require_one_dof, start_pose
 from .passing import passed_by
-from .pose_curve import NEAR, CurvePoint, PoseCurve
+from .pose_curve import LONGEST, NEAR, CurvePoint, PoseCurve
 from .result import CurveSegment, Kinematics
 from .transmission import default_output, transmission
 
@@ -26,7 +26,6 @@ __all__ = ["kinematics"]
 
 MOST_BRANCHES = 32
 NEXT = 0.1  # rad or characteristic lengths: a step of the input on the way to its first value
-BOUNDED = 1e3  # rad or characteristic lengths: an input that is followed further without end needs a span
 
 
 def kinematics(
@@ -38,7 +37,7 @@ def kinematics(
     hold: Hold = (),
     points: int = 181,
     q: Array | None = None,
-    output: str | None = None,
+    output_joint: str | None = None,
     branches: bool = False,
 ) -> Kinematics:
     """Follow the poses of a mechanism with one freedom over an input u, with their rates.
@@ -61,7 +60,7 @@ def kinematics(
         hold: joints that stand still, where they are or at values by name; besides the drive, one freedom is left.
         points: about how many poses are returned.
         q: a pose on the branch that is meant, (nq,); the model's start when left out.
-        output: a joint whose transmission angle is wanted; when left out, the only other one at the ground.
+        output_joint: a joint whose transmission angle is wanted; when left out, the only other one at the ground.
         branches: follow all branches from branch points on, within the range.
 
     Raises:
@@ -93,7 +92,7 @@ def kinematics(
         raise StepError("newton", _unfinished(curve, drive, moved))
     if span is None and curve.ended == "range" and moved.row_units[-1] != "rad":
         raise InputError(f"{drive!r} slides on without end: give its range, span or --from and --to")
-    chosen = default_output(mech, drive, held) if output is None else output
+    chosen = default_output(mech, drive, held) if output_joint is None else output_joint
     return _result(mech, moved, drive, held, chosen, found, points)
 
 
@@ -129,7 +128,7 @@ def _range(moved: Mechanism, u: float, span: tuple[float, float] | None, turns: 
         return min(span), max(span)
     if not (is_number(turns) and turns > 0):
         raise InputError(f"turns must be a positive number, got {turns!r:.60}")
-    reach = 2 * np.pi * turns if moved.row_units[-1] == "rad" else BOUNDED * moved.row_scales[-1]
+    reach = 2 * np.pi * turns if moved.row_units[-1] == "rad" else LONGEST * moved.row_scales[-1]
     return u - reach, u + reach
 
 
@@ -137,10 +136,10 @@ def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
     at = curve.nodes[-1].u
     if curve.ended == "stuck":
         return f"the curve over {drive!r} cannot be followed beyond {at:.9g}: several branches meet there, or a corner"
-    way = np.abs(curve.difference(curve.nodes[0].q, curve.nodes[-1].q)) * ~curve.turning
-    if way.max() > BOUNDED:
+    way = curve.travelled()
+    if way.max() > LONGEST:
         slides = mech.coordinate_joint(int(way.argmax()))
-        return f"{slides!r} slides on without end as {drive!r} comes to {at:.6g}: give a span that ends before"
+        return f"{slides!r} slides on without end as {drive!r} comes to {at:.4g}: give a span that ends before"
     return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...mechanism import Mechanism
-from ...mechanism.assembly import gauss_newton, is_closed
 from ...mechanism.characteristic_length import linkage_lengths
 from ...mechanism.frames import find_joint
 from ...mechanism.joints import angle_components, lengths
+from ...mechanism.position_search import gauss_newton, is_closed
 from ...system import Array
 from .circuits import circuit
 from .pose_curve import NEAR, PoseCurve

@@ -32,7 +32,9 @@ BENT = 0.02  # of a step: a predictor that misses by more is shortened, by less 
 ITERATIONS = 12
 CONVERGED = 1e-9  # of a correction that converges quadratically: the next would be rounding
 NEAR = 1e-6  # poses so near are one
+LONGEST = 100.0  # rad and characteristic lengths: how far the input, and what slides, is followed
 MOST = 5000  # nodes of a curve
+EPS = float(np.finfo(float).eps)
 
 
 class CurvePoint(NamedTuple):
@@ -77,7 +79,7 @@ class PoseCurve:
         columns: what 1 of each tangent component is in rad or m, (nv,).
         nodes: points in the order of the arclength.
         crossings: by the node before them; None where more than two branches cross.
-        ended: ``"range"``, ``"closed"`` (the pose of the start comes again), or ``"stuck"``.
+        ended: ``"range"``, ``"closed"`` (the pose of the start comes again), ``"stuck"``, or ``"long"`` (without end).
     """
 
     def __init__(self, system: "Index2System", turning: Array, period: float = 0.0) -> None:
@@ -113,8 +115,7 @@ class PoseCurve:
         Raises:
             StepError: where no closed configuration is near.
         """
-        found = self._correct(q, u)
-        if found is None:
+        if (found := self._correct(q, u)) is None:
             raise StepError("newton", f"the loops cannot be closed at {u:.6g}")
         q, u, (left, _, right), e = found
         tau = right[self.r]
@@ -131,14 +132,13 @@ class PoseCurve:
             here = self.nodes[-1]
             new, missed = self._step(here, h)
             if new is None:
-                h /= 2
-                if h < SMALLEST:
+                if (h := h / 2) < SMALLEST:
                     self.ended = "stuck"
                     return self
                 continue
             self.nodes.append(new)
             if here.sigma * new.sigma < 0 and not self._crosses() and h > JUMP:
-                self.nodes.pop()
+                del self.nodes[-1]
                 h /= 4
                 continue
             h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, 1e-12)) ** (1 / 3), 0.4, 2.0)))
@@ -148,8 +148,14 @@ class PoseCurve:
                 return self
             if not low <= new.u <= high:
                 return self._end(low if new.u < low else high)
+            if self.travelled().max() > LONGEST:
+                break
         self.ended = "long"
         return self
+
+    def travelled(self) -> Array:
+        """Return how far the last node lies from the first in each coordinate that is no angle, (nv,), 0 in angles."""
+        return np.abs(self.difference(self.nodes[0].q, self.nodes[-1].q)) * ~self.turning
 
     def comes_back(self, change: float) -> bool:
         """Whether a change of the input is none, or a multiple of its period."""
@@ -196,8 +202,7 @@ class PoseCurve:
     def wrapped(self, q0: Array, q1: Array) -> Array:
         """q1 (-) q0 up to full turns of its angles, (nv,)."""
         x = self.difference(q0, q1)
-        turns = 2 * np.pi * np.round(x / (2 * np.pi))
-        return np.where(self.turning, x - turns, x)
+        return np.where(self.turning, x - 2 * np.pi * np.round(x / (2 * np.pi)), x)
 
     def at(self, i: int, sigma: float, *, roughly: bool = False) -> CurvePoint:
         """The point at the arclength sigma behind node i, before node i + 1; roughly, loops are not closed exactly.
@@ -249,20 +254,19 @@ class PoseCurve:
         return self.integrate(p.q, h * (p.tau + 0.5 * h * p.kappa))
 
     def _correct(self, q: Array, u: float, *, land: bool = False) -> "Corrected | None":
-        """Close the loops near q: at the input u, or at least |x|."""
+        """Close the loops near q: at the input u, or at least |x|; None also where G loses its rank."""
         last = np.inf
         for _ in range(ITERATIONS):
             g, G = self.closures(q, u)
             left, sizes, right = _svd(G[:-1])
+            if self.r and not sizes[self.r - 1] > EPS * sizes[0]:
+                return None
             if last <= CONVERGED:
                 return q, u if land else u + float(g[-1]), (left, sizes, right), G[-1]
-            if self.r and not sizes[self.r - 1] > 0:
-                return None
             x = -(left[:, : self.r].T @ g[:-1] / sizes[: self.r]) @ right[: self.r]
             if land:
                 tau = right[self.r]
-                speed = G[-1] @ tau
-                if not speed:
+                if not (speed := G[-1] @ tau):
                     return None
                 x = x - tau * (g[-1] + G[-1] @ x) / speed
             size = float(np.abs(x).max())

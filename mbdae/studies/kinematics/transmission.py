@@ -67,9 +67,10 @@ def transmission(
             rows = system.constraints.spans[name]
             force, point = sign * (system.constraints.W[:, rows] @ lam[rows])[:3], pair.pb
         else:
-            wrench, place = joint_wrenches(system, 0.0, pose, still, still, lam, laws=False), system.data.oMi[behind[0]]
+            wrench = joint_wrenches(system, 0.0, pose, still, still, lam, laws=False)
+            place = system.workspace.oMi[behind[0]]
             force, point = -place.rotation @ wrench[behind[0] - 1, :3], place.translation.copy()
-        V = system.data.J.reshape(6, -1) @ (tau * moving)
+        V = system.workspace.J.reshape(6, -1) @ (tau * moving)
         moves = V[:3] + np.cross(V[3:], point)
         sizes = np.linalg.norm(force) * np.linalg.norm(moves)
         if sizes > 1e-12:

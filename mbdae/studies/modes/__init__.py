@@ -1,1 +1,1 @@
-"""Small motions around equilibria and steady motions: modes, linear systems for control, root loci."""
+"""Linearisation around equilibria and steady motions: modes, linear systems for control, root loci."""

@@ -1,68 +1,40 @@
-"""The sub-command ``modes``."""
+"""The sub-commands ``modes``, ``root-locus`` and ``linearize``."""
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ...cli.model import ChosenModel, model_argument
-from ...cli.options import FAILED, PAGES, PICTURES, as_json, emit, listed, plot_option, values_by_name, writable
-from ...errors import InputError
-
-if TYPE_CHECKING:
-    from .linear_system import LinearSystem
+from ...cli.options import FAILED, PAGES, PICTURES, as_json, emit, listed, plot_option, writable
+from ..statics.command import state, state_options
 
 
 @click.command()
 @model_argument
-@click.option("--at", "at", multiple=True, help="Search the equilibrium from joint=value, in rad or m.")
-@click.option("--speed", "speed", multiple=True, help="A constant speed, joint=value, in rad/s or m/s.")
-@click.option("--hold", "hold", multiple=True, help="A joint that stands still.")
-@click.option("-t", "--time", "t", type=float, default=0.0, show_default=True, help="Time in s, for drivers.")
+@state_options
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay of the modes as one HTML page.")
-@click.option("--over", help="A root locus: parameter=first:last:number, or v.joint=first:last:number for a speed.")
-@click.option(
-    "--response", nargs=2, multiple=True, metavar="INPUT OUTPUT", help="Frequency response: names as of linearize."
-)
 @plot_option
 @as_json
 def modes(
     model: ChosenModel,
-    at: tuple[str, ...],
-    speed: tuple[str, ...],
+    q: tuple[str, ...],
+    v: tuple[str, ...],
     hold: tuple[str, ...],
     html: str | None,
-    over: str | None,
-    response: tuple[tuple[str, str], ...],
     plot: str | None,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Find eigenvalues, damping and shapes of small motions around an equilibrium or a steady motion.
 
-    The start of the model is taken where it is steady, else the equilibrium that is found from there. With --over the
-    eigenvalues are followed over a parameter of the model or over a speed; with --response outputs answer to
-    inputs: gain and phase over the frequency.
+    The start of the model is taken where it is steady, else the equilibrium that is found from there. Exit 1 where a
+    motion grows.
     """
-    from .linear_system import linearize
-    from .modes import modes as find_modes
-    from .root_locus import read_range, root_locus
+    from .modes import modes as study
 
     written = writable((html, PAGES), (plot, PICTURES))
-    given: dict[str, Any] = {"q": values_by_name(at, "--at") or None, "v": values_by_name(speed, "--speed") or None}
-    given |= options | {"hold": listed(hold)}
-    if ((over or response) and html) or (over and response):
-        raise InputError("a root locus or a frequency response, one of them, has a figure, --plot, and no page")
-    if response:
-        _respond(linearize(model.load(), inputs=_once(response, 0), outputs=_once(response, 1), **given), plot, as_json)
-        return
-    if over:
-        locus = root_locus(model.name, *read_range(over), start=model.start, **given)
-        if plot:
-            locus.plot(plot)
-        emit({**locus.to_dict(), "written": written}, str(locus), as_json)
-        return
-    found = find_modes(model.load(), **given)
+    found = study(model.load(), **state(q, v, hold), **options)
     if html:
         found.animate(html)
     if plot:
@@ -72,13 +44,59 @@ def modes(
         sys.exit(FAILED)
 
 
-def _once(pairs: tuple[tuple[str, str], ...], side: int) -> list[str]:
-    return list(dict.fromkeys(pair[side] for pair in pairs))
+@click.command()
+@model_argument
+@click.argument("over", metavar="NAME=FIRST:LAST:NUMBER")
+@state_options
+@plot_option
+@as_json
+def root_locus(
+    model: ChosenModel,
+    over: str,
+    q: tuple[str, ...],
+    v: tuple[str, ...],
+    hold: tuple[str, ...],
+    plot: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Follow eigenvalues over a parameter of a model, or over a speed v.JOINT: spin=150:250:21, v.shaft=4:8:9."""
+    from .root_locus import read_range
+    from .root_locus import root_locus as study
+
+    written = writable((plot, PICTURES))
+    name, values = read_range(over)
+    found = study(model.name, name, values, start=model.start, **state(q, v, hold), **options)
+    if plot:
+        found.plot(plot)
+    emit({**found.to_dict(), "written": written}, str(found), as_json)
 
 
-def _respond(system: "LinearSystem", plot: str | None, as_json: bool) -> None:
+@click.command()
+@model_argument
+@click.option("--inputs", multiple=True, help="A joint, a force with a signal, or frame.x; several times for several.")
+@click.option("--outputs", multiple=True, help="q.joint, v.joint, s.state or position.frame.x.  [default: all q and v]")
+@state_options
+@plot_option
+@as_json
+def linearize(
+    model: ChosenModel,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    q: tuple[str, ...],
+    v: tuple[str, ...],
+    hold: tuple[str, ...],
+    plot: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Linearise a model with inputs and outputs: gain and phase over the frequency; with --json A, B, C and D, too."""
     import numpy as np
 
+    from .linear_system import linearize as study
+
+    written = writable((plot, PICTURES))
+    system = study(model.load(), inputs=listed(inputs), outputs=listed(outputs), **state(q, v, hold), **options)
     hertz = system.band()
     H = system.response(2 * np.pi * hertz)
     if plot:
@@ -91,4 +109,4 @@ def _respond(system: "LinearSystem", plot: str | None, as_json: bool) -> None:
             lines.append(f"  {output} / {name}: gain {gain[0]:.4g} at {hertz[0]:.4g} Hz, at most {gain[k]:.4g} at "
                          f"{hertz[k]:.4g} Hz, {gain[-1]:.4g} at {hertz[-1]:.4g} Hz")  # fmt: skip
     data = {**system.to_dict(), "hertz": hertz.tolist(), "gain": np.abs(H).tolist(), "phase": np.angle(H).tolist()}
-    emit({**data, "written": [plot] if plot else []}, "\n".join(lines), as_json)
+    emit({**data, "written": written}, "\n".join(lines), as_json)

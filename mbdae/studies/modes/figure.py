@@ -1,4 +1,4 @@
-"""Figures of modes: roots in the plane, root loci, Campbell diagrams and frequency responses."""
+"""Figures of modes: roots in the complex plane, root loci, Campbell diagrams and frequency responses."""
 
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ ORDERS = (1, 2, 3)  # multiples of the speed in a Campbell diagram
 
 @settled
 def roots(modes: Modes) -> "Figure":
-    """Draw the eigenvalues in the plane of complex numbers, and the shape of each mode."""
+    """Draw the eigenvalues in the complex plane, and the shape of each mode."""
     figure = sheet(WIDTH, 3.2)
     left, right = figure.subplots(1, 2)
     _plane(left, modes.eigenvalues)
@@ -35,7 +35,7 @@ def roots(modes: Modes) -> "Figure":
 
 @settled
 def locus(found: RootLocus, campbell: bool) -> "Figure":
-    """Draw real parts and frequencies over the parameter, and the roots in the plane."""
+    """Draw real parts and frequencies over the parameter, and the roots in the complex plane."""
     figure = sheet(WIDTH, 5.2)
     axes = figure.subplots(2, 2)
     (real, plane), (hertz, unused) = axes

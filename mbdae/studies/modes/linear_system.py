@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["linearize"]
 
 AXES = "xyz"
-BAND = 400  # frequencies of a response
+BAND = 400  # frequencies of a frequency response
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class LinearSystem(Tabular):
         D: (outputs, inputs).
         inputs: names.
         outputs: names.
-        motion: the linearised motion; its ``state`` makes z of changes of q, v and s.
+        motion: the linearised motion; its ``state`` returns z for changes of q, v and s.
     """
 
     title: str
@@ -59,24 +59,24 @@ class LinearSystem(Tabular):
 
     @property
     def matrices(self) -> tuple[Array, Array, Array, Array]:
-        """A, B, C and D, as ``scipy.signal.StateSpace(*s.matrices)`` and ``control.ss(*s.matrices)`` take them."""
+        """A, B, C and D, for ``scipy.signal.StateSpace(*s.matrices)`` and ``control.ss(*s.matrices)``."""
         return self.A, self.B, self.C, self.D
 
     def response(self, omega: Sequence[float] | Array) -> Array:
-        """The response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
+        """Return the response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
         one = np.eye(len(self.A))
-        A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # positions and speeds alike
+        A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
         B, C = self.B / d[:, None], self.C * d
         return np.array([C @ np.linalg.solve(1j * w * one - A, B) + self.D for w in omega])
 
     def band(self) -> Array:
-        """Frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
+        """Return frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
         size = np.abs(spectrum(self.A, self.motion.noise).values)
         size = size[size > 0] if size.any() else np.array([2 * np.pi])
         return np.geomspace(size.min() / 10, size.max() * 10, BAND) / (2 * np.pi)
 
     def plot(self, path: str | Path | None = None, hertz: Sequence[float] | Array | None = None) -> "Figure":
-        """Draw gain and phase over frequencies in Hz, `band` when left out; written where a path is given.
+        """Draw gain and phase over frequencies in Hz, `band` when left out; saved if a path is given.
 
         Raises:
             InputError: for another format, or an unwritable path.
@@ -87,7 +87,7 @@ class LinearSystem(Tabular):
         return figures.given(frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path)
 
     def tabulated(self) -> Columns:
-        """Gain and phase in rad of each output for each input, over the frequencies of `band`."""
+        """Return gain and phase in rad of each output for each input, over the frequencies of `band`."""
         hertz = self.band()
         H = self.response(2 * np.pi * hertz)
         columns: dict[str, Array] = {"frequency": hertz}
@@ -98,7 +98,7 @@ class LinearSystem(Tabular):
         return Columns(columns, {n: "rad" for n in columns if n[0] == "p"} | {"frequency": "Hz"}, "frequency")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         matrices = {name: X.tolist() for name, X in zip("ABCD", self.matrices, strict=True)}
         return {"title": self.title, **matrices, "inputs": list(self.inputs), "outputs": list(self.outputs)}
 
@@ -123,30 +123,31 @@ def linearize(
 
         z' = A z + B u,   y = C z + D u
 
-    in small changes from it, with exact slopes of all forces; z are changes of (q, v, s) that the closures allow.
+    in small changes from it, with exact partial derivatives of all forces; z are changes of (q, v, s) that the closures
+    allow.
 
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
-    joint_torque; "(force)" stands behind a name that a joint, closure or driver has, too), or ``frame.x``, a force in N
+    joint_torque; "(force)" is appended to a name shared with a joint, closure or driver), or ``frame.x``, a force in N
     on a frame's origin along an axis of the world. An output is named as a signal of runs: ``q.joint`` or ``v.joint``
-    (in the tangent), ``s.state``, or ``position.frame.x``, where a frame's origin is, in m. Where a reference acts by
-    its rate, too (kd), the states are z less what its jump would do, which shows in D.
+    (in the tangent), ``s.state``, or ``position.frame.x``, the position of a frame's origin in m. If the rate of a
+    reference acts, too (kd), the states are z minus the effect of its jump, which contributes to D.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
-        q: see `mbdae.modes`; so v, t and hold.
+        mech: the mechanism, or an argument of `mbdae.load`.
+        q: see `mbdae.modes`, also for v, t and hold.
         v: constant speeds.
         inputs: names.
         outputs: names; all ``q.`` and ``v.`` when left out.
         t: time in s.
-        hold: joints that stand still.
+        hold: joints to lock.
 
     Returns:
-        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), and what can be computed from them.
+        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), and derived results.
 
     Raises:
-        UnknownNameError: for a name that does not exist; lists those that do.
-        InputError, EquilibriumError: as `mbdae.modes`.
+        UnknownNameError: for an unknown name; lists the valid ones.
+        InputError, EquilibriumError: as for `mbdae.modes`.
     """
     mech = mechanism_of(mech, "linearize")
     statics, here, motion, _ = operating_point(mech, q, v, t, hold)
@@ -176,7 +177,7 @@ Push = tuple[tuple[Array, Array], tuple[Array, Array]]
 
 
 def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push]:
-    """For each input the slopes of (f, h), and those with respect to its rate."""
+    """Return for each input the partial derivatives of (f, h), and those with respect to its rate."""
     system = statics.system
     nv, ns = system.nv, system.ns
     none = np.zeros(ns)
@@ -199,7 +200,7 @@ def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push
 
 
 def _seen(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]:
-    """For each output its slopes with respect to (q, v, s), (2 nv + ns,)."""
+    """Return for each output its partial derivatives with respect to (q, v, s), (2 nv + ns,)."""
     nv, names = statics.system.nv, list(statics.mech.states)
     one = np.eye(2 * nv + len(names))
     out = {f"q.{n}": one[i] for i, n in enumerate(joints)} | {f"v.{n}": one[nv + i] for i, n in enumerate(joints)}
@@ -209,14 +210,14 @@ def _seen(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]
 
 
 def _places(statics: Statics, q: Array) -> dict[str, Array]:
-    """Slopes (nv,) of the places ``frame.x`` of all frames."""
+    """Return the partial derivatives (nv,) of the positions ``frame.x`` of all frames."""
     system, out = statics.system, {}
-    statics.force(q, np.zeros(system.ns))  # the kinematics stand at q
+    statics.force(q, np.zeros(system.ns))  # makes kinematics current at q
     for name in frame_names(system.model)[1:]:
         at = anchor(system.model, name)
         if at.joint == 0:
             continue
-        pair = Pair(system.model, system.data, anchor(system.model, WORLD), at)
+        pair = Pair(system.model, system.workspace, anchor(system.model, WORLD), at)
         pair.locate()
         for axis, n in zip(AXES, np.eye(3), strict=True):
             out[f"{name}.{axis}"] = pair.torque(np.concatenate([n, np.cross(pair.pb, n)]))

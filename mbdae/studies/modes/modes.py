@@ -1,4 +1,4 @@
-"""How a mechanism vibrates, and how fast disturbances die out or grow."""
+"""Vibration modes of a mechanism, and growth or decay of disturbances."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 __all__ = ["modes"]
 
-DIGITS = 9  # by which sizes of eigenvalues are sorted; conjugate ones stay together
+DIGITS = 9  # for sorting eigenvalues by size; conjugate ones stay together
 FRAMES, SECONDS = 121, 2.0  # of one cycle in a replay
-SWING = 0.25  # rad or m: the largest in a replay, where nothing is said
-PARTS = 3  # coordinates of a shape that the text shows
+SWING = 0.25  # rad or m: default amplitude of a replay
+PARTS = 3  # coordinates of a shape shown as text
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Modes(Tabular):
     Attributes:
         mechanism: the mechanism.
         t: time in s.
-        motion: the linearised motion: A, and the point q, v, s around which.
+        motion: the linearised motion: A, and its point q, v, s.
         around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
-        spectrum: eigenvalues of A, by their size, with their vectors and how closely they are known.
+        spectrum: eigenvalues of A, by their size, with their vectors and rounding errors.
     """
 
     mechanism: Mechanism
@@ -58,7 +58,7 @@ class Modes(Tabular):
 
     @cached_property
     def roots(self) -> Array:
-        """One eigenvalue for each mode, (k,): of conjugate pairs the one above."""
+        """One eigenvalue for each mode, (k,): of conjugate pairs the one with positive imaginary part."""
         return self.eigenvalues[self.eigenvalues.imag >= 0]
 
     @property
@@ -68,15 +68,15 @@ class Modes(Tabular):
 
     @property
     def damping(self) -> Array:
-        """Damping ratio -Re/|lambda| of each mode, (k,): 1 creeps, 0 keeps on, negative grows; nan for 0."""
+        """Damping ratio -Re/|lambda| of each mode, (k,): 1 aperiodic, 0 undamped, negative growing; nan for 0."""
         size = np.abs(self.roots)
         return np.divide(0.0 - self.roots.real, size, out=np.full(len(size), np.nan), where=size > 0)
 
     @cached_property
     def shapes(self) -> Array:
-        """Shape dq of each mode, (k, nv), complex, with dq^H M dq = 1 and its largest part real.
+        """Shape dq of each mode, (k, nv), complex, with dq^H M dq = 1 and its largest component real.
 
-        A mode of states alone, as a current's, has a shape of zeros; so has the speed of a free motion.
+        A mode of states alone, for instance of a current, has a shape of zeros; so has the speed of a free motion.
         """
         n = self.motion.positions.shape[1]
         ways = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
@@ -91,12 +91,12 @@ class Modes(Tabular):
 
     @property
     def stable(self) -> bool:
-        """No eigenvalue has a positive real part that counts."""
+        """Whether no eigenvalue has a significant positive real part."""
         return not self.spectrum.growing.any()
 
     @property
     def free_below(self) -> float:
-        """The frequency in rad/s below which motions cannot be told from free ones; 0 where none is free."""
+        """The frequency in rad/s below which modes cannot be distinguished from free motions; 0 if none is free."""
         (k, m), zeros = (self.motion.positions.shape[1], self.motion.speeds.shape[1]), self.eigenvalues == 0
         x = np.abs(self.spectrum.vectors[:k, zeros])
         size = np.linalg.norm(x, axis=0)
@@ -104,10 +104,10 @@ class Modes(Tabular):
         return float(np.sqrt(CERTAIN * stiffness.max(initial=0.0)))
 
     def configurations(self, i: int, amplitude: float | None = None) -> Array:
-        """One cycle of mode i, (121, nq): q (+) a Re(e^(i phi) dq), with the loops closed.
+        """Return one cycle of mode i, (121, nq): q (+) a Re(e^(i phi) dq), with the loops closed.
 
         Args:
-            i: number of the mode.
+            i: index of the mode.
             amplitude: the largest displacement of a coordinate in rad or m.
         """
         system, shape = self.mechanism.system(), self.shapes[i]
@@ -118,12 +118,12 @@ class Modes(Tabular):
             out[k] = system.manifold.integrate(self.motion.q, x)
             try:
                 out[k] = close_loops(system, self.t, out[k])
-            except StepError:  # the replay shows loops open where a swing is larger than they allow
+            except StepError:  # the replay shows open loops if the amplitude is larger than they allow
                 continue
         return out
 
     def animate(self, path: str | Path, amplitude: float | None = None) -> Path:
-        """Write a replay page of all modes with a shape, one cycle each; a selector in the page says which is shown.
+        """Write a replay page of all modes with a shape, one cycle each; a selector in the page chooses the mode.
 
         Args:
             path: ``.html``.
@@ -133,7 +133,7 @@ class Modes(Tabular):
             The path written.
 
         Raises:
-            InputError: for another suffix, or where it cannot be written.
+            InputError: for another suffix, or an unwritable path.
         """
         from ..replay.replay import animate
 
@@ -149,7 +149,7 @@ class Modes(Tabular):
         return Solution(mech, t, y, np.zeros((FRAMES, mech.ng)), "finished", "", {}, {})
 
     def describe(self, i: int) -> str:
-        """Frequency and damping of a mode in words."""
+        """Return frequency and damping of a mode in words."""
         root = self.roots[i]
         if root == 0:
             return "free"
@@ -158,7 +158,7 @@ class Modes(Tabular):
         return f"{'grows' if root.real > 0 else 'dies out'}, {abs(root.real):.4g} 1/s"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; eigenvalues as pairs [re, im]."""
+        """Return JSON data; eigenvalues as pairs [re, im]."""
         names = labels(self.mechanism, np.arange(self.mechanism.nv))
         rows = zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)
         return {
@@ -181,7 +181,7 @@ class Modes(Tabular):
         }
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the eigenvalues in the plane, and the shapes; written where a path is given.
+        """Draw the eigenvalues in the complex plane, and the shapes; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
@@ -192,13 +192,13 @@ class Modes(Tabular):
         return figures.given(roots(self), path)
 
     def tabulated(self) -> Columns:
-        """Eigenvalue, frequency and damping of each mode."""
+        """Return eigenvalue, frequency and damping of each mode."""
         numbers = {"frequency": self.frequencies, "damping": self.damping}
         columns = {"re": self.roots.real, "im": self.roots.imag, **numbers}
         return Columns(columns, {"re": "1/s", "im": "1/s", "frequency": "Hz", "damping": "1"})
 
     def cells(self) -> list[list[str]]:
-        """Eigenvalues, frequencies, damping ratios, and what moves most."""
+        """Return eigenvalues, frequencies, damping ratios, and dominant coordinates."""
         names = labels(self.mechanism, np.arange(self.mechanism.nv))
         heads = ["mode", "eigenvalue in 1/s", "", "Hz", "damping", "moves most"]
         body = []
@@ -233,26 +233,26 @@ def modes(
     t: float = 0.0,
     hold: str | Iterable[str] = (),
 ) -> Modes:
-    """Find the modes of small motions around an equilibrium or a steady motion.
+    """Compute the vibration modes around an equilibrium or a steady motion.
 
-    Eigenvalues lambda and shapes dq of dq ~ exp(lambda t), G dq = 0, from the exact slopes of all forces, of
-    G^T lam among them; with gyroscopic terms, states of controllers, and rows of velocity only.
+    Eigenvalues lambda and shapes dq of dq ~ exp(lambda t), G dq = 0, from the exact partial derivatives of all forces,
+    including G^T lam; with gyroscopic terms, states of controllers, and velocity rows.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
-        q: a whole configuration (nq,), taken as it is; or joint values by name from which the equilibrium is searched.
-            When left out, the start where it is steady, else the equilibrium found from there.
-        v: constant speeds by joint, or a whole velocity (nv,), of a steady motion.
-        t: time in s, which matters for drivers and functions of time: they are taken as they are then.
-        hold: joints that stand still.
+        mech: the mechanism, or an argument of `mbdae.load`.
+        q: a full configuration (nq,), used as it is; or joint values by name from which the equilibrium is searched.
+            When left out, the start if it is steady, else the equilibrium found from there.
+        v: constant speeds by joint, or a full velocity (nv,), of a steady motion.
+        t: time in s, at which drivers and functions of time are frozen.
+        hold: joints to lock.
 
     Returns:
         Eigenvalues, frequencies, damping ratios and shapes.
 
     Raises:
         InputError: for a configuration that is neither an equilibrium nor a steady motion, where closures lose rank, or
-            where no freedom is left.
-        EquilibriumError: where no equilibrium is found.
+            without degrees of freedom.
+        EquilibriumError: if no equilibrium is found.
     """
     mech = mechanism_of(mech, "modes")
     _, _, motion, around = operating_point(mech, q, v, t, hold)

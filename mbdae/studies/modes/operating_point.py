@@ -1,4 +1,4 @@
-"""Around which motion a mechanism is linearised."""
+"""Operating point of a linearisation."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -24,15 +24,15 @@ def operating_point(
     t: float,
     hold: str | Iterable[str],
 ) -> tuple[Statics, ForceBalance, LinearMotion, str]:
-    """Return the balance around which to linearise, and what it is.
+    """Return the balance at which to linearise, and its kind.
 
-    A whole configuration (nq,) is taken as it is, with the speeds v. Without one, the start is taken where it is an
-    equilibrium or a steady motion with the start's own speeds; else the equilibrium that is found from there.
+    A full configuration (nq,) is used as it is, with the speeds v. By default, the start is used if it is an
+    equilibrium or a steady motion with its speeds; else the equilibrium found from there.
 
     Raises:
-        InputError: for a configuration that is no equilibrium, one without freedom, or one where closures lose rank or
-            a force has no direction.
-        EquilibriumError: where none is found.
+        InputError: for a configuration that is not an equilibrium, without degrees of freedom, or where closures lose
+            rank or a force has no direction.
+        EquilibriumError: if none is found.
     """
     names = as_list(hold, "hold is a list of joints")
     held = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 __all__ = ["root_locus"]
 
 SPEED = "v."
-ACROSS = 1e-2  # of an interval: where a root is seen to cross
-EXACT = 1e-11  # of a value: how closely a change is found
-RELATIVE = 1e-15  # of a value: how closely a crossing is found
+ACROSS = 1e-2  # of an interval: distance on either side of a crossing
+EXACT = 1e-11  # of a value: tolerance of a change
+RELATIVE = 1e-15  # of a value: tolerance of a crossing
 Model = str | Path | Callable[..., Mechanism]
 
 
@@ -34,12 +34,12 @@ class RootLocus(Tabular):
     """Result of `root_locus`.
 
     Attributes:
-        model: as it was given.
-        name: of the parameter.
-        values: of it, (n,).
-        eigenvalues: followed from value to value, (n, m); nan where they were not found.
-        messages: why not, by the number of the value.
-        changes: values at which the number of growing motions changes.
+        model: as given.
+        name: name of the parameter.
+        values: its values, (n,).
+        eigenvalues: tracked from value to value, (n, m); nan where they were not found.
+        messages: reasons for missing eigenvalues, by index of the value.
+        changes: values at which the number of growing modes changes.
     """
 
     model: str
@@ -50,11 +50,11 @@ class RootLocus(Tabular):
     changes: tuple[float, ...]
 
     def plot(self, path: str | Path | None = None, *, campbell: bool | None = None) -> "Figure":
-        """Draw real parts and frequencies over the parameter, and the roots in the plane; written to a path.
+        """Draw real parts and frequencies over the parameter, and the roots in the complex plane; optionally saved.
 
         Args:
-            path: where.
-            campbell: draw lines of whole multiples of the speed over the frequencies; for speeds when left out.
+            path: file to write.
+            campbell: draw lines of integer multiples of the speed over the frequencies; for speeds when left out.
 
         Raises:
             InputError: for another format, or an unwritable path.
@@ -65,13 +65,13 @@ class RootLocus(Tabular):
         return figures.given(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
 
     def tabulated(self) -> Columns:
-        """Real and imaginary parts over the parameter."""
+        """Return real and imaginary parts over the parameter."""
         parts = {"re": self.eigenvalues.real, "im": self.eigenvalues.imag}
         columns = {f"{part}.{k + 1}": x[:, k] for k in range(self.eigenvalues.shape[1]) for part, x in parts.items()}
         return Columns({self.name: self.values, **columns}, dict.fromkeys(columns, "1/s"), self.name)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; eigenvalues as pairs [re, im]."""
+        """Return JSON data; eigenvalues as pairs [re, im]."""
         pairs = [[[z.real, z.imag] for z in row] for row in self.eigenvalues.tolist()]
         return {
             "model": self.model,
@@ -102,35 +102,27 @@ def root_locus(
     start: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> RootLocus:
-    """Follow eigenvalues over a parameter or a speed.
+    """Track eigenvalues over a parameter or a speed.
 
     Args:
-        model: what `mbdae.load` takes, or a function of the parameter that returns a Mechanism.
+        model: an argument of `mbdae.load`, or a function of the parameter that returns a Mechanism.
         name: a parameter as in `mbdae.sweep`: ``"force.spring.stiffness"``, ``"start.v.shaft"``, ``"speed"`` of a
             mechanism.py; or ``"v.shaft"``, a constant speed of a joint.
-        values: of it, in their order.
+        values: its values, in order.
         v: other constant speeds, see `mbdae.modes`.
-        start: other parameters, which stay as they are: ``{"start.q.crank": 0.3}``.
+        start: other parameters, which stay constant: ``{"start.q.crank": 0.3}``.
         options: q, t and hold of `mbdae.modes`.
 
     Returns:
-        The eigenvalues, each followed over the parameter.
+        The eigenvalues, each tracked over the parameter.
 
     Raises:
-        UnknownNameError, InputError: for a model or parameter that does not exist, or where no value has modes.
+        UnknownNameError, InputError: for an unknown model or parameter, or if no value has modes.
     """
     numbers = np.asarray(values, float)
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
         raise InputError(f"a root locus takes a list of numbers, got {values!r:.60}")
-    maker = maker_of(model)
-    speed, kept = name.removeprefix(SPEED) if name.startswith(SPEED) else None, dict(start or {})
-    first = {} if speed else {name: float(numbers[0])}
-    maker.check({n: x for n, x in {**kept, **first}.items() if n not in maker.parameters})
-
-    def roots(value: float) -> Spectrum:
-        speeds = {**(v or {}), **({speed: value} if speed else {})}
-        return modes(maker.make(kept if speed else {**kept, name: value}), v=speeds or None, **options).spectrum
-
+    roots = _roots(model, name, float(numbers[0]), v or {}, dict(start or {}), options)
     rows: list[Spectrum | None] = []
     messages: dict[int, str] = {}
     for i, value in enumerate(numbers.tolist()):
@@ -139,28 +131,57 @@ def root_locus(
         except MbdaeError as e:
             rows.append(None)
             messages[i] = str(e)
-    known = [row.values for row in rows if row is not None]
-    if not known:
+    if len(messages) == len(rows):
         raise InputError(f"no value of {name} has modes: {messages[0]}")
-    size = max(len(row) for row in known)
+    eigenvalues = _branches(rows)
+    title = model if isinstance(model, str) else getattr(model, "__name__", str(model))
+    found = [None if np.isnan(z).any() else row for z, row in zip(eigenvalues, rows, strict=True)]
+    changed = np.flatnonzero([_differ(a, b) for a, b in pairwise(found)])
+    changes = [_change(roots, *numbers[i : i + 2].tolist()) for i in changed]
+    return RootLocus(title, name, numbers, eigenvalues, messages, tuple(changes))
+
+
+def _roots(
+    model: Model, name: str, first: float, v: Mapping[str, float], start: dict[str, Any], options: dict[str, Any]
+) -> Callable[[float], Spectrum]:
+    """The spectrum as a function of a parameter or a constant speed; first is one of its values.
+
+    Raises:
+        UnknownNameError, InputError: for a model or parameter that does not exist.
+    """
+    maker = maker_of(model)
+    if name.startswith(SPEED) and name != SPEED:
+        joint, checked = name.removeprefix(SPEED), start
+    else:
+        joint, checked = "", {**start, name: first}
+    maker.check({n: x for n, x in checked.items() if n not in maker.parameters})
+
+    def roots(value: float) -> Spectrum:
+        if joint:
+            return modes(maker.make(start), v={**v, joint: value}, **options).spectrum
+        return modes(maker.make({**start, name: value}), v=v or None, **options).spectrum
+
+    return roots
+
+
+def _branches(rows: Sequence[Spectrum | None]) -> Array:
+    """Eigenvalues followed from value to value, (n, m); nan where there are none, or fewer than elsewhere."""
+    size = max(len(row.values) for row in rows if row is not None)
     out = np.full((len(rows), size), np.nan + 0j)
     last: Array | None = None
     for i, row in enumerate(rows):
         if row is not None and len(row.values) == size:
-            out[i] = row.values if last is None else row.values[_followed(last, row.values)]
-            last = out[i]
-    title = model if isinstance(model, str) else getattr(model, "__name__", str(model))
-    found = [None if np.isnan(out[i]).any() else row for i, row in enumerate(rows)]
-    changes = [
-        _change(roots, *numbers[i : i + 2].tolist())
-        for i, (a, b) in enumerate(pairwise(found))
-        if a and b and a.growing.sum() != b.growing.sum()
-    ]
-    return RootLocus(title, name, numbers, out, messages, tuple(changes))
+            last = out[i] = row.values if last is None else row.values[_followed(last, row.values)]
+    return out
+
+
+def _differ(a: Spectrum | None, b: Spectrum | None) -> bool:
+    """Whether the number of growing motions differs; not where one of the spectra is unknown."""
+    return a is not None and b is not None and bool(a.growing.sum() != b.growing.sum())
 
 
 def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> float:
-    """Where between two values the number of growing eigenvalues changes, by bisection."""
+    """Return where between two values the number of growing eigenvalues changes, by bisection."""
     before, reach = roots(low).growing.sum(), ACROSS * (high - low)
     crossed = None
     while abs(high - low) > EXACT * max(abs(low), abs(high)):
@@ -178,7 +199,7 @@ def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> floa
 
 
 def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) -> float:
-    """Where the real part is zero of the root that crosses the imaginary axis; nan where one only leaves it."""
+    """Return where the crossing root has zero real part; nan if a root only leaves the imaginary axis."""
 
     def growth(x: float) -> float:
         found = roots(x).values
@@ -200,7 +221,7 @@ def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) ->
 
 
 def _followed(before: Array, after: Array) -> Array:
-    """The order in which eigenvalues are the nearest to those before, all together."""
+    """Return the order in which eigenvalues are closest to the previous ones, all together."""
     return linear_sum_assignment(np.abs(before[:, None] - after))[1]
 
 
@@ -215,4 +236,4 @@ def read_range(text: str) -> tuple[str, Array]:
         first, last, n = rest.split(":")
         return name, np.linspace(float(first), float(last), int(n))
     except ValueError:
-        raise InputError(f"--over takes name=first:last:number, got {text!r}") from None
+        raise InputError(f"the range is name=first:last:number, got {text!r}") from None

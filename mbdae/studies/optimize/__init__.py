@@ -1,1 +1,1 @@
-"""Numbers of a mechanism by which it moves best: a bridge to `scipy.optimize`, with exact gradients."""
+"""Optimisation of mechanism parameters: an interface to `scipy.optimize`, with exact gradients."""

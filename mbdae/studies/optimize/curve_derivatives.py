@@ -1,12 +1,12 @@
-"""How the poses of a mechanism with one freedom move with its numbers, at equal inputs u.
+"""Derivatives of the poses of a one-degree-of-freedom mechanism by its parameters, at fixed inputs u.
 
-The closures, what is held and the drive are rows g(p, u, q) = 0 of full rank. By the implicit function theorem, with
+The closures, locked joints and the driver are rows g(p, u, q) = 0 of full rank. By the implicit function theorem, with
 v = dq/du,
 
     G dq = -g_p dp,    G dv = -(B dq + Q dp),    B = d(G v)/dq,  Q = d(G v)/dp
 
-and a frame's origin moves with q and with the places of the joints that carry it. By virtual work, the effort of the
-drive that holds a pose at rest is -f(q) . v with the forces f.
+and a frame's origin moves with q and with the placements of the joints that carry it. By virtual work, the driver
+effort that holds a pose at rest is -f(q) . v with the forces f.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ class CurveSignals(Mapping[str, Array]):
 
     Args:
         found: a curve without dead points.
-        numbers: gives the parameters of its mechanism with the input as its last driver, when derivatives are asked.
+        numbers: returns the parameters of its mechanism with the input as last driver, for derivatives.
     """
 
     def __init__(self, found: Kinematics, numbers: Callable[[], Parameters]) -> None:
@@ -69,14 +69,14 @@ class CurveSignals(Mapping[str, Array]):
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:
-        """The signals ``q.*`` and ``v.*``."""
+        """Return the signals ``q.*`` and ``v.*``."""
         found = self.found
         rates = {name: row for name, row in zip(found.velocity_names, found.rates.T, strict=True)}
         return coordinates(found.run()) | rates
 
     @cached_property
     def holding(self) -> Array:
-        """What the drive must give to hold each pose at rest, in N m or N, (n,)."""
+        """Return the holding torque or force of the driver at rest in each pose, in N m or N, (n,)."""
         return np.array([-self._at_rest(q) @ v for q, v in zip(self.found.q, self.found.rates, strict=True)])
 
     def _at_rest(self, q: Array) -> Array:
@@ -85,7 +85,7 @@ class CurveSignals(Mapping[str, Array]):
 
     @cached_property
     def slopes(self) -> tuple[Array, Array]:
-        """Derivatives of q in the tangent and of v = dq/du at equal inputs, (n, nv, k) each."""
+        """Return derivatives of q in the tangent and of v = dq/du at fixed inputs, (n, nv, k) each."""
         return tuple(np.array(x) for x in zip(*self._poses(), strict=True))  # type: ignore[return-value]
 
     def _poses(self) -> Iterator[tuple[Array, Array]]:
@@ -98,7 +98,7 @@ class CurveSignals(Mapping[str, Array]):
             yield dq, -G_inverse @ (B @ dq + Q)
 
     def derivative(self, name: str) -> Array:
-        """Derivatives of a signal with respect to the parameters at equal inputs, (n, k)."""
+        """Return derivatives of a signal with respect to the parameters at fixed inputs, (n, k)."""
         dq, dv = self.slopes
         if name == "u":
             return np.zeros((len(dq), len(self.numbers)))
@@ -130,16 +130,16 @@ class CurveSignals(Mapping[str, Array]):
 
 
 def _point(name: str) -> tuple[str, str]:
-    """Frame and axis of ``position.<frame>.x``."""
+    """Return frame and axis of ``position.<frame>.x``."""
     frame, _, axis = name.removeprefix("position.").rpartition(".")
     return frame, axis
 
 
 def check_whole(found: Kinematics, span: Sequence[float]) -> None:
-    """Refuse a curve that does not pass a range of its input from one end to the other.
+    """Reject a curve that does not cover a range of its input from one end to the other.
 
     Raises:
-        InputError: where the drive turns back, or several branches meet.
+        InputError: if the input turns back, or several branches intersect.
     """
     what = "dead point" if found.dead_points else "branch point" if found.branch_points else ""
     if what or not found.moving.all():

@@ -1,4 +1,4 @@
-"""How a search went: cost and parameters over the points that were tried."""
+"""Progress of a search: cost and parameters over the evaluated points."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @settled
 def search(found: Optimum) -> "Figure":
-    """Draw the cost, and the parameters from 0 at the start to 1 at the optimum, over the points that were tried."""
+    """Draw the cost, and the parameters from 0 at the start to 1 at the optimum, over the evaluated points."""
     figure = sheet(WIDTH, 4.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     costs = np.array([t.cost for t in found.history])

@@ -1,4 +1,4 @@
-"""What a cost is taken of: a run, or a curve of poses, of a mechanism with given numbers, and its gradient."""
+"""Evaluation of a cost and its gradient: from a run, or a curve of poses, of a mechanism with given parameters."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from .curve_derivatives import CurveSignals, check_whole
 
 
 class Measured(NamedTuple):
-    """A cost, and what computes its derivatives with respect to the parameters, (k,)."""
+    """A cost, and a function that computes its derivatives with respect to the parameters, (k,)."""
 
     value: float
     slopes: Callable[[], Array]
 
 
 class SignalsAndParameters(Mapping[str, Any]):
-    """Signals, and besides them the parameters by name."""
+    """Signals, and the parameters by name."""
 
     def __init__(self, signals: Mapping[str, Array], values: Mapping[str, float]) -> None:
         self.signals, self.values_of = signals, values
@@ -49,7 +49,7 @@ class SignalsAndParameters(Mapping[str, Any]):
 
 
 class _OfSignals(NamedCost):
-    """A cost without what it says of the parameters, which is kept aside."""
+    """A cost whose derivatives by the parameters are stored separately."""
 
     def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
         self.cost, self.values, self.own, self.what = cost, values, np.zeros(len(values)), what or named(cost)
@@ -69,11 +69,11 @@ class _OfSignals(NamedCost):
 
 @dataclass(frozen=True)
 class RunMotion:
-    """A run; gradients are those of its adjoint.
+    """A run; gradients come from its adjoint.
 
     Attributes:
         result: the run.
-        make: what makes the mechanism.
+        make: factory of the mechanism.
         values: its parameters.
     """
 
@@ -82,7 +82,7 @@ class RunMotion:
     values: dict[str, float]
 
     def measure(self, cost: Cost, what: str = "") -> Measured:
-        """Take a cost and its gradient; messages call it ``what``."""
+        """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         own = _OfSignals(cost, self.values, what)
         found = gradient(self.result, own, self.values, model=self.make)
         return Measured(found.value, lambda: own.own + np.array(list(found.gradient.values())))
@@ -90,11 +90,11 @@ class RunMotion:
 
 @dataclass(frozen=True)
 class CurveMotion:
-    """A curve of poses; gradients are those of poses at equal inputs.
+    """A curve of poses; gradients are those of poses at fixed inputs.
 
     Attributes:
         result: the curve.
-        make: makes mechanisms whose last driver is its input.
+        make: factory of mechanisms whose last driver is the input.
         values: their parameters.
     """
 
@@ -104,7 +104,7 @@ class CurveMotion:
 
     @cached_property
     def signals(self) -> CurveSignals:
-        """Its signals with their derivatives."""
+        """Signals with their derivatives."""
         return CurveSignals(self.result, self._numbers)
 
     def _numbers(self) -> Parameters:
@@ -113,7 +113,7 @@ class CurveMotion:
         return found
 
     def measure(self, cost: Cost, what: str = "") -> Measured:
-        """Take a cost and its gradient; messages call it ``what``."""
+        """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         own = _OfSignals(cost, self.values, what)
         value, slopes = evaluated(own, self.signals, len(self.result.u))
         return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in slopes.items()))
@@ -124,11 +124,11 @@ Moves = Callable[[dict[str, float]], Motion]
 
 
 def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> Moves:
-    """What runs a mechanism with given numbers.
+    """Return a function that runs a mechanism with given parameters.
 
     Raises:
-        UnknownNameError: for a setting that does not exist.
-        InputError: of a run that does not come to its end; KeyboardInterrupt of one that was stopped.
+        UnknownNameError: for an unknown setting.
+        InputError: for a run that does not come to its end; KeyboardInterrupt for one that was stopped.
     """
     check_settings(settings, others=("problem", "t_span", "progress"))
 
@@ -144,11 +144,11 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
 
 
 def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mapping[str, Any]) -> Moves:
-    """What follows the poses of a mechanism with given numbers over the inputs and with the joints held of the first.
+    """Return a function that follows the poses of a mechanism with given parameters, as on the first curve.
 
     Raises:
-        UnknownNameError: for a setting that does not exist.
-        InputError: of a drive that turns back on its way, and of a parameter that opens dependent rows.
+        UnknownNameError: for an unknown setting.
+        InputError: for an input that turns back, and a parameter that violates redundant rows.
     """
     check_settings(options, kinematics, ("mech", "drive"))
     begin = kinematics(first, drive, **options)

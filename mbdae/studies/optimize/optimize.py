@@ -1,8 +1,8 @@
-"""Numbers of a mechanism by which a cost of its motion is least: a bridge to `scipy.optimize`.
+"""Optimisation of mechanism parameters for a cost of the motion: an interface to `scipy.optimize`.
 
     minimise c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
 
-by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) or another search of scipy with exact gradients: those of the
+by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) or another search of scipy with exact gradients: by the
 adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematics`) by the implicit function theorem.
 """
 
@@ -24,9 +24,9 @@ from .result import Evaluation, Optimum
 __all__ = ["optimize"]
 
 SEARCHES = ("SLSQP", "L-BFGS-B")  # of scipy
-ROUNDED = 8  # of SLSQP: no step along its direction makes the cost less
-FLAT = 1e-6  # of the cost at the start over a scale of a parameter: its slope where a search ends by rounding
-HOLDS = 1e-6  # of its size: by how much a constraint may be missed
+ROUNDED = 8  # of SLSQP: no step along its direction reduces the cost
+FLAT = 1e-6  # of the initial cost per scale of a parameter: largest derivative at a rounding-limited end
+HOLDS = 1e-6  # of its size: tolerated constraint violation
 Pair = tuple[float | None, float | None]
 
 
@@ -46,58 +46,50 @@ def optimize(
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> Optimum:
-    """Find the numbers p of a mechanism by which a cost of its motion is least.
+    """Find the parameters p of a mechanism that minimise a cost of its motion.
 
         minimise c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
 
     by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)), or another search of scipy, with exact gradients.
 
-    The motion is a run from the mechanism's start; or, with ``drive``, the curve of its poses over an input, where
-    nothing but positions, their rates and holding efforts matter. What cannot be computed with some numbers (loops that
-    do not close, runs that fail) counts as infinitely costly; the start must be computable.
+    The motion is a run from the mechanism's start; or, with ``drive``, the curve of its poses over an input, for which
+    only positions, their rates and holding efforts are available. Parameters for which the motion cannot be computed
+    (loops that cannot be closed, failed runs) have infinite cost; the start must be computable.
 
     Args:
-        model: what `mbdae.load` takes, a mechanism that was loaded, or a function that makes one.
+        model: an argument of `mbdae.load`, a mechanism that was loaded, or a function that returns one.
         cost: signals -> (value, {signal: derivative (n,)}), see `mbdae.gradient`; or `mbdae.Squares`. The parameters
             are among the signals, with one number as derivative. Signals of runs are those of `mbdae.Solution.signals`;
-            of curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the drive), ``position.<frame>.x``, .y, .z,
-            and ``holding``, what the drive must give to hold each pose at rest, in N m or N.
-        parameters: dotted names, as of sweeps; or name = value, where the search starts.
+            of curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the input), ``position.<frame>.x``, .y, .z,
+            and ``holding``, the holding torque or force of the driver in each pose, in N m or N.
+        parameters: dotted names, as of sweeps; or name = initial value.
         bounds: (low, high) of parameters, None for none.
-        constraints: by a name of one's own, (function like a cost, low, high), None for none; equal ends are allowed.
+        constraints: by any name, (function like a cost, low, high), None for none; equal limits are allowed.
         t_span: start and end of the run; 0 and the model's duration when left out.
         drive: a joint or driver, the input of a curve of poses.
-        scales: by which size a parameter typically changes; a tenth of its range, or of its value, when left out.
+        scales: typical changes of the parameters; a tenth of the range, or of the value, when left out.
         search: ``"SLSQP"`` or, without constraints, ``"L-BFGS-B"``.
-        tolerance: where the search ends, relative to the cost at the start.
-        iterations: at most.
-        progress: told what is done, in words.
+        tolerance: termination tolerance, relative to the cost at the start.
+        iterations: largest number of iterations.
+        progress: called with a description of the current task.
         settings: arguments of `mbdae.solve`; or, with ``drive``, of `mbdae.kinematics`: span, turns, hold, points, q.
 
     Raises:
-        InputError: for a start that cannot be computed, bounds that are none, signals or parameters without a gradient.
-        UnknownNameError: for names that lead nowhere.
+        InputError: for a start that cannot be computed, invalid bounds, signals or parameters without a gradient.
+        UnknownNameError: for invalid names.
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
-    counted = isinstance(iterations, int) and not isinstance(iterations, bool) and iterations >= 1
-    if not (counted and is_number(tolerance) and tolerance > 0):
-        raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")
+    _check_ends(iterations, tolerance)
     if drive is not None and t_span is not None:
         raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
-    if search not in SEARCHES:
-        raise UnknownNameError("search", search, SEARCHES)
-    if search == "L-BFGS-B" and constraints:
-        raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
+    _check_search(search, bool(constraints))
     loaded = model if isinstance(model, Mechanism) else None
     make = mechanism_factory(loaded, None if loaded else model)
     start = _start(make, parameters)
     box = _pairs("parameter", start, _table("bounds", bounds))
     limits = {name: _limits(name, given) for name, given in _table("constraints", constraints).items()}
-    for name, x in start.items():
-        low, high = box[name]
-        if not low <= x <= high:
-            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
+    _check_inside(start, box)
     moves = curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
     functions = {name: x[0] for name, x in (constraints or {}).items()}
     problem = Problem(moves, cost, functions, start, limits, teller(progress))
@@ -105,7 +97,7 @@ def optimize(
 
 
 class Problem:
-    """The cost and the constraints as functions of coordinates z, p = p_0 + scale z, in units of their sizes."""
+    """Cost and constraints as functions of coordinates z, p = p_0 + scale z, in units of their sizes."""
 
     def __init__(
         self,
@@ -124,17 +116,17 @@ class Problem:
         self.z = np.zeros(len(start))
         first = self.measure(self.z)
         for m in first.values():
-            m.slopes()  # parameters without a derivative are refused here
+            m.slopes()  # rejects parameters without a derivative
         self.sizes = {name: abs(m.value) or 1.0 for name, m in first.items()}
         for name, pair in limits.items():
             self.sizes[name] = max([abs(x) for x in pair if np.isfinite(x)], default=0.0) or self.sizes[name]
 
     def values(self, z: Array) -> dict[str, float]:
-        """The parameters."""
+        """Return the parameters."""
         return {name: x + float(s * y) for (name, x), s, y in zip(self.start.items(), self.scale, z, strict=True)}
 
     def measure(self, z: Array) -> dict[str, Measured]:
-        """The cost and the constraints at a point; an infinite cost where they cannot be computed."""
+        """Return cost and constraints at a point; an infinite cost where they cannot be computed."""
         if self.last is not None and (self.last[0] == z).all():
             return self.last[1]
         values = self.values(z)
@@ -160,27 +152,27 @@ class Problem:
         return found
 
     def missed(self, tried: Evaluation) -> float:
-        """By how much the constraints are missed, in their sizes; 0 where they hold."""
+        """Return the constraint violation in constraint sizes; 0 if satisfied."""
         found = [(x, self.sizes[name], *self.limits[name]) for name, x in tried.constraints.items()]
         parts = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in parts if x > HOLDS), default=0.0)
 
     def rank(self, tried: Evaluation) -> tuple[float, float]:
-        """Points that keep the constraints come first, by their cost; others by what they miss."""
+        """Return a sort key: feasible points first, by cost; others by violation."""
         return (self.missed(tried) if len(self.history) > 1 else 0.0), tried.cost
 
     def value(self, z: Array, name: str = "") -> float:
-        """The cost or a constraint, in its size."""
+        """Return the cost or a constraint, relative to its size."""
         return self.measure(z)[name].value / self.sizes[name]
 
     def slopes(self, z: Array, name: str = "") -> Array:
-        """Their derivatives by z, (k,)."""
+        """Return their derivatives by z, (k,)."""
         return self.measure(z)[name].slopes() * self.scale / self.sizes[name]
 
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
     ) -> Optimum:
-        """Search, and return the best point; what was found so far where the user or an error stops it."""
+        """Search and return the best point; the best so far if the user or an error stops it."""
         start = np.array(list(self.start.values()))
         low, high = (np.array([pair[i] for pair in box.values()]) for i in (0, 1))
         self.scale, interrupted, sloped = scale, False, True
@@ -198,11 +190,11 @@ class Problem:
                 options={"ftol": tolerance, "maxiter": iterations},
             )  # fmt: skip
             converged, message = bool(result.success), str(result.message)
-            if search == "SLSQP" and result.get("status") == ROUNDED:  # none where all parameters are fixed
+            if search == "SLSQP" and result.get("status") == ROUNDED:  # none if all parameters are fixed
                 converged = not rows and self.flat(result.x, (low - start) / scale, (high - start) / scale)
         except KeyboardInterrupt:
             converged, interrupted, message = False, True, "stopped by the user"
-        except MbdaeError as e:  # a point without slopes, or what is told of progress
+        except MbdaeError as e:  # a point without derivatives, or an error of the progress function
             converged, message, sloped = False, str(e), False
         assert self.best is not None  # the start was computed
         best, motion, found = self.best
@@ -216,9 +208,29 @@ class Problem:
         )  # fmt: skip
 
     def flat(self, z: Array, low: Array, high: Array) -> bool:
-        """Whether the cost has no slope within the bounds."""
+        """Return whether the cost has zero derivative within the bounds."""
         inside = np.clip(z - self.slopes(z), low, high) - z
         return bool(np.abs(inside).max(initial=0.0) < FLAT)
+
+
+def _check_ends(iterations: Any, tolerance: Any) -> None:
+    counted = isinstance(iterations, int) and not isinstance(iterations, bool) and iterations >= 1
+    if not (counted and is_number(tolerance) and tolerance > 0):
+        raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")
+
+
+def _check_search(search: str, constrained: bool) -> None:
+    if search not in SEARCHES:
+        raise UnknownNameError("search", search, SEARCHES)
+    if search == "L-BFGS-B" and constrained:
+        raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
+
+
+def _check_inside(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
+    for name, x in start.items():
+        low, high = box[name]
+        if not low <= x <= high:
+            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
 
 
 def _start(make: Any, names: Names) -> dict[str, float]:
@@ -253,10 +265,10 @@ def _limits(name: str, given: Any) -> tuple[float, float]:
 
 
 def _pair(what: str, given: Any) -> tuple[float, float]:
-    """The lower and the upper end of a range.
+    """Return the lower and the upper end of a range.
 
     Raises:
-        InputError: for what is none.
+        InputError: for an invalid range.
     """
     pair = list(given) if isinstance(given, list | tuple | np.ndarray) else []
     ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])

@@ -1,4 +1,4 @@
-"""What `mbdae.optimize` returns: the numbers found, the cost there, and how the search went."""
+"""Result of `mbdae.optimize`: the optimal parameters, the cost, and the history of the search."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ __all__: list[str] = []
 
 
 class Evaluation(NamedTuple):
-    """A point of a search: the parameters, the cost, the constraints by name, and why nothing could be computed."""
+    """An evaluated point: parameters, cost, constraints by name, and the error if the evaluation failed."""
 
     values: dict[str, float]
     cost: float
@@ -28,7 +28,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Optimum(Tabular):
-    """The best numbers that a search has found.
+    """The best parameters found by a search.
 
     Attributes:
         values: the parameters.
@@ -37,12 +37,12 @@ class Optimum(Tabular):
         constraints: their values there.
         limits: (low, high) of each constraint.
         bounds: (low, high) of each parameter.
-        mechanism: with these numbers.
+        mechanism: with these parameters.
         motion: its run, a Solution, or its curve, a Kinematics.
-        history: all points in the order in which they were tried, the start first; nan where nothing could be computed.
-        converged: whether the search came to an end, and the constraints hold.
-        interrupted: whether the user has stopped it.
-        message: how it ended.
+        history: all points in order of evaluation, the start first; nan where evaluation failed.
+        converged: whether the search converged and the constraints are satisfied.
+        interrupted: whether the user stopped it.
+        message: termination message.
     """
 
     values: dict[str, float]
@@ -60,16 +60,16 @@ class Optimum(Tabular):
 
     @property
     def start(self) -> Evaluation:
-        """Where the search began."""
+        """Start of the search."""
         return self.history[0]
 
     @property
     def at_bounds(self) -> list[str]:
-        """Parameters that stand at a bound."""
+        """Parameters at a bound."""
         return [name for name, x in self.values.items() if _touches(x, *self.bounds[name])]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         plain = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message")
         return {
             "model": self.mechanism.title,
@@ -84,30 +84,30 @@ class Optimum(Tabular):
         }
 
     def tabulated(self) -> Columns:
-        """Names of the parameters, their values at the start and at the optimum."""
+        """Return names of the parameters, their values at the start and at the optimum."""
         found = self.values
         return Columns({"parameter": list(found), "start": [self.start.values[name] for name in found],
                         "value": list(found.values())})  # fmt: skip
 
     def cells(self) -> list[list[str]]:
-        """Parameters and constraints, at the start and at the optimum."""
+        """Return parameters and constraints, at the start and at the optimum."""
         rows = [(self.start.values, self.values), (self.start.constraints, self.constraints)]
         pairs = [(name, before[name], x) for before, after in rows for name, x in after.items()]
         return [["", "start", "optimum"], *([name, f"{x0:.8g}", f"{x:.8g}"] for name, x0, x in pairs)]
 
     @property
     def lost(self) -> list[str]:
-        """How many points could not be computed, and why the last of them; nothing where all could."""
+        """Return the number of failed evaluations, and the last error; empty if there are none."""
         why = [t.why for t in self.history if t.why]
         return [f"{len(why)} of {len(self.history)} points could not be computed, the last: {why[-1]}"] if why else []
 
     def remarks(self) -> list[str]:
-        """What stands at a bound, why it may be no optimum, and what could not be computed."""
+        """Return parameters at a bound, reasons why it may not be an optimum, and failed evaluations."""
         bounds = [f"{name} stands at its bound" for name in self.at_bounds]
         return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.lost]
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw cost and parameters over the points that were tried."""
+        """Draw cost and parameters over the evaluated points."""
         from .. import figures
         from .figure import search
 

@@ -1,11 +1,12 @@
-"""The sub-commands ``order`` and ``methods``: what is observed, and what is claimed."""
+"""The sub-commands ``order``, ``check-gradients`` and ``methods``: observed and claimed orders."""
 
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from ...cli.model import ChosenModel, problem_argument
+from ...cli.model import ChosenModel, model_argument, problem_argument
 from ...cli.options import (
     FAILED,
     HOLDS,
@@ -29,48 +30,60 @@ if TYPE_CHECKING:
     from .result import OrderStudy
 
 
+METHODS_OR_ALL = click.option("-m", "--method", "methods", multiple=True, shell_complete=methods_completed,
+                              help="A method; several times for several; all when left out.")  # fmt: skip
+END = click.option("-t", "--T", "T", type=float, help="End time in s; the model's own when left out.")
+STEPS = click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
+
+
+def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Methods, end, steps and files of an order study."""
+    for option in (as_json, plot_option, table_option, STEPS, END, METHODS_OR_ALL):
+        command = option(command)
+    return command
+
+
 @click.command()
 @problem_argument
-@click.option("-m", "--method", "names", multiple=True, help="A method; several times for several; all when left out.",
-              shell_complete=methods_completed)  # fmt: skip
-@click.option("-t", "--time", "T", type=float, help="End time in s; the model's own when left out.")
-@click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
-@click.option("--gradients", is_flag=True, help="Of derivatives, and those beside difference quotients of runs.")
-@click.option("-p", "--parameter", help="With --gradients: by this number; by a velocity of the start when left out.")
-@table_option
-@plot_option
-@as_json
+@study_options
 def order(
-    model: ChosenModel,
-    names: tuple[str, ...],
-    T: float | None,
-    steps: int | None,
-    gradients: bool,
-    parameter: str | None,
-    output: str | None,
-    plot: str | None,
-    as_json: bool,
+    model: ChosenModel, methods: tuple[str, ...], output: str | None, plot: str | None, as_json: bool, **options: Any
 ) -> None:
     """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged.
 
     For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C keeps the methods that are
     finished.
     """
-    from .gradients import check_gradients
-    from .order import check_order
+    from .order import order as study
 
-    if parameter is not None and not gradients:
-        raise InputError("a parameter belongs to --gradients")
     written = writable((output, TABLES), (plot, PICTURES))
-    if gradients and model.textbook:
-        raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
     problem = model.problem()
     with bar("order", None) as tell:
-        options: dict[str, Any] = {"T": T, "steps": steps, "progress": tell}
-        if gradients:
-            study: OrderStudy = check_gradients(model.load(), listed(names) or None, parameter=parameter, **options)
-        else:
-            study = check_order(problem, listed(names) or None, **options)
+        found = study(problem, listed(methods) or None, progress=tell, **options)
+    _finish(found, output, plot, written, as_json)
+
+
+@click.command()
+@model_argument
+@click.option("-p", "--parameter", help="Derivatives by this parameter; by a velocity of the start when left out.")
+@study_options
+def check_gradients(
+    model: ChosenModel, methods: tuple[str, ...], output: str | None, plot: str | None, as_json: bool, **options: Any
+) -> None:
+    """Compare tangents of runs with difference quotients, and measure the orders of derivatives; exits as `order`."""
+    from .gradients import check_gradients as study
+
+    written = writable((output, TABLES), (plot, PICTURES))
+    if model.textbook:
+        raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
+    mech = model.load()
+    with bar("gradients", None) as tell:
+        found = study(mech, listed(methods) or None, progress=tell, **options)
+    _finish(found, output, plot, written, as_json)
+
+
+def _finish(study: "OrderStudy", output: str | None, plot: str | None, written: list[str], as_json: bool) -> NoReturn:
+    """Write and print a study, and exit as it was judged."""
     if plot:
         study.plot(plot)
     if output:

@@ -1,4 +1,4 @@
-"""Lines of convergence of an order study."""
+"""Convergence plots of an order study."""
 
 from typing import TYPE_CHECKING
 
@@ -26,9 +26,9 @@ AXES = {
 
 @settled
 def convergence(study: OrderStudy) -> "Figure":
-    """Draw the errors over the step size, one panel per quantity: the fitted slope as a line, the claimed one dotted.
+    """Draw the errors over the step size, one panel per quantity: the fitted slope solid, the claimed one dotted.
 
-    Hollow points did not count for the fit: they lie below the floor of rounding and reference, or on coarse steps.
+    Hollow points were not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """
     quantities = [s.quantity for s in next(iter(study.slopes.values()))]
     rows = (len(quantities) + 1) // 2

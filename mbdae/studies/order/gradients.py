@@ -1,9 +1,9 @@
-"""Are derivatives of runs those of the runs, and do they converge as the runs do?
+"""Verification of derivatives of runs: agreement with difference quotients, and order of convergence.
 
-Two questions for each method. Its tangent at the coarsest steps stands beside difference quotients of runs with the
-same steps, of order six and several widths; the least difference counts, as the others truncate or round. And the
-tangents of ever finer steps approach the derivative of the motion: with the order of the method, by the rules of
-`mbdae.studies.order.measurement`.
+There are two checks for each method. Its tangent at the coarsest steps is compared with difference quotients of runs
+with the same steps, of order six and several widths; the least difference counts, as the others are dominated by
+truncation or rounding. And the tangents of ever finer steps must converge to the derivative of the motion with the
+order of the method, by the rules of `mbdae.studies.order.measurement`.
 """
 
 from collections.abc import Iterable
@@ -28,26 +28,26 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..sensitivity.run_parameters import mechanism_factory
 from ..sensitivity.sensitivity import sensitivity
-from .measurement import LEAST_OUTPUTS, Measurement, Progress, ended, finished
+from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
 
 __all__ = ["check_gradients"]
 
-CLOSE = 1e-9  # of the derivative: what a tangent may differ from quotients
-UNSURE = 10.0  # times the spread of the quotients themselves: closer than that says nothing more
+CLOSE = 1e-9  # of the derivative: tolerated difference between tangent and quotients
+UNSURE = 10.0  # times the spread of the quotients: smaller differences are not significant
 WIDTHS = (3e-4, 1e-3, 3e-3)  # of quotients, relative to the parameter
-FINER = 4  # times the coarsest number of steps, where no run with those ends
-SMALLEST = 1e-3  # of a random velocity that closures allow: with less there is none
+FINER = 4  # times the coarsest number of steps, if no run with those finishes
+SMALLEST = 1e-3  # smallest random velocity that closures allow: below, there is none
 
 
 @dataclass(frozen=True)
 class GradientStudy(OrderStudy):
-    """Result of `check_gradients`: an order study of the derivatives of q and v, with more.
+    """Result of `check_gradients`: an order study of the derivatives of q and v, extended.
 
     Attributes:
-        of: with respect to what.
-        differences: between tangent and quotients, relative to the largest derivative, by method; nan where no run
-            ends.
+        of: name of the parameter.
+        differences: between tangent and quotients, relative to the largest derivative, by method; nan if no run
+            finishes.
         uncertainties: of the quotients, by method.
     """
 
@@ -56,21 +56,21 @@ class GradientStudy(OrderStudy):
     uncertainties: dict[str, float] = field(default_factory=dict)
 
     def wrong(self, name: str) -> bool:
-        """Whether quotients show that a method's tangent is not that of its runs."""
+        """Return whether quotients refute a method's tangent."""
         return self.differences[name] > max(CLOSE, UNSURE * self.uncertainties[name])
 
     @property
     def holds(self) -> bool:
-        """True when every tangent is exact, and every slope was judged and reaches its claim."""
+        """True if every tangent is exact, and every slope was judged and reaches its claim."""
         return super().holds and all(x <= CLOSE for x in self.differences.values())
 
     @property
     def refuted(self) -> bool:
-        """True when some tangent is not that of its runs, or some observed order misses its claim."""
+        """True if some tangent is refuted, or some observed order misses its claim."""
         return super().refuted or any(map(self.wrong, self.differences))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         more = {"differences": self.differences, "uncertainties": self.uncertainties}
         return {**super().to_dict(), "of": self.of, **more}
 
@@ -99,18 +99,18 @@ def check_gradients(
     """Compare tangents of runs with difference quotients of runs, and observe the order of the derivatives.
 
     Args:
-        mech: a mechanism, or what `mbdae.load` takes, started as its order study is.
+        mech: a mechanism, or an argument of `mbdae.load`, started as in its order study.
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
-        parameter: dotted name of a number, as of `mbdae.sensitivity`; when left out, a velocity of the start that the
-            closures allow.
+        parameter: dotted name of a parameter, as of `mbdae.sensitivity`; when left out, a velocity of the start that
+            the closures allow.
         T: end time in s; from the model file when left out.
         steps: coarsest number of steps, at least ten; from the model file when left out.
-        model: what makes the mechanism with another parameter; what it was read from when left out.
+        model: factory of the mechanism with another parameter; its source files when left out.
         progress: called with the name of each run.
 
     Raises:
-        UnknownNameError: for a method or parameter that does not exist.
-        InputError: for wrong T or steps, no mechanism, or one without freedom and no parameter.
+        UnknownNameError: for an unknown method or parameter.
+        InputError: for invalid T or steps, no mechanism, or one without degrees of freedom and no parameter.
     """
     mech = mechanism_of(mech, "check_gradients")
     names = as_list(methods or METHODS, "methods is a list of names")
@@ -129,9 +129,9 @@ def check_gradients(
 
 
 class GradientMeasurement(Measurement):
-    """Runs with fixed steps and their derivatives with respect to one number."""
+    """Runs with fixed steps and their derivatives with respect to one parameter."""
 
-    largest = 24_000  # solves of a run whose tangent is taken
+    largest = 24_000  # solves of a run with tangent
 
     def __init__(
         self,
@@ -156,24 +156,25 @@ class GradientMeasurement(Measurement):
             self.direction = free / np.abs(free).max()
 
     def derivative(self, sol: Solution) -> Array:
-        """The derivatives of (q, v), (n, 2 nv), at the nodes."""
+        """Return the derivatives of (q, v), (n, 2 nv), at the nodes."""
         nv = self.mech.nv
         if self.parameter is None:
             return sensitivity(sol, start=True).dy[:, : 2 * nv, nv : 2 * nv] @ self.direction
         return sensitivity(sol, [self.parameter], model=self.model).dy[:, : 2 * nv, 0]
 
     def run(self, method: Method, n: int, moved: float | None = None) -> Solution | None:
-        """Run a method with n steps; None where it does not come to the end, see `ended`."""
+        """Return a run of a method with n steps; None if it does not finish, see `ended`."""
         self.progress(f"{method.name}, {n} steps")
         mech, (q, v) = self.mech, self.start
         if self.parameter is None:
             v = self.own[1] + (moved or 0.0) * self.direction
         elif moved is not None:
             mech = mechanism_factory(mech, self.model).make({self.parameter: moved})
-        return ended(solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend))
+        sol = solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend)
+        return self.noted(method, sol)
 
     def beside(self, method: Method) -> tuple[float, float]:
-        """The difference of tangent and quotients, and that of the two best quotients; nan where no run ends."""
+        """Return the difference of tangent and quotients, and that of the best two quotients; nan without a run."""
         n = self.steps
         while (sol := self.run(method, n)) is None:
             if (n := 2 * n) > FINER * self.steps:
@@ -190,7 +191,7 @@ class GradientMeasurement(Measurement):
         return least, float(np.abs(quotients[a] - quotients[b]).max() / size)
 
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
-        """The derivative of order six by runs with other values, (n, 2 nv)."""
+        """Return the sixth-order derivative from runs with perturbed values, (n, 2 nv)."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
         places: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:
@@ -206,23 +207,22 @@ class GradientMeasurement(Measurement):
         return np.asarray(central_difference(moves, h))
 
     def claims(self, tableau: Any) -> tuple[list[int], int]:
-        """The claimed orders, and how many of the quantities are judged."""
+        """Return the claimed orders, and the number of judged quantities."""
         return [self.system.order_of(tableau)] * 2, 2
 
     def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
-        """The derivatives of q and of v at the common times, or at every second, ..., one row each."""
+        """Return the derivatives of q and of v at the common times, or at every second, ..., one row each."""
         found, nv = self.derivative(sol)[self.places(sol, every)], self.mech.nv
         return found[:, :nv], found[:, nv:]
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
-        """Largest difference of each quantity over the common times."""
+        """Return the largest difference of each quantity over the common times."""
         return np.array([float(np.abs(x - y).max(initial=0.0)) for x, y in zip(a, b, strict=True)])
 
     def doubled(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
-        """What finest runs are compared by: the derivatives themselves."""
+        """Return the quantities by which finest runs are compared: the derivatives themselves."""
         return best
 
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
-        """What rounding makes of each quantity."""
+        """Return the rounding error of each quantity."""
         return np.finfo(float).eps * (1 + sizes)
-

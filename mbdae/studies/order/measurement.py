@@ -1,10 +1,10 @@
-"""How observed orders are measured.
+"""Measurement of observed orders.
 
 The error is the largest over the ends of the coarsest run's steps, ten or more, among errors above 100 times the
-uncertainty of the reference plus the rounding floor; the floor of the own multipliers is eps / (h min |ahat_ii|), apart
-from that of q and v; the reference comes from two methods other than the one judged, their disagreement is its
-uncertainty. Where these are fewer than four halvings, coarser steps are added, down to ten. How a slope is fitted and
-judged, `mbdae.studies.order.rates` says.
+uncertainty of the reference plus the rounding floor; the floor of the method's multipliers is eps / (h min |ahat_ii|),
+separate from that of q and v. The reference comes from two methods other than the one judged, and their difference is
+its uncertainty. If these are fewer than four halvings, coarser steps are added, down to ten.
+`mbdae.studies.order.rates` describes how a slope is fitted and judged.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,7 +35,7 @@ class Measurement:
 
     Attributes:
         largest: solves in one run.
-        lower: add coarser steps where slopes cannot be judged without.
+        lower: add coarser steps if slopes cannot be judged otherwise.
     """
 
     largest = LARGEST_RUN
@@ -55,17 +55,24 @@ class Measurement:
         self.mechanical = isinstance(problem, Mechanism)
         self.names: tuple[str, ...] = ("q", "v", "own lam", "lam") if self.mechanical else ("y", "own z", "z")
         self._references: dict[str, tuple[tuple[Array, ...], Array]] = {}
+        self.failures: dict[str, str] = {}  # by method, the reason of the last run that did not come to its end
         self.system = problem.system()
 
     def run(self, method: Method, n: int) -> Solution | None:
-        """Run a method with n steps; None where it does not come to the end, see `ended`."""
+        """Return a run of a method with n steps; None if it does not finish, see `ended`."""
         self.progress(f"{method.name}, {n} steps")
-        return ended(
-            solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
-        )
+        sol = solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
+        return self.noted(method, sol)
+
+    def noted(self, method: Method, sol: Solution) -> Solution | None:
+        """Return a run that came to its end; of one that did not, keep the reason."""
+        if ended(sol) is None:
+            self.failures[method.name] = sol.message
+            return None
+        return sol
 
     def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
-        """The quantities at each of the common times, or every second, ..., one row each; configurations as points."""
+        """Return the quantities at each of the common times, or every second, ..., one row each; q as points."""
         at = self.places(sol, every)
         hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
         own = sol.z_own[at]
@@ -74,12 +81,12 @@ class Measurement:
         return sol.y[at], own, hidden
 
     def places(self, sol: Solution, every: int = 1) -> Array:
-        """The nodes at the common times, or every second, ...: behind a jump, where there is one."""
+        """Return the nodes at the common times, or every second, ...: after a jump, if there is one."""
         times = np.arange(every, self.steps + 1, every) * self.T / self.steps
         return np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
-        """Largest difference of each quantity over the common times."""
+        """Return the largest difference of each quantity over the common times."""
         out = [float(np.abs(x - y).max(initial=0.0)) for x, y in zip(a, b, strict=True)]
         if isinstance(self.problem, Mechanism):
             manifold = self.problem.manifold
@@ -87,7 +94,7 @@ class Measurement:
         return np.array(out)
 
     def reference(self, name: str) -> tuple[tuple[Array, ...], Array]:
-        """Samples of the reference for a method, and the uncertainty of each quantity."""
+        """Return samples of the reference for a method, and the uncertainty of each quantity."""
         exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
         if exact is not None:
             values = [exact(t) for t in np.arange(1, self.steps + 1) * self.T / self.steps]
@@ -103,11 +110,13 @@ class Measurement:
         return self._references[key]
 
     def doubled(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
-        """The reference of a finest run: that of the own multipliers is the hidden lam."""
+        """Return the reference of a finest run: for the method's multipliers, the hidden lam."""
         return *best[:-2], best[-1], best[-1]
 
     def _finest(self, method: Method) -> tuple[Array, ...]:
         """Refine until the differences of successive runs stop to shrink: the limit that rounding sets."""
+        if (coarse := self._rounded(method)) is not None:
+            return coarse
         n, last, last_difference = 16 * self.steps, None, np.inf
         while n * method.solves <= self.largest // 2:
             sol = self.run(method, n)
@@ -122,17 +131,29 @@ class Measurement:
             n *= 2
         if last is None:
             raise InputError(
-                f"no reference for {self.problem.title!r}: {method.name} fails at every step size up to T = {self.T}"
+                f"no reference for {self.problem.title!r}: {method.name} fails at every step size up to T = {self.T}, "
+                f"{self.failures.get(method.name, 'with too many solves')}"
             )
         return last
 
+    def _rounded(self, method: Method) -> tuple[Array, ...] | None:
+        """Return samples of a run with few steps where twice as many change them by rounding, else None."""
+        coarse, fine = (self.run(method, n) for n in (self.steps, 2 * self.steps))
+        if coarse is None or fine is None:
+            return None
+        samples = self.sample(fine)
+        sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in samples])
+        moved = self.difference(self.sample(coarse), samples) > self.rounding(method, self.T / self.steps, sizes)
+        built_on = [not name.startswith("own") for name in self.names]  # own multipliers converge with another order
+        return None if moved[built_on].any() else samples
+
     def floors(self, tableau: Method, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
-        """100 (uncertainty + rounding), one for each quantity."""
+        """Return 100 (uncertainty + rounding), one for each quantity."""
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
         return ABOVE * (uncertainty + self.rounding(tableau, self.T / n, sizes))
 
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
-        """What rounding makes of each quantity, of these sizes, with steps of h."""
+        """Return the rounding error of each quantity, of these sizes, with steps of h."""
         rounding = EPS * (1 + sizes)
         moving = sizes[1] if self.mechanical else sizes[0]
         rounding[-2] = EPS * (self.gain * moving / (h * tableau.smallest_pivot) + sizes[-2])
@@ -140,18 +161,18 @@ class Measurement:
 
     @cached_property
     def gain(self) -> float:
-        """The change of lam per unit residual of the hidden constraint, at the start: asked for with every slope."""
+        """The change of lam per unit residual of the hidden constraint, at the start: used for every slope."""
         start = self.problem.point(*self.start)
         return self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
 
     def claims(self, tableau: Any) -> tuple[list[int], int]:
-        """The claimed order of each quantity, and how many are judged: without closures there is no lam."""
+        """Return the claimed order of each quantity, and the number judged: without closures there is no lam."""
         order = self.system.order_of(tableau)
         found = [order] * (len(self.names) - 2) + [tableau.order_own, order]
         return found, len(found) if self.system.nz else len(found) - 2
 
     def judge(self, tableau: Method) -> tuple[ObservedOrder, ...]:
-        """Halve the steps of a method until its slopes can be judged, or never will; then try coarser ones."""
+        """Halve the steps of a method until its slopes can be judged, or cannot improve; then try coarser ones."""
         reference, uncertainty = self.reference(tableau.name)
         samples: dict[int, tuple[Array, ...]] = {}
         n, every = self.steps, 1
@@ -181,13 +202,23 @@ class Measurement:
         reference: tuple[Array, ...],
         uncertainty: Array,
     ) -> tuple[ObservedOrder, ...]:
-        """The slope of each quantity that is judged, from samples by number of steps."""
+        """Return the slope of each judged quantity, from samples by number of steps."""
         claims, number = self.claims(tableau)
         errors = [self.difference(x, reference) for x in samples.values()]
         floors = [self.floors(tableau, n, reference, uncertainty) for n in samples]
         changes = [float(np.ptp(x, axis=0).max(initial=0.0)) for x in reference]
         return tuple(
-            fit(q, claims[i], [*samples], [e[i] for e in errors], [f[i] for f in floors], u, changes[i], self.largest)
+            fit(
+                q,
+                claims[i],
+                [*samples],
+                [e[i] for e in errors],
+                [f[i] for f in floors],
+                u,
+                changes[i],
+                self.largest,
+                self.failures.get(tableau.name, ""),
+            )
             for i, (q, u) in enumerate(zip(self.names[:number], uncertainty.tolist()[:number], strict=True))
         )
 
@@ -195,10 +226,10 @@ class Measurement:
 def finished(
     methods: Mapping[str, Method], study: Callable[[Method], Found]
 ) -> tuple[dict[str, Found], tuple[str, ...]]:
-    """What a study found of each method, and the methods that are left where the user stops it.
+    """Return the results of a study by method, and the remaining methods if the user stops it.
 
     Raises:
-        KeyboardInterrupt: where none is finished.
+        KeyboardInterrupt: if none is finished.
     """
     out: dict[str, Found] = {}
     try:
@@ -211,9 +242,9 @@ def finished(
 
 
 def ended(sol: Solution) -> Solution | None:
-    """A run that came to its end.
+    """Return a run that came to its end, else None.
 
     Raises:
-        KeyboardInterrupt: for one that the user stopped.
+        KeyboardInterrupt: if the user stopped the run.
     """
     return sol if uninterrupted(sol).ended else None

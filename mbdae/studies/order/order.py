@@ -14,10 +14,10 @@ from ...solution.solution import Problem
 from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
 
-__all__ = ["check_order"]
+__all__ = ["order"]
 
 
-def check_order(
+def order(
     problem: Problem | str | Path,
     methods: Any = None,
     *,
@@ -29,22 +29,21 @@ def check_order(
 
     An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error over log
     h, of at least four halvings above rounding and the uncertainty of a reference by another method. lam is that of the
-    hidden constraint, 0 = G v' + gamma, own lam what the method itself carries. Stopped by Ctrl-C, it returns the
-    methods that were finished.
+    hidden constraint, 0 = G v' + gamma, own lam that of the method. Stopped by Ctrl-C, it returns the finished methods.
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
         methods: a name or several, or tableaus; all of them when left out.
         T: end time in s; from the model file when left out.
-        steps: coarsest number of steps, at least ten; when left out that of the model file, or fewer for methods that
-            cannot be judged otherwise.
+        steps: coarsest number of steps, at least ten; when left out that of the model file, or fewer if slopes cannot
+            be judged otherwise.
         progress: called with the name of each run.
 
     Raises:
-        UnknownNameError: for a method that does not exist.
-        InputError: for wrong T or steps, or no problem.
+        UnknownNameError: for an unknown method.
+        InputError: for invalid T or steps, or an invalid problem.
     """
-    problem = problem_of(problem, "check_order")
+    problem = problem_of(problem, "order")
     names = as_list(methods or METHODS, "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None

@@ -1,11 +1,11 @@
-"""From errors over steps to an order: which halvings count, the slope fitted to them, and what it says of a claim.
+"""Observed order from errors over steps: selection of halvings, fitted slope, and comparison with a claim.
 
 The slope is a least-squares fit over the four finest halvings of the step whose rates agree, or else the four finest.
-With error = C h^p (1 + O(h)) the rate between two steps is p + O(h): with each halving what it still has to change by
-is halved. Rates that change more than that (long steps, or errors of several orders that cancel) are not the order.
-Where they end above a claim, the slope is that of the last two halvings; where they have fallen through it, nothing is
-known. They refute it only if the last one misses it even after all the change that the four have shown, and if errors
-are small beside the motion.
+With error = C h^p (1 + O(h)) the rate between two steps is p + O(h): each halving halves its remaining change. Rates
+that change more than that (long steps, or cancelling errors of several orders) are not the order. If they end above a
+claim, the slope is that of the last two halvings; if they have fallen through it, the result is undecided. They refute
+it only if the last one misses it even after the total change over the four, and if errors are small compared with the
+motion.
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,8 @@ from ...system import Array
 from .result import ObservedOrder
 
 HALVINGS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
-LARGE = 0.1  # of what a quantity moves by: errors as large are not of the leading order yet
-SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more
+LARGE = 0.1  # of the change of a quantity: larger errors are not dominated by the leading order
+SETTLED = 0.1  # spread of the last slopes below which finer steps add nothing
 
 
 def fit(
@@ -29,18 +29,20 @@ def fit(
     uncertainty: float,
     moves: float,
     largest: int,
+    failure: str = "",
 ) -> ObservedOrder:
-    """Fit a slope to errors over numbers of steps, coarse ones first, and hold it against the claim.
+    """Fit a slope to errors over numbers of steps, coarse ones first, and compare it with the claim.
 
     Errors count above their floors; one that is a tenth of what the quantity moves by refutes nothing. Reasons name the
-    uncertainty of the reference, and the largest number of solves.
+    uncertainty of the reference, the largest number of solves, and where no run ended the failure of the last one.
     """
     end = settled(errors[: above(errors, floors)])
     record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
     if end < HALVINGS + 1:
         counted = f"only {end - 1} halvings" if end else "no error"
         if end == len(ns):
-            what = f"{counted} within {largest} solves" if end else "no run came to its end"
+            none = f"no run came to its end, {failure}" if failure else "no run came to its end"
+            what = f"{counted} within {largest} solves" if end else none
         elif 2 * ABOVE * uncertainty > floors[end]:
             what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
         else:
@@ -65,10 +67,10 @@ def slope(x: Array, y: Array) -> float:
 
 
 def judged(x: Array, y: Array, least: float) -> tuple[int, str]:
-    """Hold four halvings, -log2 of the errors over log2 of the steps, against the least order that holds.
+    """Compare four halvings, -log2 of the errors over log2 of the steps, with the smallest order that holds.
 
     Returns:
-        How many of the last ones the slope is fitted to, and ``"holds"``, ``"misses"``, or "" where they leave it open.
+        The number of last ones to which the slope is fitted, and ``"holds"``, ``"misses"``, or "" if undecided.
     """
     rates, fitted, last = np.diff(y) / np.diff(x), slope(x, y), slope(x[-1 - LAST :], y[-1 - LAST :])
     change, turns = float(np.ptp(rates)), np.diff(rates)
@@ -80,15 +82,15 @@ def judged(x: Array, y: Array, least: float) -> tuple[int, str]:
 
 
 def above(errors: Sequence[float], floors: Sequence[float]) -> int:
-    """How many of the errors, coarse steps first, stand above the floor; those that rose from it again do not count."""
+    """Return the number of errors, coarse steps first, above the floor; those after the first below do not count."""
     good = [e > f for e, f in zip(errors, floors, strict=True)]
     return good.index(False) if False in good else len(good)
 
 
 def settled(errors: Sequence[float]) -> int:
-    """How many of the errors there are up to the last four halvings whose rates agree; all where there are none.
+    """Return the number of errors up to the last four halvings whose rates agree; all if there are none.
 
-    Steps are halved on for the sake of other quantities, by which rounding of many steps adds up beyond its floor.
+    Steps are halved further for other quantities, which accumulates rounding of many steps beyond its floor.
     """
     rates = np.diff(np.log2(errors))
     ends = range(len(errors), HALVINGS, -1)
@@ -96,7 +98,7 @@ def settled(errors: Sequence[float]) -> int:
 
 
 def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
-    """True when an error reached its floor, or the slopes of the four finest halvings agree."""
+    """Return whether an error reached its floor, or the slopes of the four finest halvings agree."""
     if above(errors, floors) < len(errors):
         return True
     slopes = np.diff(np.log2(errors))[-HALVINGS:]

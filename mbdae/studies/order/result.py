@@ -1,4 +1,4 @@
-"""What an order study found: a slope for each quantity of each method."""
+"""Result of an order study: a slope for each quantity of each method."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -22,11 +22,11 @@ class ObservedOrder:
     """One quantity of one method.
 
     Attributes:
-        quantity: q, v, own lam or lam (hidden constraint); y, own z or z of a textbook problem.
+        quantity: q, v, own lam (of the method) or lam (hidden constraint); y, own z or z of a textbook problem.
         claimed: the method's claim.
-        observed: fitted slope, None when it cannot be judged.
+        observed: fitted slope, None if it cannot be judged.
         verdict: ``"holds"`` (observed >= claimed - 0.2), ``"misses"`` or the reason why it cannot be judged.
-        steps: numbers of steps that were tried.
+        steps: numbers of steps.
         errors: the errors there.
         floors: 100 times the uncertainty and rounding floor there.
         fitted: first and last plus one of the errors that the slope is fitted to.
@@ -43,12 +43,12 @@ class ObservedOrder:
 
     @property
     def judged(self) -> bool:
-        """True when a slope could be fitted."""
+        """True if a slope could be fitted."""
         return self.observed is not None
 
     @property
     def rates(self) -> tuple[float, ...]:
-        """Observed orders from each step to the next one: log of the errors' ratio over log of that of the steps."""
+        """Observed orders from each step to the next one: log of the error ratio over log of the step ratio."""
         with np.errstate(divide="ignore", invalid="ignore"):
             rates = -np.diff(np.log(self.errors)) / np.diff(np.log(self.steps))
         return (float("nan"), *rates.tolist())
@@ -56,16 +56,16 @@ class ObservedOrder:
 
 @dataclass(frozen=True)
 class OrderStudy(Tabular):
-    """Result of `check_order`.
+    """Result of `order`.
 
     Attributes:
         title: of the problem.
         T: end time in s.
         slopes: by method.
         backend: of all runs.
-        because: what keeps them from the compiled core, in words; "" where nothing does.
-        missing: the methods that were left when the user stopped the study.
-        machine: on which they were computed; rounding is that of its arithmetic.
+        because: why runs cannot use the compiled core, in words; "" if they can.
+        missing: the methods that remained when the user stopped the study.
+        machine: the machine, whose arithmetic determines rounding.
     """
 
     title: str
@@ -78,16 +78,16 @@ class OrderStudy(Tabular):
 
     @property
     def holds(self) -> bool:
-        """True when every slope was judged and reaches its claim."""
+        """True if every slope was judged and reaches its claim."""
         return not self.missing and all(s.verdict == "holds" for row in self.slopes.values() for s in row)
 
     @property
     def refuted(self) -> bool:
-        """True when some observed order misses its claim."""
+        """True if some observed order misses its claim."""
         return any(s.verdict == "misses" for row in self.slopes.values() for s in row)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         slopes = {name: [asdict(s) for s in row] for name, row in self.slopes.items()}
         return {
             "title": self.title,
@@ -102,7 +102,7 @@ class OrderStudy(Tabular):
         }
 
     def cells(self) -> list[list[str]]:
-        """Observed and claimed orders."""
+        """Return observed and claimed orders."""
         quantities = [s.quantity for s in next(iter(self.slopes.values()), ())]
         rows = [
             [name, *((f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in row)]
@@ -111,21 +111,21 @@ class OrderStudy(Tabular):
         return [["method", *quantities], *rows]
 
     def remarks(self) -> list[str]:
-        """What misses its claim, what cannot be judged, and what is missing."""
+        """Return missed claims, undecided ones, and missing methods."""
         every = [(name, s) for name, row in self.slopes.items() for s in row]
         return [f"{name}, {s.quantity}: {s.verdict}" for name, s in every if s.verdict != "holds"] + self.left()
 
     def left(self) -> list[str]:
-        """One line on what is missing, where the user stopped the study."""
+        """Return one line on missing methods, if the user stopped the study."""
         return [f"stopped: {', '.join(self.missing)} are left"] if self.missing else []
 
     @property
     def computed_by(self) -> str:
-        """Which back end has computed all runs, and where."""
+        """Back end and machine of all runs, in words."""
         return f"all runs: {computed_by(self.backend, self.because)}, {self.machine}"
 
     def convergence(self, method: str) -> list[list[str]]:
-        """Step sizes of a method, and for each quantity the errors there and the rates between them.
+        """Return step sizes of a method, and for each quantity the errors and the rates between them.
 
         Raises:
             UnknownNameError: for a method that was not studied.
@@ -140,7 +140,7 @@ class OrderStudy(Tabular):
         return [heads, *(list(x) for x in zip(*columns, strict=True))]
 
     def tabulated(self) -> Columns:
-        """A row for each error, with the step, its floor, the rate, and the claimed and the fitted order."""
+        """Return a row for each error, with the step, its floor, the rate, and the claimed and the fitted order."""
         rows = [
             (name, s.quantity, n, self.T / n, error, floor, rate, s.claimed, s.observed)
             for name, row in self.slopes.items()
@@ -151,12 +151,12 @@ class OrderStudy(Tabular):
         return Columns(dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)), {"h": "s"})
 
     def to_latex(self) -> str:
-        """The orders, and a table of convergence for each method."""
+        """Return the orders, and a table of convergence for each method."""
         tables = [latex(self.convergence(name), f"{name} on {self.title}") for name in self.slopes]
         return "\n".join([super().to_latex(), *tables])
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the errors over the step with the fitted and the claimed slopes; written where a path is given.
+        """Draw the errors over the step with the fitted and the claimed slopes; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg or .pdf, or an unwritable path.

@@ -147,15 +147,7 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     sample = sol.resampled(times)
     chosen = joined if names is True else as_list(names, "arrows is True, or a list of closures and joints")
     found = [sample.reaction(name) for name in chosen]
-    wheels = {c.name for c in rolling(mech)}
-    at = [
-        path(mech, r.name, sample.q)
-        if r.name in wheels
-        else paths(mech.model, [joined[r.name][1]], sample.q)[0]
-        if r.name in joined
-        else joint_paths(mech.model, [r.name], sample.q)[0]
-        for r in found
-    ]
+    at = [_where(mech, r.name, sample.q) for r in found]
     forces = [
         {
             "name": r.name + ("" if all(r.unique[:3]) else " (minimum norm)"),
@@ -167,6 +159,16 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     ]
     lengths = [np.linalg.norm(r.force_world, axis=1) for r in found]
     return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
+
+
+def _where(mech: "Mechanism", name: str, q: Array) -> Array:
+    """Points (m, 3) at which the force of a closure or a joint acts."""
+    if name in {c.name for c in rolling(mech)}:
+        return path(mech, name, q)
+    frames = next((c.frames for c in mech.constraints if c.name == name), None)
+    if frames:
+        return paths(mech.model, [frames[1]], q)[0]
+    return joint_paths(mech.model, [name], q)[0]
 
 
 def continuous(quaternions: Array) -> Array:

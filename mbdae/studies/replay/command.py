@@ -21,7 +21,7 @@ from ...errors import InputError
 @click.argument("solutions", nargs=-1, required=True, metavar="RUN.npz [OTHER.npz...]")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="The HTML page to write.")
 @click.option("--video", type=click.Path(dir_okay=False), help="The video to write, .mp4 or .gif; takes Chromium.")
-@click.option("--plot", "plots", multiple=True, help="A signal, q.crank, or several on common axes: q.crank,q.rod.")
+@click.option("--plots", multiple=True, help="A signal, q.crank, or several on common axes: q.crank,q.rod.")
 @click.option("--glb", type=click.Path(dir_okay=False), help="The animated scene to write, for slides and Blender.")
 @click.option(
     "--meshes",
@@ -36,7 +36,7 @@ def animate(
     output: str | None,
     video: str | None,
     plots: tuple[str, ...],
-    arrow: tuple[str, ...],
+    arrows: tuple[str, ...],
     every: bool,
     glb: str | None,
     meshes: tuple[str, ...],
@@ -57,5 +57,5 @@ def animate(
     with bar("animate", 1.0) as tell:
         for path in written:
             ghosts = dict(zip(names, others, strict=True))
-            write(sol, path, plots=panels(plots), ghosts=ghosts, arrows=every or arrow, progress=tell, **options)
+            write(sol, path, plots=panels(plots), ghosts=ghosts, arrows=every or arrows, progress=tell, **options)
     emit({"written": written}, "\n".join(f"wrote {path}" for path in written), as_json)

@@ -16,7 +16,7 @@ from .mode_tracks import HELD, STRUCK
 from .solids import coil, parts, solid
 
 if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Scene
+    from ...mechanism.scene.scene import Scene, Strut
     from .mode_tracks import ModeTrack
 
 GREY = (0.7, 0.7, 0.7, 1.0)
@@ -107,62 +107,94 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
     """The file of a motion.
 
     Args:
-        scene: what is drawn, but for marks of closures.
+        scene: what is drawn, except for marks of closures.
         times: (m,) in s.
         q: (m, nq) configurations.
         title: of the scene.
         speed: seconds of motion per second of the animation.
         marks: of what holds or is struck: balls, while it does, and for a quarter of a second.
     """
-    file = _File(title)
-    file.add("nodes", {"name": title or "mechanism", "rotation": UP, "children": []})
-    seconds = np.abs(times - times[0]) / speed
-    clock = file.numbers(seconds, bounded=True) if len(times) > 1 else None
-    animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
+    film = _Animation(title, np.abs(times - times[0]) / speed, scene.width)
+    film.add_shapes(scene, q)
+    for spring, ends in zip(scene.springs, scene.ends(scene.springs, q).swapaxes(0, 1), strict=True):
+        film.add_spring(spring, ends)
+    for mark in marks if film.moves else ():
+        film.add_mark(mark, "held", _rgba(HELD), *_holding(mark, times, speed), "STEP")
+        film.add_mark(mark, "struck", _rgba(STRUCK), *_flashing(mark, times, speed), "LINEAR")
+    return film.bytes()
 
-    def moved(node: int, path: str, clock: int, values: Array, way: str = "LINEAR") -> None:
-        animation["samplers"].append({"input": clock, "interpolation": way, "output": file.numbers(values)})
-        target = {"node": node, "path": path}
-        animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
 
-    def place(name: str, mesh: int, tracks: dict[str, Array]) -> int:
-        node = file.add("nodes", {"name": name, "mesh": mesh, **{k: v[0].tolist() for k, v in tracks.items()}})
-        file.parts["nodes"][0]["children"].append(node)
+class _Animation:
+    """Nodes that move: the seconds of the animation are (m,), the lines of springs ``width`` in m."""
+
+    def __init__(self, title: str, seconds: Array, width: float) -> None:
+        self.file, self.width, self.moves = _File(title), width, len(seconds) > 1
+        self.file.add("nodes", {"name": title or "mechanism", "rotation": UP, "children": []})
+        self.clock = self.file.numbers(seconds, bounded=True) if self.moves else -1
+        self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
+
+    def add_shapes(self, scene: "Scene", q: Array) -> None:
+        """The shapes of a scene at configurations (m, nq), but for marks of closures."""
+        for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
+            if shape.role == "closure" or not (found := parts(shape)):
+                continue
+            mesh = self.file.mesh(shape.mesh or (shape.kind, shape.size), found, shape.rgba)
+            tracks = {"translation": track[:, :3], "rotation": _unit(continuous(track[:, 3:]))}
+            scale = {} if shape.scale == (1.0, 1.0, 1.0) else {"scale": np.array([shape.scale])}
+            self._add_node(shape.name, mesh, tracks | scale)
+
+    def add_spring(self, spring: "Strut", ends: Array) -> None:
+        """The coil and the tube of a spring between its ends (m, 2, 3); nothing where it has no length."""
+        lines = ends[:, 1] - ends[:, 0]
+        lengths = np.linalg.norm(lines, axis=1)
+        length = spring.length or float(np.median(lengths))
+        if length <= 0:
+            return
+        if spring.coil:
+            surface = coil(2.4 * self.width, 0.5 * self.width, length)
+            mesh = self.file.mesh(("coil", length), [surface], SPRING)
+            self._add_line(f"{spring.name} coil", mesh, ends[:, 0], lines, lengths / length)
+        if spring.tube:
+            mesh = self.file.mesh(("tube", length), [solid("cylinder", (self.width, 1.0))], None)
+            self._add_line(f"{spring.name} tube", mesh, ends.mean(axis=1), lines, lengths)
+
+    def add_mark(
+        self, mark: "ModeTrack", kind: str, rgba: tuple[float, ...], at: Array, sizes: Array, way: str
+    ) -> None:
+        """Balls at the places of a mark, whose sizes (n,) change at the seconds (n,)."""
+        if not sizes.any():
+            return
+        scales = np.maximum(sizes, TINY)[:, None] * np.ones(3)
+        for points in mark.places:
+            ball = self.file.mesh(kind, [solid("sphere", (3 * self.width,))], rgba)
+            node = self._add_node(f"{mark.name} {kind}", ball, {"translation": points})
+            self._add_channel(node, "scale", self.file.numbers(at, bounded=True), scales, way)
+
+    def bytes(self) -> bytes:
+        """The file."""
+        if self.motion["channels"]:
+            self.file.parts["animations"] = [self.motion]
+        return self.file.bytes()
+
+    def _add_line(self, name: str, mesh: int, begin: Array, lines: Array, stretch: Array) -> None:
+        """A mesh along z, turned into lines (m, 3) and stretched."""
+        tracks = {"translation": begin, "rotation": towards(lines), "scale": _along(np.maximum(stretch, TINY))}
+        self._add_node(name, mesh, tracks)
+
+    def _add_node(self, name: str, mesh: int, tracks: dict[str, Array]) -> int:
+        start = {path: track[0].tolist() for path, track in tracks.items()}
+        node = self.file.add("nodes", {"name": name, "mesh": mesh, **start})
+        self.file.parts["nodes"][0]["children"].append(node)
         for path, track in tracks.items():
-            if clock is not None and np.ptp(track, axis=0).any():
-                moved(node, path, clock, track)
+            if self.moves and np.ptp(track, axis=0).any():
+                self._add_channel(node, path, self.clock, track)
         return node
 
-    for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
-        if shape.role != "closure" and (found := parts(shape)):
-            mesh = file.mesh(shape.mesh or (shape.kind, shape.size), found, shape.rgba)
-            scale = {} if shape.scale == (1.0, 1.0, 1.0) else {"scale": np.array([shape.scale])}
-            place(shape.name, mesh, {"translation": track[:, :3], "rotation": _unit(continuous(track[:, 3:])), **scale})
-    for spring, ends in zip(scene.springs, scene.ends(scene.springs, q).swapaxes(0, 1), strict=True):
-        ways = ends[:, 1] - ends[:, 0]
-        lengths = np.linalg.norm(ways, axis=1)
-        length = spring.length or float(np.median(lengths))
-        if length > 0:
-            looks = [("coil", coil(2.4 * scene.width, 0.5 * scene.width, length))] if spring.coil else []
-            looks += [("tube", solid("cylinder", (scene.width, 1.0)))] if spring.tube else []
-            for look, surface in looks:
-                begin = ends[:, 0] if look == "coil" else ends.mean(axis=1)
-                tracks = {"translation": begin, "rotation": towards(ways)}
-                mesh = file.mesh((look, length), [surface], SPRING if look == "coil" else None)
-                stretched = lengths / (length if look == "coil" else 1.0)
-                place(f"{spring.name} {look}", mesh, {**tracks, "scale": _along(np.maximum(stretched, TINY))})
-    for mark in marks if clock is not None else ():
-        for what, rgba, (at, sizes), way in (
-            ("held", _rgba(HELD), _holding(mark, times, speed), "STEP"),
-            ("struck", _rgba(STRUCK), _flashing(mark, times, speed), "LINEAR"),
-        ):
-            for points in mark.places if sizes.any() else ():
-                ball = file.mesh(what, [solid("sphere", (3 * scene.width,))], rgba)
-                node = place(f"{mark.name} {what}", ball, {"translation": points})
-                moved(node, "scale", file.numbers(at, bounded=True), np.maximum(sizes, TINY)[:, None] * np.ones(3), way)
-    if animation["channels"]:
-        file.parts["animations"] = [animation]
-    return file.bytes()
+    def _add_channel(self, node: int, path: str, clock: int, values: Array, way: str = "LINEAR") -> None:
+        output = self.file.numbers(values)
+        self.motion["samplers"].append({"input": clock, "interpolation": way, "output": output})
+        target = {"node": node, "path": path}
+        self.motion["channels"].append({"sampler": len(self.motion["samplers"]) - 1, "target": target})
 
 
 def normals(surface: Surface) -> Array:

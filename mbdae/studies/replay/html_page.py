@@ -22,6 +22,7 @@ from .threejs import mesh_data, node, scene_object
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene, Shape
 
+LEVEL = 6  # of compression: 9 takes nine times as long for 3 % of a page with meshes
 SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "linkage", "sliders", "print")
 
 
@@ -48,7 +49,7 @@ def document(title: str, payload: Mapping[str, Any]) -> str:
         "plotstyle": _asset("vendor/uPlot.min.css"),
         "script": "\n".join([*(_asset(f"replay_{name}.js") for name in SCRIPTS), _asset("replay.js")]),
         "viewer": _viewer(),
-        "plots": _compressed(_asset("vendor/uPlot.iife.min.js").encode()),
+        "plots": _plots(),
         "scene": _compressed(umsgpack.packb(payload)),
     }
     return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
@@ -74,8 +75,13 @@ def _viewer() -> str:
     return _compressed(Path(found.submodule_search_locations[0], "viewer", "dist", "main.min.js").read_bytes())
 
 
+@cache
+def _plots() -> str:
+    return _compressed(_asset("vendor/uPlot.iife.min.js").encode())
+
+
 def _compressed(data: bytes) -> str:
-    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(data, LEVEL, mtime=0)).decode("ascii")
 
 
 def _asset(name: str) -> str:

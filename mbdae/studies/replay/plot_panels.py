@@ -68,15 +68,14 @@ def panes(
     """
     if plots is not None and not plots and not own:
         return []
-    mech, entries = sol.mechanism, _entries(plots)
-    chosen = [tuple(x for name in entry for x in ([name] if name in own else find(mech, name))) for entry in entries]
-    seen = [*(n for n in units(mech) if n.startswith("q.")), *(() if plots else ("kinetic", "potential"))]
-    wanted = [*(x for entry in chosen for x in entry if x not in own), *seen]
+    mech = sol.mechanism
+    chosen = [_expanded(entry, own, mech) for entry in _entries(plots)]
+    wanted = [*_columns(chosen, own, mech), *(() if plots else ("kinetic", "potential"))]
     table = _table(sol, own, wanted)
     groups = _defaults(table, mech) if plots is None else [_Group(tuple(dict.fromkeys(names))) for names in chosen]
-    asked = {name for group in groups for name in group.names}
-    groups += [_Group((name,)) for name in own if name not in asked]
-    tables = [table, *(_table(g, {k: f for k, f in own.items() if callable(f)}, wanted) for g in ghosts)]
+    groups += _others(groups, own)
+    functions = {name: signal for name, signal in own.items() if callable(signal)}
+    tables = [table, *(_table(ghost, functions, wanted) for ghost in ghosts)]
     found = [pane for group in groups for pane in _by_unit(group, tables, mech)]
     return [_as_read(pane) for pane in found] if plots is None else found
 
@@ -91,8 +90,25 @@ def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
     return [tuple(as_list(entry, what)) for entry in as_list(plots or (), what)]
 
 
+def _expanded(entry: Sequence[str], own: Mapping[str, Signal], mech: "Mechanism") -> list[str]:
+    """The signals of an entry, whose names may be the beginning of several."""
+    return [signal for name in entry for signal in ([name] if name in own else find(mech, name))]
+
+
+def _columns(chosen: Sequence[Sequence[str]], own: Mapping[str, Signal], mech: "Mechanism") -> list[str]:
+    """Columns of the solution that are chosen, and all coordinates."""
+    coordinates = [name for name in units(mech) if name.startswith("q.")]
+    return [*(name for entry in chosen for name in entry if name not in own), *coordinates]
+
+
+def _others(groups: Sequence[_Group], own: Mapping[str, Signal]) -> list[_Group]:
+    """Signals of the user that are in no group: one for each."""
+    grouped = {name for group in groups for name in group.names}
+    return [_Group((name,)) for name in own if name not in grouped]
+
+
 def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:
-    """Coordinates by unit but for quaternions, energies, and the largest |g|."""
+    """Coordinates by unit except for quaternions, energies, and the largest |g|."""
     unit = {n: u for n, u in units(mech).items() if n.startswith("q.") and u != "1"}  # quaternions say little
     by_unit = [_liveliest(table, [n for n in unit if unit[n] == u]) for u in dict.fromkeys(unit.values())]
     return [*by_unit, _Group(("kinetic", "potential", "energy")), *([_Group(("g",))] if mech.ng else [])]

@@ -132,20 +132,17 @@ def page(
         InputError: as `animate`.
     """
     _checked(sol, fps, speed)
-    require(ghosts or {}, Mapping, "ghosts are solutions by name")
-    for name, ghost in (ghosts or {}).items():
-        if not hasattr(ghost, "mechanism"):
-            raise InputError(f"ghost {name!r} is a Solution (see mbdae.solve), got {ghost!r:.60}")
-    mechanism, ghosts = sol.mechanism, ghosts or {}
+    mechanism, ghosts, choices = sol.mechanism, ghosts or {}, choices or {}
+    _check_ghosts(ghosts)
     speed = pace(sol) if speed is None else speed
-    if camera is not None and camera not in CAMERAS:
-        raise UnknownNameError("camera", camera, CAMERAS)
+    if camera is not None:
+        _check_known("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
     scene = mechanism.scene.travelled(q)
     placements = scene.placements(q)
     bodies = tracks.bodies(scene, mechanism.model)
-    if follow and follow not in (known := [body["name"] for body in bodies]):
-        raise UnknownNameError("body", follow, known)
+    if follow:
+        _check_known("body", follow, [body["name"] for body in bodies])
     payload = {
         **drawn(scene, bodies),
         "poses": list(tracks.poses(scene, placements)),
@@ -159,7 +156,7 @@ def page(
         "follow": follow,
         "marked": closures,
         "ghosts": tracks.ghosts(sol, ghosts, times),
-        "choices": tracks.choices(sol, choices or {}, times),
+        "choices": tracks.choices(sol, choices, times),
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
         "switched": {
@@ -178,6 +175,18 @@ def _checked(sol: Any, fps: float | None, speed: float | None) -> None:
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
+
+
+def _check_ghosts(ghosts: Mapping[str, Any]) -> None:
+    require(ghosts, Mapping, "ghosts are solutions by name")
+    for name, ghost in ghosts.items():
+        if not hasattr(ghost, "mechanism"):
+            raise InputError(f"ghost {name!r} is a Solution (see mbdae.solve), got {ghost!r:.60}")
+
+
+def _check_known(what: str, name: str, known: Sequence[str]) -> None:
+    if name not in known:
+        raise UnknownNameError(what, name, known)
 
 
 def pace(sol: "Solution") -> float:

@@ -1,1 +1,1 @@
-"""One page on a mechanism that has it all."""
+"""Report: all studies of a mechanism on one page."""

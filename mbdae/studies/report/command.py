@@ -1,4 +1,4 @@
-"""The sub-command ``report``."""
+"""Sub-command ``report``."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from ...cli.options import (
     rtol_option,
     span,
     stopped,
-    time_option,
+    t_span_option,
     writable,
 )
 
@@ -24,13 +24,18 @@ from ...cli.options import (
 @model_argument
 @click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The HTML page to write.")
 @methods_option
-@time_option
+@t_span_option
 @rtol_option
 @click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes of the comparison.")
 @as_json
 def report(
-    model: ChosenModel, output: str, names: tuple[str, ...], end: float | None, as_json: bool, **options: Any
+    model: ChosenModel,
+    output: str,
+    methods: tuple[str, ...],
+    t_span: tuple[float, ...] | None,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it.
 
@@ -41,7 +46,7 @@ def report(
     written = writable((output, PAGES))
     mech = model.load()
     with bar("report", 1.0) as tell:
-        result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)
+        result = study(mech, span(mech, t_span), methods=listed(methods) or None, progress=tell, **options)
     try:
         result.save(output)
     except KeyboardInterrupt:

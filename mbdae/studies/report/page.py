@@ -1,4 +1,4 @@
-"""A report as one HTML page: text, tables, figures and the replay, nothing from outside."""
+"""A report as one HTML page: text, tables, figures and the replay, without external resources."""
 
 import base64
 import json
@@ -17,7 +17,7 @@ from ..replay.figure import posture
 from ..replay.html_page import frame
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
-from ..run.figure import motion
+from ..solve.figure import motion
 from .report_tables import captioned, downloads, parts, ranking
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ SECTIONS = ("Model", "Parts", "Run", "Drift", "Orders", "Ranking", "Comparison",
 
 
 def page(report: "Report") -> str:
-    """The page as text."""
+    """Return the page as text."""
     writers = (_model, _parts, _run, _drift, _orders, _ranking, _comparison, _repeat, downloads)
     bodies = {name: write(report) for name, write in zip(SECTIONS, writers, strict=True)}
     c, meta = report.card, report.meta
@@ -40,7 +40,7 @@ def page(report: "Report") -> str:
 
 
 def document(title: str, summary: str, version: str, sections: dict[str, str]) -> str:
-    """A page of sections that have something to say, HTML by heading, with its contents."""
+    """Return a page of all non-empty sections, HTML by heading, with a table of contents."""
     shown = {name: body for name, body in sections.items() if body}
     filling = {
         "version": version,
@@ -133,13 +133,13 @@ def _repeat(report: "Report") -> str:
 
 
 def facts(known: dict[str, str]) -> str:
-    """What is known of a thing, as a table of two columns."""
+    """Return facts as a table of two columns."""
     rows = (f"<tr><td>{escape(k)}</td><td>{escape(v).replace(chr(10), '<br>')}</td></tr>" for k, v in known.items())
     return f'<table class="facts">{"".join(rows)}</table>'
 
 
 def image(figure: "Figure", words: str, *, small: bool = False) -> str:
-    """A figure inside the page, and what it shows; a small one is whole on a phone."""
+    """Return a figure as HTML with its caption; a small one fits on a phone."""
     data = base64.b64encode(figures.svg(figure)).decode()
     width = ' class="small"' if small else ""
     picture = f'<div class="wide"><img{width} alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'

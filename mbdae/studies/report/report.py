@@ -1,4 +1,4 @@
-"""One report on a mechanism: what it is, a run, how runs drift, observed orders, and a comparison of methods."""
+"""Report on a mechanism: card, a run, drift of runs, observed orders, and a comparison of methods."""
 
 import platform
 import shlex
@@ -20,19 +20,19 @@ from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution, uninterrupted
-from ..card.card import Card, card
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, drift
+from ..info.card import Card, card
 from ..method_variant import Variant, default, usual, variants
-from ..order.order import check_order
+from ..order.order import order
 from ..order.result import OrderStudy
 
 __all__ = ["report"]
 
-METHODS = ("pherk6", "pherk5", "herk5", "radau5", "ggl:pherk5", "index1:dop853")  # behind the default
+METHODS = ("pherk6", "pherk5", "herk5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
-SHARES = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # where each part ends, as a fraction of the work
+SHARES = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # end of each part, as a fraction of the work
 Progress = Callable[[float, str], None]
 
 
@@ -42,13 +42,13 @@ class Report:
 
     Attributes:
         card: what the mechanism is.
-        sol: the run that is replayed, that of ``mbdae run``.
+        sol: the run that is replayed, that of ``mbdae solve``.
         drifts: drift of every method's run.
-        orders: observed and claimed orders; None when no method without a formulation was asked for.
-        comparison: methods against a reference; None when the user stopped it before the reference was there.
-        mechanism: description of the mechanism, enough to make it again.
+        orders: observed and claimed orders; None if no method without a formulation was requested.
+        comparison: methods against a reference; None if the user stopped it before the reference was computed.
+        mechanism: description from which the mechanism can be recreated.
         meta: command, parameters, versions, machine and date.
-        missing: what was left when the user stopped the study, in words.
+        missing: parts that are missing because the user stopped the study, in words.
     """
 
     card: Card
@@ -68,14 +68,14 @@ class Report:
 
     @property
     def without(self) -> str:
-        """What is missing, in words."""
+        """Description of the missing parts."""
         return f"without {'; '.join(self.missing)}" if self.missing else ""
 
     def __str__(self) -> str:
         return "\n\n".join([*map(str, self.parts), *([f"stopped by the user {self.without}"] if self.missing else [])])
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON, without the run's states."""
+        """Return JSON data, without the run's states."""
         run = {"status": self.sol.status, "message": self.sol.message, "stats": self.sol.stats}
         return {
             "card": self.card.to_dict(),
@@ -100,7 +100,7 @@ class Report:
 
 def report(
     mech: Mechanism | str | Path,
-    end: float | None = None,
+    t_span: float | Sequence[float] | None = None,
     *,
     methods: Sequence[str | Variant] | None = None,
     rtol: float | None = None,
@@ -109,84 +109,115 @@ def report(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Report:
-    """Study a mechanism from its start state. Stopped by Ctrl-C, it returns what was finished.
+    """Study a mechanism from its start state. Stopped by Ctrl-C, it returns the finished parts.
 
     Args:
         mech: the mechanism, or what `mbdae.load` takes.
-        end: end time in s; the model's own when left out.
+        t_span: end, or start and end in s; from 0 to the model's duration when left out.
         methods: as for `mbdae.compare`, the default first when left out. That one makes the run that is replayed, as
-            ``mbdae run`` does, with positions kept where no formulation is said; those without a formulation are judged
-            for their orders.
+            ``mbdae solve`` does, with positions kept where no formulation is said; those without a formulation
+            are judged for their orders.
         rtol: relative tolerance of the run and of the drift table; that of `mbdae.solve` when left out.
         tolerances: relative tolerances of the comparison.
         repeats: runs for the median of the wall time.
         workers: processes of the comparison.
-        progress: called with the fraction done and what is next.
+        progress: called with the fraction done and the next task.
 
     Raises:
-        InputError: for wrong arguments, or when the first run does not come to its end.
+        InputError: for wrong arguments, or if the first run does not come to its end.
     """
     mech = mechanism_of(mech, "report")
     tell = progress or (lambda done, name: None)
     chosen = variants(methods) if methods else usual(mech, METHODS, rtol=rtol)
     first = chosen[0] if not methods or chosen[0].prefix else default(mech, rtol=rtol, method=chosen[0].method)
     moved = list(dict.fromkeys([first, *chosen]))
-    span = checked_span(mech.duration if end is None else end)
-    plain = [v.method for v in chosen if not v.prefix]
-    sols, orders, comparison, left = list[Solution](), None, None, 1.0 - SHARES["orders"]
+    span = checked_span(mech.duration if t_span is None else t_span)
+    study = _Study(mech, span, chosen, moved, tell)
     try:
-        for i, v in enumerate(moved):
-            tell(SHARES["runs"] * i / len(moved), f"run, {v}")
-            sols.append(_finished(uninterrupted(solve(mech, span, rtol=rtol, **v.arguments()))))
-        if plain:
-            orders = check_order(mech, plain, progress=lambda name: tell(SHARES["runs"], f"order, {name}"))
-        if orders is None or not orders.missing:
-            comparison = compare(
-                mech,
-                span,
-                methods=chosen,
-                rtol=tolerances,
-                repeats=repeats,
-                workers=workers,
-                progress=lambda done, name: tell(SHARES["orders"] + left * done, f"compare, {name}"),
-            )
+        study.run(rtol)
+        study.judge()
+        study.compare(tolerances, repeats, workers)
     except KeyboardInterrupt:
-        if not sols:
+        if not study.sols:
             raise
     parameters = {
         "t_span": list(span),
         "methods": [str(v) for v in chosen],
-        "rtol": sols[0].settings.get("rtol"),
+        "rtol": study.sols[0].settings.get("rtol"),
         "tolerances": list(tolerances),
         "repeats": repeats,
         "workers": workers,
     }
-    done = [sol for sol in sols if sol.success]
     return Report(
         card=card(mech),
-        sol=sols[0],
-        drifts=tuple(drift(sol) for sol in done),
-        orders=orders,
-        comparison=comparison,
+        sol=study.sols[0],
+        drifts=tuple(drift(sol) for sol in study.sols if sol.success),
+        orders=study.orders,
+        comparison=study.comparison,
         mechanism=describe(mech),
         meta=provenance(parameters),
-        missing=tuple(_missing([str(v) for v in moved[len(sols) :]], orders, bool(plain), comparison)),
+        missing=tuple(study.missing()),
     )
 
 
-def _missing(runs: list[str], orders: OrderStudy | None, judged: bool, comparison: Comparison | None) -> Iterator[str]:
-    """What a study is without, in words."""
-    if runs:
-        yield f"runs of {', '.join(runs)}"
-    if judged and orders is None:
-        yield "orders"
-    elif orders and orders.missing:
-        yield f"orders of {', '.join(orders.missing)}"
-    if comparison is None:
-        yield "the comparison"
-    elif not comparison.complete:
-        left = comparison.asked - len(comparison.points)
-        yield f"{left} of {comparison.asked} runs of the comparison" if left else "times of the comparison"
+class _Study:
+    """The results of a report as far as they are finished: runs, observed orders and a comparison of methods."""
+
+    def __init__(
+        self, mech: Mechanism, span: tuple[float, float], chosen: list[Variant], moved: list[Variant], tell: Progress
+    ) -> None:
+        self.mech, self.span, self.chosen, self.moved, self.tell = mech, span, chosen, moved, tell
+        self.sols: list[Solution] = []
+        self.orders: OrderStudy | None = None
+        self.comparison: Comparison | None = None
+
+    def run(self, rtol: float | None) -> None:
+        """Run every method once."""
+        for i, v in enumerate(self.moved):
+            self.tell(SHARES["runs"] * i / len(self.moved), f"run, {v}")
+            self.sols.append(_finished(uninterrupted(solve(self.mech, self.span, rtol=rtol, **v.arguments()))))
+
+    @property
+    def judged(self) -> list[Any]:
+        """The methods that have an order: those without a formulation."""
+        return [v.method for v in self.chosen if not v.prefix]
+
+    def judge(self) -> None:
+        """Observe the orders of methods."""
+        if self.judged:
+            tell = self.tell
+            self.orders = order(
+                self.mech, self.judged, progress=lambda name: tell(SHARES["runs"], f"order, {name}")
+            )
+
+    def compare(self, tolerances: Sequence[float], repeats: int, workers: int) -> None:
+        """Compare the methods, unless the user stopped the study of orders."""
+        if self.orders is not None and self.orders.missing:
+            return
+        before = SHARES["orders"]
+        self.comparison = compare(
+            self.mech,
+            self.span,
+            methods=self.chosen,
+            rtol=tolerances,
+            repeats=repeats,
+            workers=workers,
+            progress=lambda done, name: self.tell(before + (1.0 - before) * done, f"compare, {name}"),
+        )
+
+    def missing(self) -> Iterator[str]:
+        """What the study is without, in words."""
+        if runs := self.moved[len(self.sols) :]:
+            yield f"runs of {', '.join(map(str, runs))}"
+        if self.judged and self.orders is None:
+            yield "orders"
+        elif self.orders and self.orders.missing:
+            yield f"orders of {', '.join(self.orders.missing)}"
+        if self.comparison is None:
+            yield "the comparison"
+        elif not self.comparison.complete:
+            left = self.comparison.asked - len(self.comparison.points)
+            yield f"{left} of {self.comparison.asked} runs of the comparison" if left else "times of the comparison"
 
 
 def _finished(sol: Solution) -> Solution:
@@ -196,7 +227,7 @@ def _finished(sol: Solution) -> Solution:
 
 
 def provenance(parameters: dict[str, Any]) -> dict[str, Any]:
-    """What repeats a result: command, parameters, versions, machine and date."""
+    """Return data to reproduce a result: command, parameters, versions, machine and date."""
     program = Path(sys.argv[0]).name
     return {
         "command": shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]]),

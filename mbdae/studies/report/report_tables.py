@@ -1,4 +1,4 @@
-"""Parts of a report that are tables of their own: what the mechanism consists of, the ranking, data to take along."""
+"""Tables of a report: components of the mechanism, ranking, data for download."""
 
 import base64
 import json
@@ -24,7 +24,7 @@ MOST = 2_000_000  # bytes of a file inside a report
 
 
 def parts(mech: Mechanism) -> str:
-    """Bodies, joints, closures and forces, a table each."""
+    """Return bodies, joints, closures and forces, a table each."""
     found = {
         "Bodies: mass, centre of mass in the frame of the joint, moments of inertia about it": _bodies(mech),
         "Joints, each with the one before it": _joints(mech),
@@ -36,7 +36,7 @@ def parts(mech: Mechanism) -> str:
 
 
 def ranking(result: "Comparison") -> str:
-    """Methods over accuracies: the work that each takes to an error in q, the best of a column in bold."""
+    """Return methods over accuracies: the work of each for an error in q, the best of a column in bold."""
     goals, out = result.targets(), []
     for work in get_args(Work):
         places = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
@@ -53,7 +53,7 @@ def ranking(result: "Comparison") -> str:
 
 
 def downloads(report: "Report") -> str:
-    """Links to files that the page holds: the run, the comparison, and all results."""
+    """Return links to files embedded in the page: the run, the comparison, and all results."""
     results = {"report.json": json.dumps(report.to_dict(), default=str).encode()}
     with tempfile.TemporaryDirectory() as folder:
         for name, kept in (("run.csv", report.sol), ("comparison.csv", report.comparison)):
@@ -124,7 +124,7 @@ def _cell(place: RankingEntry, best: float) -> str:
 
 
 def captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
-    """A table that is numbered, and may be wider than the page; ``safe`` rows are HTML already."""
+    """Return a numbered table, which may be wider than the page; ``safe`` rows are HTML already."""
     sides = [' class="word"' if word else "" for word in wordy(rows)] or [""] * len(heads)
     head = "".join(f"<th{side}>{escape(h)}</th>" for h, side in zip(heads, sides, strict=True))
     body = "".join(

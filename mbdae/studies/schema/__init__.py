@@ -1,1 +1,1 @@
-"""JSON Schemas of the files that users write, for editors that complete and check them."""
+"""JSON Schemas of user files, for completion and validation in editors."""

@@ -1,4 +1,4 @@
-"""The sub-command ``schema``."""
+"""Sub-command ``schema``."""
 
 import json
 
@@ -15,7 +15,7 @@ def schema(file: str, as_json: bool) -> None:
 
     mbdae schema > mechanism.schema.json; the first line of a file then says: #:schema mechanism.schema.json
     """
-    from .json_schema import json_schema
+    from .schema import schema as study
 
-    found = json_schema(file)
+    found = study(file)
     emit(found, json.dumps(found, indent=1), as_json)

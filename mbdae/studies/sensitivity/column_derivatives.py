@@ -30,7 +30,7 @@ class DerivativeFamily(NamedTuple):
 
     Attributes:
         names: of the columns.
-        rows: their slopes, (n, m).
+        rows: their partial derivatives, (n, m).
         rated: they depend on accelerations or multipliers.
     """
 

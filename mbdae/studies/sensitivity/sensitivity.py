@@ -1,6 +1,6 @@
 """How a run moves with its parameters and its start: the tangent, exact for the numbers that the run printed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -160,47 +160,69 @@ def sensitivity(
     columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
     dy, carry = start_tangent(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
-    for part in trace.start():
-        dy, carry = part.forward(dy, carry, dp)
-    n, after = len(sol.t), places(sol)
-    bounds = np.searchsorted(after, np.arange(len(trace.ts) + 1))
-    out, points, dt = np.zeros((n, *dy.shape)), sol.y.copy(), np.zeros((n, len(columns)))
-
-    def at_node(i: int, dy: Array, carry: Array) -> None:
-        for k in range(bounds[i], bounds[i + 1]):
-            points[k], out[k] = _between(trace, i, float(sol.t[k]), dy, carry, dp)
-
-    def at_nodes(i: int, found: Array) -> None:
-        times = slice(bounds[i], bounds[i + len(found) - 1])
-        at = after[times] - i
-        points[times], out[times] = trace.ys[after[times]], found[at, :, :ny].transpose(0, 2, 1)
-        for k in np.flatnonzero(sol.t[times] != trace.ts[after[times]]) + times.start:
-            m, (dy, carry) = after[k], np.split(found[after[k] - i].T, [ny])
-            points[k], out[k] = _between(trace, m, float(sol.t[k]), dy, carry, dp)
-
-    i, ny = 0, len(dy)
+    dy, carry = _forward(trace.start(), dy, carry, dp)
+    out, i, ny = _Tangents(sol, trace, dp), 0, len(dy)
     while i + 1 < len(trace.ts):
-        last = end if i + 2 == len(trace.ts) else None
-        j = trace.core.after(i, end is not None) if trace.core else i
-        if trace.core and j > i:
-            found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
-            if found is not None:
-                at_nodes(i, found)
-                i, dy, carry = j, found[-1, :, :ny].T, found[-1, :, ny:].T
-                for part in trace.carry_restart_parts(i):
-                    dy, carry = part.forward(dy, carry, dp)
-                continue
-        at_node(i, dy, carry)
-        if last:
-            dh = last.move(dy, carry, dp)
-            dt[sol.t == trace.ts[-1]] = dh
-            dy, carry = last.forward(dy, carry, dp, dh)
+        found = _compiled(trace, i, end is not None, dy, carry, dp)
+        if found is not None:
+            out.at_nodes(i, found)
+            i, dy, carry = i + len(found) - 1, found[-1, :, :ny].T, found[-1, :, ny:].T
+            dy, carry = _forward(trace.carry_restart_parts(i), dy, carry, dp)
+            continue
+        out.at_node(i, dy, carry)
+        if end and i + 2 == len(trace.ts):
+            dh = end.move(dy, carry, dp)
+            out.dt[sol.t == trace.ts[-1]] = dh
+            dy, carry = end.forward(dy, carry, dp, dh)
         else:
-            for part in trace.parts(i):
-                dy, carry = part.forward(dy, carry, dp)
+            dy, carry = _forward(trace.parts(i), dy, carry, dp)
         i += 1
-    at_node(i, dy, carry)
-    return Sensitivity(values, columns, np.asarray(sol.t), points, out, dt, trace, after)
+    out.at_node(i, dy, carry)
+    return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trace, out.after)
+
+
+class _Tangents:
+    """Points y (n, ...), their derivatives dy (n, ny, k) and those of the times dt (n, k), at the times of a run.
+
+    They are filled in node by node.
+    """
+
+    def __init__(self, sol: Solution, trace: Trajectory, dp: Array) -> None:
+        n, k = len(sol.t), dp.shape[1]
+        self.t, self.trace, self.dp = sol.t, trace, dp
+        self.after = places(sol)
+        self.bounds = np.searchsorted(self.after, np.arange(len(trace.ts) + 1))
+        self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.slopes.ny, k)), np.zeros((n, k))
+
+    def at_node(self, i: int, dy: Array, carry: Array) -> None:
+        """Fill in the times from a node on, before the next one."""
+        for k in range(self.bounds[i], self.bounds[i + 1]):
+            self.y[k], self.dy[k] = _between(self.trace, i, float(self.t[k]), dy, carry, self.dp)
+
+    def at_nodes(self, i: int, found: Array) -> None:
+        """Fill in the times from node i to the last of those that are found, (m, k, ny + ...), which stays out."""
+        trace, ny = self.trace, self.dy.shape[1]
+        times = slice(self.bounds[i], self.bounds[i + len(found) - 1])
+        nodes = self.after[times]
+        self.y[times], self.dy[times] = trace.ys[nodes], found[nodes - i, :, :ny].transpose(0, 2, 1)
+        for k in np.flatnonzero(self.t[times] != trace.ts[nodes]) + times.start:
+            m, (dy, carry) = self.after[k], np.split(found[self.after[k] - i].T, [ny])
+            self.y[k], self.dy[k] = _between(trace, m, float(self.t[k]), dy, carry, self.dp)
+
+
+def _compiled(trace: Trajectory, i: int, terminal: bool, dy: Array, carry: Array, dp: Array) -> Array | None:
+    """Derivatives (m, k, ny + ...) at node i and those behind it that the core has; None where it has none."""
+    if not trace.core:
+        return None
+    j = trace.core.after(i, terminal)
+    return trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T) if j > i else None
+
+
+def _forward(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+    """The derivatives behind the maps of a step, one after the other."""
+    for one in maps:
+        dy, carry = one.forward(dy, carry, dp)
+    return dy, carry
 
 
 def places(sol: Solution) -> Array:
@@ -241,9 +263,7 @@ def _between(trace: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: A
         if found is not None:
             return trace.between(i, t), found[-1, :, : len(dy)].T
     y, parts = trace.short(i, t - float(trace.ts[i]))
-    for part in parts:
-        dy, carry = part.forward(dy, carry, dp)
-    return y, dy
+    return y, _forward(parts, dy, carry, dp)[0]
 
 
 def start_columns(trace: Trajectory) -> list[str]:

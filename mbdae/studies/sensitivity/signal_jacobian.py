@@ -1,6 +1,7 @@
 """The derivatives of signals with respect to the state, the parameters and the time of a node."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,32 @@ NONE = {
     "mode": "it counts the states of a switch",
     "impulse": "it stands at the time of an impact alone",
 }
+
+
+class _PointDerivatives(NamedTuple):
+    """Derivatives at a point, as far as signals take them.
+
+    Attributes:
+        coordinates: of q by the tangent, (nq, nv).
+        energies: of the kinetic and the potential energy, (2, ny + k).
+        lam: multipliers of all rows, (ng,).
+        rates: of Y', (ny, ny + k + 1).
+        multipliers: of lam, (ng, ny + k + 1).
+        columns: of what is read off bodies and forces by name, (ny + k + 1,) each.
+    """
+
+    coordinates: Array
+    energies: Array
+    lam: Array
+    rates: Array
+    multipliers: Array
+    columns: dict[str, Array]
+
+    def of_multipliers(self, kind: str, rows: list[int]) -> Array:
+        """Those of one multiplier, or of the magnitude of several: zero where the force is."""
+        lam = self.lam[rows]
+        weights = np.ones(1) if kind == "lam" else lam / (np.linalg.norm(lam) or 1.0)
+        return weights @ self.multipliers[rows]
 
 
 class SignalJacobian:
@@ -60,38 +87,43 @@ class SignalJacobian:
         if self._fixed is not None:
             return self._fixed
         trace, s = self.trace, self.trace.system
-        out, (q, v) = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1)), s.split(y)
+        q, v = s.split(y)
         N = s.manifold.coordinate_partials(q) if self.placed else np.empty(0)
         energies = trace.slopes.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
         F, lam, rates, slopes = self._rates(i, t, y) if self.rated else self._still
         columns = self._columns(t, y, F, lam, rates, slopes)
+        point = _PointDerivatives(N, energies, lam, rates, slopes, columns)
+        out = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1))
         for row, signal, name in zip(out, self.signals, self.names, strict=True):
-            if name in columns:
-                row[:] = columns[name]
-            elif signal.kind == "t":
-                row[-1] = 1.0
-            elif signal.kind in ENERGIES:
-                row[:-1] = np.array(ENERGIES[signal.kind]) @ energies
-            elif signal.kind in ("lam", "force"):
-                own = lam[list(signal.rows)]
-                weights = np.ones(1) if signal.kind == "lam" else own / (np.linalg.norm(own) or 1.0)
-                row[:] = weights @ slopes[list(signal.rows)]
-            elif signal.kind == "rate":
-                row[:] = rates[signal.i]
-            elif signal.kind == "angle":
-                row[signal.rate] = 1.0
-            elif signal.i < s.nq:
-                row[: s.nv] = N[signal.i]
-            else:
-                row[signal.i - s.nq + s.nv] = 1.0
+            self._fill(row, signal, name, point)
             if name in columns and not np.isfinite(row).all():
                 raise InputError(f"signal {name!r} has no gradient at t = {t:.9g} s: it is not a number there")
         if self.fixed:
             self._fixed = out
         return out
 
+    def _fill(self, row: Array, signal: SignalValue, name: str, point: "_PointDerivatives") -> None:
+        """Write the derivatives of a signal into a row of zeros, (ny + k + 1,)."""
+        s, kind = self.trace.system, signal.kind
+        if name in point.columns:
+            row[:] = point.columns[name]
+        elif kind == "t":
+            row[-1] = 1.0
+        elif kind in ENERGIES:
+            row[:-1] = np.array(ENERGIES[kind]) @ point.energies
+        elif kind in ("lam", "force"):
+            row[:] = point.of_multipliers(kind, list(signal.rows))
+        elif kind == "rate":
+            row[:] = point.rates[signal.i]
+        elif kind == "angle":
+            row[signal.rate] = 1.0
+        elif signal.i < s.nq:
+            row[: s.nv] = point.coordinates[signal.i]
+        else:
+            row[signal.i - s.nq + s.nv] = 1.0
+
     def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Y' and lam of all rows, and their slopes."""
+        """Y' and lam of all rows, and their partial derivatives."""
         self.trace.hold(i)
         F, lam = self.trace.system.derivative(t, y)
         return F, lam[: self.trace.system.ng], *self.trace.slopes.rate(t, y)

@@ -85,7 +85,7 @@ class Continuation:
         self.l = statics.sizes.l
 
     def run(self, start: ForceBalance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
-        """Follow the path from an equilibrium at u = 0; say whether it came to u = 1."""
+        """Follow the path from an equilibrium at u = 0; return whether it came to u = 1."""
         here = self.tangent(0.0, start, None)
         points, critical, h = [here], list[CriticalPoint](), LARGEST
         while len(points) < POINTS:

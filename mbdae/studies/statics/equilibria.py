@@ -1,7 +1,7 @@
 """All equilibria of a mechanism with one freedom, on the curves of its poses: one for each of its circuits."""
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from ...mechanism.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.assembly_modes import assembly_modes
+from ..kinematics.driven_mechanism import driven_mechanism, left_open, require_one_dof, start_pose
 from ..kinematics.kinematics import kinematics
 from ..kinematics.mode_search import FLAT
 from ..kinematics.result import Kinematics
@@ -56,27 +57,39 @@ def equilibria(
     """
     mech = mechanism_of(mech, "equilibria")
     held = as_list(hold, "hold is a list of joints")
-    first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
     statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), labels(mech, fixed)
     s0 = np.array(list(mech.states.values()))
-
+    _require_branch(statics, drive, tuple(held), s0)
+    first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
     if statics.point(first.q[0], s0).free.Z.shape[1] != 1:
         raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
 
-    def point(q: Array) -> ForceBalance:
-        return statics.point(statics.close(q, s0), s0)
-
     out: list[Equilibrium] = []
     for curve in _circuits(first, span, tuple(held)):
-        for here, search in _balanced(statics, curve, point):
-            if all(np.abs(_apart(mech, e.q, here.q)).max() > ALIKE for e in out):
+        for here, search in _balanced(statics, curve, s0):
+            if all(np.abs(_apart(mech, e.q[None], here.q)).max() > ALIKE for e in out):
                 still, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
                 judged, left = verdict(statics, here), search.residual
                 out.append(
                     Equilibrium(mech, 0.0, here.q, still, here.s, here.lam, holding, left, search.iterations, judged)
                 )
     return out
+
+
+def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Array) -> None:
+    """Reject a mechanism whose poses have one degree of freedom that drivers and integrators take, before any search.
+
+    Raises:
+        InputError: with the reason; and as `mbdae.kinematics` does for the start pose.
+    """
+    mech, begin = statics.mech, start_pose(statics.mech)
+    moved = driven_mechanism(mech, drive, hold, begin)
+    if statics.point(begin, s0).free.Z.shape[1]:  # as many in all poses but singular ones
+        return
+    held = [d.joint or d.name for d in moved.drivers[:-1]]
+    require_one_dof(moved, moved.system(), begin, drive, held, left_open(mech))
+    raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
 
 
 def _given(mech: Mechanism, drive: str) -> str:
@@ -118,7 +131,7 @@ def _passes(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     """Whether a curve passes a pose."""
     for stretch in curve.stretches:
         poses = curve.q[stretch.first : stretch.last]
-        away = np.array([_apart(mech, x, q) for x in poses])
+        away = _apart(mech, poses, q)
         steps = np.diff(away, axis=0)
         size = np.maximum((steps**2).sum(1), 1e-300)
         share = np.clip(-(away[:-1] * steps).sum(1) / size, 0, 1)
@@ -128,30 +141,26 @@ def _passes(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     return False
 
 
-def _balanced(
-    statics: Statics, curve: Kinematics, point: Callable[[Array], ForceBalance]
-) -> Iterator[tuple[ForceBalance, TrustRegion]]:
+def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[ForceBalance, TrustRegion]]:
     """The equilibria along a curve, where the force along it changes its sign."""
     manifold = statics.system.manifold
 
-    def along(here: ForceBalance, tangent: Array) -> float:
-        U = here.free.U
-        side = np.sign((U @ tangent) @ (U @ here.free.Z[:, 0]))
-        return float(side * here.rho[0])
+    def along(q: Array, tangent: Array) -> float:
+        rho, free = statics.unbalanced(statics.close(q, s0), s0)
+        return float(np.sign((free.U @ tangent) @ (free.U @ free.Z[:, 0])) * rho[0])
 
     for stretch in curve.stretches:
         at = range(stretch.first, stretch.last - 1)
-        met = [point(q) for q in curve.q[stretch.first : stretch.last]]
-        values = [along(here, tau) for here, tau in zip(met, curve.tangent[stretch.first :], strict=False)]
+        poses = range(stretch.first, stretch.last)
+        values = [along(curve.q[i], curve.tangent[i]) for i in poses]
         for i, a, b in zip(at, values, values[1:], strict=False):
             if a * b > 0 or b == 0:
                 continue
             x, tau = manifold.difference(curve.q[i], curve.q[i + 1]), curve.tangent[i]
             try:
-                share = brentq(
-                    lambda c, i=i, x=x, tau=tau: along(point(manifold.integrate(curve.q[i], c * x)), tau), 0, 1
-                )
-                search = TrustRegion(statics, point(manifold.integrate(curve.q[i], share * x)))
+                share = brentq(lambda c, i=i, x=x, tau=tau: along(manifold.integrate(curve.q[i], c * x), tau), 0, 1)
+                near = statics.close(manifold.integrate(curve.q[i], share * x), s0)
+                search = TrustRegion(statics, statics.point(near, s0))
                 found = search.run("any")
             except (StepError, ValueError):
                 continue
@@ -159,7 +168,7 @@ def _balanced(
                 yield search.here, search
 
 
-def _apart(mech: Mechanism, a: Array, b: Array) -> Array:
-    """How far poses are apart, in rad and characteristic lengths; full turns of a hinge are none."""
-    x = mech.manifold.difference(a, b) / mech.coordinate_scales
+def _apart(mech: Mechanism, poses: Array, q: Array) -> Array:
+    """How far poses (n, nq) are from q, in rad and characteristic lengths, (n, nv); full turns of a hinge are none."""
+    x = np.array([mech.manifold.difference(pose, q) for pose in poses]) / mech.coordinate_scales
     return np.where(angle_components(mech.model), x - 2 * np.pi * np.round(x / (2 * np.pi)), x)

@@ -67,7 +67,7 @@ class TrustRegion:
         return self.statics.sizes.l * np.where(lengths(self.statics.mech.model), SLIDES, 1.0)
 
     def run(self, find: str) -> bool:
-        """Go on until forces balance, in a minimum unless any equilibrium will do; say whether they do."""
+        """Go on until forces balance, in a minimum unless any equilibrium will do; return whether they do."""
         self.here = self.statics.point(self.statics.close(self.here.q, self.here.s), self.here.s)
         while self.iterations < ITERATIONS and self.radius > LEAST:
             if self.residual <= NEARLY:

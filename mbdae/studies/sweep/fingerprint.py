@@ -1,12 +1,15 @@
 """What tells functions apart, across runs of Python: their code and all that they hold."""
 
 import pickle
+from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
 from functools import partial
 from types import CodeType, FunctionType, MethodType
 from typing import Any
 
 import numpy as np
+
+Inner = Callable[[Any], Any]  # the fingerprint of what an object holds
 
 
 def fingerprint(x: Any, seen: tuple[int, ...] = ()) -> Any:
@@ -18,26 +21,10 @@ def fingerprint(x: Any, seen: tuple[int, ...] = ()) -> Any:
         return x
     if id(x) in seen:
         return "itself"
-    seen = (*seen, id(x))
-
-    def inner(y: Any) -> Any:
-        return fingerprint(y, seen)
-
-    if isinstance(x, np.ndarray | np.generic):
-        return [str(x.dtype), x.tolist()]
-    if isinstance(x, list | tuple | set | frozenset):
-        return [inner(y) for y in (sorted(x, key=repr) if isinstance(x, set | frozenset) else x)]
-    if isinstance(x, dict):
-        return [[inner(k), inner(y)] for k, y in x.items()]
-    if isinstance(x, partial):
-        return ["partial", inner(x.func), inner(x.args), inner(x.keywords)]
-    if isinstance(x, MethodType):
-        return [inner(x.__func__), inner(x.__self__)]
-    if isinstance(x, CodeType):
-        return [x.co_code.hex(), list(x.co_names), [inner(c) for c in x.co_consts]]
-    if isinstance(x, FunctionType):
-        held = [_content(cell) for cell in x.__closure__ or ()]
-        return [x.__name__, *(inner(y) for y in (x.__code__, held, x.__defaults__, x.__kwdefaults__))]
+    inner = partial(fingerprint, seen=(*seen, id(x)))
+    for kinds, content in CONTENTS:
+        if isinstance(x, kinds):
+            return content(x, inner)
     if is_dataclass(x) and not isinstance(x, type):
         return [type(x).__qualname__, [inner(getattr(x, f.name)) for f in fields(x)]]
     try:
@@ -46,8 +33,53 @@ def fingerprint(x: Any, seen: tuple[int, ...] = ()) -> Any:
         return f"{type(x).__module__}.{type(x).__qualname__}"
 
 
+def _array(x: Any, inner: Inner) -> Any:
+    return [str(x.dtype), x.tolist()]
+
+
+def _members(x: Iterable[Any], inner: Inner) -> Any:
+    return [inner(y) for y in x]
+
+
+def _set(x: Iterable[Any], inner: Inner) -> Any:
+    return [inner(y) for y in sorted(x, key=repr)]
+
+
+def _mapping(x: dict[Any, Any], inner: Inner) -> Any:
+    return [[inner(k), inner(y)] for k, y in x.items()]
+
+
+def _partial(x: "partial[Any]", inner: Inner) -> Any:
+    return ["partial", inner(x.func), inner(x.args), inner(x.keywords)]
+
+
+def _method(x: MethodType, inner: Inner) -> Any:
+    return [inner(x.__func__), inner(x.__self__)]
+
+
+def _code(x: CodeType, inner: Inner) -> Any:
+    return [x.co_code.hex(), list(x.co_names), [inner(c) for c in x.co_consts]]
+
+
+def _function(x: FunctionType, inner: Inner) -> Any:
+    enclosed = [_content(cell) for cell in x.__closure__ or ()]
+    return [x.__name__, *(inner(y) for y in (x.__code__, enclosed, x.__defaults__, x.__kwdefaults__))]
+
+
 def _content(cell: Any) -> Any:
     try:
         return cell.cell_contents
     except ValueError:  # empty
         return None
+
+
+CONTENTS: tuple[tuple[Any, Callable[[Any, Inner], Any]], ...] = (
+    ((np.ndarray, np.generic), _array),
+    ((list, tuple), _members),
+    ((set, frozenset), _set),
+    (dict, _mapping),
+    (partial, _partial),
+    (MethodType, _method),
+    (CodeType, _code),
+    (FunctionType, _function),
+)

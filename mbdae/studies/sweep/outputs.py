@@ -89,9 +89,18 @@ def evaluate(
     """
     wanted = [parse(x) for x in outputs if isinstance(x, str)]
     found = signals(sol, [w.signal for w in wanted if w.reduction in (None, "final")])
+    numbers = _reduced(sol, wanted, found)
+    samples = {w.text: np.full(n, np.nan) for w in wanted if w.reduction is None and n is not None}
+    for text, values in samples.items():
+        values[: len(sol.t)] = found[parse(text).signal]
+    return numbers, samples, _computed(sol, [x for x in outputs if not isinstance(x, str)])
+
+
+def _reduced(sol: Solution, wanted: Sequence[Wanted], found: Mapping[str, Array]) -> dict[str, float]:
+    """The outputs that are single numbers; found has the signals of those that are final values."""
     extreme = extrema(sol, [w.signal for w in wanted if w.reduction in EXTREMA])
     summed = integrals(sol, [w.signal for w in wanted if w.reduction in Integrals._fields])
-    numbers, samples = {}, {}
+    numbers = {}
     for w in wanted:
         if w.reduction in EXTREMA:
             numbers[w.text] = EXTREMA[w.reduction](extreme[w.signal])
@@ -99,18 +108,18 @@ def evaluate(
             numbers[w.text] = getattr(summed[w.signal], w.reduction)
         elif w.reduction:
             numbers[w.text] = float(found[w.signal][-1])
-    for w in wanted:
-        if w.reduction is None and n is not None:
-            samples[w.text] = np.full(n, np.nan)
-            samples[w.text][: len(sol.t)] = found[w.signal]
-    more: dict[str, float] = {}
-    for function in outputs:
-        if not isinstance(function, str):
-            result = _called(function, sol)
-            if twice := sorted(result.keys() & more.keys()):
-                raise InputError(f"two output functions return {twice[0]!r}")
-            more |= result
-    return numbers, samples, more
+    return numbers
+
+
+def _computed(sol: Solution, functions: Sequence[Function]) -> dict[str, float]:
+    """The results of all functions as one table."""
+    out: dict[str, float] = {}
+    for function in functions:
+        result = _called(function, sol)
+        if twice := sorted(result.keys() & out.keys()):
+            raise InputError(f"two output functions return {twice[0]!r}")
+        out |= result
+    return out
 
 
 def _called(function: Function, sol: Solution) -> dict[str, float]:

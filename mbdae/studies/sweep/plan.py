@@ -68,24 +68,28 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
         raise InputError(f"seed is a whole number, not negative, got {seed!r}")
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
-    if isinstance(parameters, Random):
-        _refuse_many(parameters.n)
-        runs: Iterable[Mapping[str, Any]] = _sample(parameters, int(seed))
-    elif isinstance(parameters, Mapping):
-        lists = [_listed(name, values) for name, values in parameters.items()]
-        _refuse_many(prod(map(len, lists)))
-        runs = (dict(zip(parameters, values, strict=True)) for values in product(*lists))
-    elif isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
-        runs = parameters
-    else:
-        raise InputError(
-            "parameters are a grid (name = list of values), a list of tables (name = value), "
-            f"or a mbdae.Random, got {parameters!r:.60}"
-        )
-    out = [Task(i, own_seed(int(seed), i), {n: plain(n, x) for n, x in run.items()}) for i, run in enumerate(runs)]
+    runs = enumerate(_runs(parameters, int(seed)))
+    out = [Task(i, own_seed(int(seed), i), {n: plain(n, x) for n, x in run.items()}) for i, run in runs]
     if not out:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
     return out
+
+
+def _runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
+    """The values of each run, from a sample, a grid or a list."""
+    if isinstance(parameters, Random):
+        _refuse_many(parameters.n)
+        return _sample(parameters, seed)
+    if isinstance(parameters, Mapping):
+        lists = [_listed(name, values) for name, values in parameters.items()]
+        _refuse_many(prod(map(len, lists)))
+        return (dict(zip(parameters, values, strict=True)) for values in product(*lists))
+    if isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
+        return parameters
+    raise InputError(
+        "parameters are a grid (name = list of values), a list of tables (name = value), "
+        f"or a mbdae.Random, got {parameters!r:.60}"
+    )
 
 
 def _refuse_many(runs: Any) -> None:

@@ -5,7 +5,8 @@ import json
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
+from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,40 +108,61 @@ def sweep(
     plan = tasks(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)
-    wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
-    numbers, samples = ([w.text for w in wanted if bool(w.reduction) is kept] for kept in (True, False))
-    kinds = column_kinds(plan, numbers, samples)
-    manifest = _manifest(job, plan, mech)
-    of = units(mech) if wanted else {}
-    meta = {"manifest": manifest, "kinds": kinds, "parameters": names(plan), "outputs": numbers, "samples": samples}
-    meta["units"] = {w.text: of[w.signal] for w in wanted if of[w.signal]}
-    job = Job(job.model, job.t_span, job.times, job.outputs, job.settings, json.dumps(manifest))
-    file = SweepFile(Path(path), kinds, meta, fresh) if path is not None else None
-    result = Sweep([], meta, path=Path(path) if path is not None else None)
-    rows = dict(file.rows) if file else {}
+    meta = _meta(job, plan, mech)
+    job = replace(job, key=json.dumps(meta["manifest"]))
+    with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
+        if open_tasks := [task for task in plan if task.run not in collector.rows]:
+            with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
+                shop.work(open_tasks, collector.keep)
+        return collector.finish()
 
-    def keep(task: Task, found: dict[str, Any]) -> None:
+
+class _Collector:
+    """The table of finished runs: in memory, and run by run in a file where a path is given."""
+
+    def __init__(self, meta: dict[str, Any], path: Path | None, fresh: bool, progress: Progress | None) -> None:
+        self.file = None if path is None else SweepFile(path, meta["kinds"], meta, fresh)
+        self.result, self.progress = Sweep([], meta, path=path), progress
+        self.rows = dict(self.file.rows) if self.file else {}
+
+    def keep(self, task: Task, found: dict[str, Any]) -> None:
+        """Take the row of a run that came to its end or failed."""
         if found["status"] == "interrupted":  # by a signal that reached the worker: the run is still to be made
             return
-        row = completed(found, task, kinds)
-        if file:
-            file.keep(row)
-        rows[row["run"]], result.seconds[row["run"]] = row, found["seconds"]
-        if progress:
-            progress(len(rows) / len(plan), f"{len(rows)} of {len(plan)} runs")
+        row = completed(found, task, self.result.kinds)
+        if self.file:
+            self.file.keep(row)
+        self.rows[row["run"]], self.result.seconds[row["run"]] = row, found["seconds"]
+        if self.progress:
+            n, total = len(self.rows), self.result.total
+            self.progress(n / total, f"{n} of {total} runs")
 
-    try:
-        open_tasks = [task for task in plan if task.run not in rows]
-        if open_tasks:
-            with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
-                shop.work(open_tasks, keep)
-        result.rows = [rows[i] for i in sorted(rows)]
-        if file and result.complete:
-            file.finish(result.rows)
-    finally:
-        if file:
-            file.close()
-    return result
+    def finish(self) -> Sweep:
+        """The table of what was finished, written where that is all."""
+        self.result.rows = [self.rows[i] for i in sorted(self.rows)]
+        if self.file and self.result.complete:
+            self.file.finish(self.result.rows)
+        return self.result
+
+    def close(self) -> None:
+        """Leave the file as it is."""
+        if self.file:
+            self.file.close()
+
+
+def _meta(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
+    """What a table says of itself: see `Sweep`."""
+    wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
+    numbers, samples = ([w.text for w in wanted if bool(w.reduction) is kept] for kept in (True, False))
+    of = units(mech) if wanted else {}
+    return {
+        "manifest": _manifest(job, plan, mech),
+        "kinds": column_kinds(plan, numbers, samples),
+        "parameters": names(plan),
+        "outputs": numbers,
+        "samples": samples,
+        "units": {w.text: of[w.signal] for w in wanted if of[w.signal]},
+    }
 
 
 def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
@@ -187,7 +209,16 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     check_settings(sorted({name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)}))
     for formulation, method in dict.fromkeys(_method(job, task) for task in plan):
         find(formulation, method)
-    maker, checked = job.maker(), set[tuple[str, ...]]()
+    mech = _first_made(job.maker(), plan)
+    if mech.remarks:
+        warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
+    check(mech, job.outputs, job.times is not None)
+    return mech
+
+
+def _first_made(maker: Maker, plan: Sequence[Task]) -> Mechanism:
+    """Check the names of all runs, or of some where all have the same; return the first mechanism that can be made."""
+    checked = set[tuple[str, ...]]()
     mech, problem = None, ""
     some = [*plan[:TRIED], *plan[TRIED :: max(1, len(plan) // TRIED)]]
     for task in some if len({tuple(t.values) for t in plan}) == 1 else plan:
@@ -204,9 +235,6 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
             problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
     if mech is None:
         raise InputError(f"no mechanism can be made of these values ({len(some)} runs were tried): {problem}")
-    if mech.remarks:
-        warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
-    check(mech, job.outputs, job.times is not None)
     return mech
 
 

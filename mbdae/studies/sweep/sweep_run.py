@@ -102,7 +102,7 @@ class Job:
     key: str = ""
 
     def maker(self) -> Maker:
-        """What makes the mechanisms, with files read afresh."""
+        """What makes the mechanisms, with files read again."""
         return maker_of(self.model)
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
@@ -149,7 +149,7 @@ def run(job: Job, task: Task, stop: Stop | None = None) -> dict[str, Any]:
 
     Returns:
         ``run``, ``status``, ``message``, the end time ``t``, counts of work, ``numbers``, ``samples`` and ``more`` (see
-        `mbdae.studies.sweep.outputs.evaluate`), and ``seconds``, which belong to no table.
+            `mbdae.studies.sweep.outputs.evaluate`), and ``seconds``, which belong to no table.
     """
     started = perf_counter()
     row: dict[str, Any] = {"run": task.run, "numbers": {}, "samples": {}, "more": {}}

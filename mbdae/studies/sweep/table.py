@@ -95,11 +95,10 @@ class Sweep(Tabular):
         """
         if name not in self.names:
             raise UnknownNameError("column", name, self.names)
-        values = [row[name] if name in row else row[MORE].get(name) for row in self.rows]
-        kind = self.kinds.get(name, "float")
+        values = [_value(row, name) for row in self.rows]
         if name in self.samples:
-            width = max((len(x) for x in values if x is not None), default=0)
-            return np.array([np.full(width, np.nan) if x is None else x for x in values]).reshape(len(values), width)
+            return _padded(values)
+        kind = self.kinds.get(name, "float")
         if kind == "float" or (kind == "int" and None in values):
             return np.array([np.nan if x is None else x for x in values], float)
         return np.array(values, object if kind in ("text", "floats") else None)
@@ -107,8 +106,7 @@ class Sweep(Tabular):
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
         names = self.names
-        rows = [{name: _plain(row[name] if name in row else row[MORE].get(name)) for name in names}
-                for row in self.rows]  # fmt: skip
+        rows = [{name: _plain(_value(row, name)) for name in names} for row in self.rows]
         about = {key: self.meta[key] for key in ("manifest", "parameters", "samples")}
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
 
@@ -119,7 +117,7 @@ class Sweep(Tabular):
     def cells(self) -> list[list[str]]:
         """Parameters, status and outputs of all runs."""
         heads = ["run", *self.parameters, "status", *self.outputs]
-        return [heads, *([_brief(row[n] if n in row else row[MORE].get(n)) for n in heads] for row in self.rows)]
+        return [heads, *([_brief(_value(row, name)) for name in heads] for row in self.rows)]
 
     def save(self, path: str | Path) -> None:
         """Write the table as Parquet, whole or not at all; the same table gives the same bytes. Or .csv, .json, .tex.
@@ -214,6 +212,17 @@ def _kind(name: str, values: Sequence[Any]) -> str:
     if len(kinds) > 1:
         raise InputError(f"parameter {name!r} takes values of one kind, got {', '.join(map(repr, values[:4]))}")
     return {bool: "bool", str: "text", list: "floats"}[kinds.pop()]
+
+
+def _padded(values: Sequence[Any]) -> np.ndarray:
+    """Signals of runs, (n, times); nan where a run has none."""
+    width = max((len(x) for x in values if x is not None), default=0)
+    return np.array([np.full(width, np.nan) if x is None else x for x in values]).reshape(len(values), width)
+
+
+def _value(row: Row, name: str) -> Any:
+    """The value of a column, also of a result of functions; None where a run has none."""
+    return row[name] if name in row else row[MORE].get(name)
 
 
 def _brief(value: Any) -> str:

@@ -1,1 +1,1 @@
-"""Look before you run: all poses of a mechanism with sliders, as one page."""
+"""Interactive view of all poses of a mechanism with sliders, as one page."""

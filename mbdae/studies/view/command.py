@@ -1,4 +1,4 @@
-"""The sub-command ``view``."""
+"""Sub-command ``view``."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a page needs to move several coordinates at once: joints, rows and what hangs on joints, as plain numbers."""
+"""Data with which a page moves several coordinates at once: joints, rows, and geometry carried by joints."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,14 +16,15 @@ from ...system import Array
 from ..replay.threejs import node, typed
 from .sliders import Slider, limits_of, value_of
 
-ROWS = ("dot_product_1", "dot_product_2", "distance", "coordinate", "sum")  # that the page knows
+ROWS = ("dot_product_1", "dot_product_2", "distance", "coordinate", "sum")  # kinds that the page supports
 
 
 def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, Any] | None:
-    """A mechanism at q (nq,) for a page that closes its loops; None where it has rows or joints that pages lack.
+    """Return data of a mechanism at q (nq,) for a page that closes its loops; None if some kind is unsupported.
 
-    A joint is told by its parent, its place there, its own transform at q and its motion subspace S: after a step x of
-    its coordinates it stands at transform exp(S x). Joints whose axes move within them are chains, so that S is steady.
+    A joint is given by its parent, its placement there, its transform at q and its motion subspace S: after a step x of
+    its coordinates it is at transform exp(S x). Joints with configuration-dependent axes are expanded, so that S is
+    constant.
     """
     free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
     try:
@@ -34,38 +35,54 @@ def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, A
     if free.switches or any(row.get("kind") not in ROWS for row in rows):
         return None
     last = np.cumsum([0, *(len(factor_joints(joint)) for joint in list(mech.model.joints)[1:])]).tolist()
-    values = np.zeros(mech.nv)  # of joints with one coordinate
-    for joint in list(mech.model.joints)[1:]:
-        if joint.nv == 1:
-            values[joint.idx_v] = value_of(q, joint)
     return {
-        "joints": [
-            {
-                "parent": int(parent),
-                "place": _matrix(place),
-                "pose": _matrix(joint_transform(joint, q[joint.idx_q : joint.idx_q + joint.nq])),
-                "axes": subspace(joint).T.tolist(),
-                "at": joint.idx_v,
-            }
-            for parent, place, joint in list(zip(tree.parents, tree.jointPlacements, tree.joints, strict=True))[1:]
-        ],
-        "values": values.tolist(),
+        "joints": _joints(tree, q),
+        "values": _values(mech, q).tolist(),
         "pairs": [[{"joint": last[j], "turn": R, "at": p} for j, R, p in pair] for pair in pairs],
         "rows": rows,
         "held": [find_joint(mech.model, s.joint).idx_v for s in sliders],
         "curves": [typed(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],
-        "limits": [
-            {"joint": name, "at": find_joint(mech.model, name).idx_v, "low": float(low), "high": float(high)}
-            for name in mech.joint_names
-            if (found := limits_of(mech, name)) is not None
-            for low, high in [found]
-        ],
+        "limits": _limits(mech),
         **_hung(mech.scene, last),
     }
 
 
+def _joints(tree: Any, q: Array) -> list[dict[str, Any]]:
+    """Parent, place, transform at q (nq,) and motion subspace of each joint."""
+    joints = list(zip(tree.parents, tree.jointPlacements, tree.joints, strict=True))[1:]
+    return [
+        {
+            "parent": int(parent),
+            "place": _matrix(place),
+            "pose": _matrix(joint_transform(joint, q[joint.idx_q : joint.idx_q + joint.nq])),
+            "axes": subspace(joint).T.tolist(),
+            "at": joint.idx_v,
+        }
+        for parent, place, joint in joints
+    ]
+
+
+def _values(mech: Mechanism, q: Array) -> Array:
+    """Coordinates of joints that have one, (nv,); zero for the others."""
+    out = np.zeros(mech.nv)
+    for joint in list(mech.model.joints)[1:]:
+        if joint.nv == 1:
+            out[joint.idx_v] = value_of(q, joint)
+    return out
+
+
+def _limits(mech: Mechanism) -> list[dict[str, Any]]:
+    """The ranges of joints that have limits."""
+    found = {name: limits_of(mech, name) for name in mech.joint_names}
+    return [
+        {"joint": name, "at": find_joint(mech.model, name).idx_v, "low": float(pair[0]), "high": float(pair[1])}
+        for name, pair in found.items()
+        if pair is not None
+    ]
+
+
 def _hung(scene: Scene, last: Sequence[int]) -> dict[str, Any]:
-    """Shapes that are fixed to joints or lead from one to another, and springs: joints and places there."""
+    """Return shapes fixed to joints or between two joints, and springs: joints and placements."""
 
     def hung(anchors: Sequence[Anchor]) -> list[dict[str, Any]]:
         return [{"joint": last[joint], "place": _matrix(place)} for joint, place in anchors]
@@ -78,5 +95,5 @@ def _hung(scene: Scene, last: Sequence[int]) -> dict[str, Any]:
 
 
 def _matrix(place: Any) -> list[float]:
-    """Sixteen numbers, column by column, as the page's library takes them."""
+    """Return sixteen numbers, column by column, as the page's library takes them."""
     return place.homogeneous.T.ravel().tolist()

@@ -1,4 +1,4 @@
-"""Free coordinates of a mechanism: one by one, along all poses in which its loops stay closed, the others at rest."""
+"""Free coordinates of a mechanism, one by one, with all poses that close its loops, the others fixed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -8,36 +8,36 @@ import numpy as np
 
 from ...errors import MbdaeError
 from ...mechanism import Mechanism
-from ...mechanism.assembly import close_position
 from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.frames import find_joint
+from ...mechanism.position_search import close_position
 from ...system import Array
 from ..kinematics.kinematics import kinematics
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-POSES = 121  # of a slider
-MOST = 16  # sliders of a page
-INDEPENDENT = 1e-6  # of the size of a free motion: below, a coordinate follows from those chosen before
-SLACK = 1e-6  # rad or m beyond a limit that do not count
-CLOSED = 1e-8  # of |g|: a joint outside of all loops leaves them closed
+POSES = 121  # per slider
+MOST = 16  # sliders per page
+INDEPENDENT = 1e-6  # of the size of a free direction: below, a coordinate depends on those chosen before
+SLACK = 1e-6  # rad or m: tolerated excess over a limit
+CLOSED = 1e-8  # of |g|: a joint outside all loops leaves them closed
 
 
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """Poses over one coordinate, the other free ones where they start.
+    """Poses over one coordinate, with the other free ones at their start.
 
     Attributes:
-        joint: that it moves.
+        joint: name of its joint.
         unit: ``"rad"`` or ``"m"``.
-        u: the coordinate, (n,), along the curve of poses: at a dead point it turns back, or ends where there are
+        u: the coordinate, (n,), along the curve of poses: it turns back at a dead point, or ends there if there are
             several sliders.
         q: configurations, (n, nq).
-        start: which of them is nearest to the start.
+        start: index of the pose nearest to the start.
         dead_points: values at which it turns back.
-        ended: what ends the poses: ``"closed"`` (they come round), ``"limits"`` of the joint, ``"range"``,
-            ``"dead"`` points, or ``"open"``: beyond, the loops cannot be closed.
+        ended: why the poses end: ``"closed"`` (periodic), ``"limits"`` of the joint, ``"range"``, ``"dead"`` points,
+            or ``"open"``: beyond, the loops cannot be closed.
         beyond: for each pose the joint that is beyond its limits there, ``""`` for none, (n,).
     """
 
@@ -52,10 +52,10 @@ class Slider:
 
 
 def sliders(mech: Mechanism, q: Array) -> list[Slider]:
-    """The coordinates that can be chosen at a closed configuration q (nq,), at most `MOST`.
+    """Return the independent coordinates at a closed configuration q (nq,), at most `MOST`.
 
-    Of the joints with one coordinate those that a driver moves or that the start gives come first, then the others in
-    their order, each as far as it does not follow from those before. One alone goes the whole way, through dead points.
+    Among the joints with one coordinate, driven ones and those in the start table come first, then the others in order,
+    each if independent of those before. A single one covers its whole range, through dead points.
     """
     free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
     names = independent(mech, free.system(), q)[:MOST]
@@ -64,7 +64,7 @@ def sliders(mech: Mechanism, q: Array) -> list[Slider]:
 
 
 def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
-    """Joints of one coordinate that can be chosen one by one at q, as many as there are freedoms, or fewer."""
+    """Return independent joints of one coordinate at q, as many as there are degrees of freedom, or fewer."""
     G = system.jacobian(q)
     _, sizes, right = np.linalg.svd(G) if len(G) else (0, np.zeros(0), np.eye(mech.nv))
     rank = int(np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)))
@@ -95,7 +95,7 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
             u, poses, ended = found.u, found.q, found.stretches[0].ended
             ended = "closed" if unit == "rad" and abs(abs(u[-1] - u[0]) - 2 * np.pi) < SLACK else ended
             dead = tuple(sorted({round(float(x), 12) for x, _ in found.dead_points}))
-        except MbdaeError:  # a freedom that no joint of one coordinate has, an endless way, a pose that is singular
+        except MbdaeError:  # a mobility without such a joint, an unlimited stroke, or a singular pose
             u, poses, ended = _marched(mech, name, others, q)
     here = u[np.abs(u - value_of(q, joint)).argmin()]
     near = np.flatnonzero(u == here)
@@ -104,13 +104,13 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
 
 
 def _stretch(slider: Slider) -> Slider:
-    """The poses around the start between two dead points, over which the coordinate rises.
+    """Return the poses around the start between two dead points, over which the coordinate increases.
 
-    Where several coordinates are moved together, a pose is told by their values, and those by their sliders.
+    If several coordinates are moved together, a pose is defined by their values, and these by the sliders.
     """
     n, here, k = len(slider.u), slider.start, np.arange(len(slider.u))
     u = slider.u
-    if slider.ended == "closed":  # once around, with the start in the middle
+    if slider.ended == "closed":  # one period, with the start in the middle
         rounds, k = np.divmod(here + k - n // 2, n - 1)
         u, here = u[k] + rounds * (u[-1] - u[0]), n // 2
     rising = np.diff(u) > 0
@@ -130,7 +130,7 @@ def _stretch(slider: Slider) -> Slider:
 
 
 def _alone(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
-    """Poses in which one joint moves by itself, over its limits, or half a turn or metre to both sides."""
+    """Return poses in which one joint moves alone, over its limits, or half a turn or metre to both sides."""
     joint = find_joint(mech.model, name)
     here, limits = value_of(q, joint), limits_of(mech, name)
     around = here + np.array([-1, 1]) * (np.pi if _turns(mech, name) else 0.5)
@@ -143,7 +143,7 @@ def _alone(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
 
 
 def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[Array, Array, str]:
-    """Poses found one after the other from q to both sides, up to where the loops cannot be closed any more."""
+    """Return poses computed in sequence from q to both sides, up to where the loops can no longer be closed."""
     joint, system = find_joint(mech.model, name), mech.system()
     held = np.array([find_joint(mech.model, n).idx_v for n in (name, *others)])
     targets, found, ended = _alone(mech, name, q)[0], {value_of(q, joint): q}, "range"
@@ -158,7 +158,7 @@ def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[A
                 ended = "open"
                 break
             if np.linalg.norm(mech.manifold.difference(pose, new)) > 20 * abs(step[joint.idx_v]) + 0.3:
-                ended = "open"  # the nearest pose that closes belongs to another branch
+                ended = "open"  # the nearest closed pose belongs to another branch
                 break
             found[float(u)] = pose = new
     order = sorted(found)
@@ -173,7 +173,7 @@ def _beyond(mech: Mechanism, poses: Array) -> Iterator[str]:
 
 
 def limits_of(mech: Mechanism, name: str) -> Array | None:
-    """Limits of a joint; None for one without."""
+    """Return the limits of a joint; None for one without."""
     joint = find_joint(mech.model, name)
     if joint.nq != 1:
         return None
@@ -186,7 +186,7 @@ def _turns(mech: Mechanism, name: str) -> bool:
 
 
 def value_of(q: Array, joint: object) -> float:
-    """The coordinate of a joint with one coordinate; an angle in (-pi, pi] for one that turns without end."""
+    """Return the coordinate of a joint with one coordinate; an angle in (-pi, pi] for an unbounded one."""
     at, nq = joint.idx_q, joint.nq  # type: ignore[attr-defined]
     return float(q[at]) if nq == 1 else float(np.arctan2(q[at + 1], q[at]))
 

@@ -1,4 +1,4 @@
-"""All poses of a mechanism as one page with sliders: what one looks at before a run."""
+"""All poses of a mechanism as one page with sliders, for inspection before a run."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,12 +33,12 @@ ENDS = {
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Result of `view`: shows itself in a notebook, and is saved as one page.
+    """Result of `view`: displayed in notebooks, and saved as one page.
 
     Attributes:
         mechanism: the mechanism.
         q: the pose at the start, (nq,).
-        sliders: the coordinates that can be chosen, each with its poses.
+        sliders: the independent coordinates, each with its poses.
     """
 
     mechanism: Mechanism
@@ -47,7 +47,7 @@ class View:
 
     @cached_property
     def _linkage(self) -> dict[str, Any] | None:
-        """What the page needs to move several at once."""
+        """Data to move several coordinates at once."""
         return linkage(self.mechanism, self.q, self.sliders) if len(self.sliders) > 1 else None
 
     def __str__(self) -> str:
@@ -56,7 +56,7 @@ class View:
         return "\n".join([head, *rows])
 
     def to_dict(self) -> dict[str, Any]:
-        """Ranges and dead points, without the poses."""
+        """Return ranges and dead points, without the poses."""
         return {
             "title": self.mechanism.title,
             "sliders": [
@@ -74,7 +74,7 @@ class View:
         }
 
     def page(self) -> str:
-        """The page as text."""
+        """Return the page as text."""
         start = self.q[None]
         reached = np.concatenate([start, *(s.q for s in self.sliders)])
         scene = self.mechanism.scene.travelled(reached)
@@ -129,15 +129,15 @@ class View:
 
 
 def view(mech: Mechanism | str | Path, q: Array | None = None) -> View:
-    """Find the poses of a mechanism over each of its free coordinates.
+    """Compute the poses of a mechanism over each of its free coordinates.
 
-    Poses are computed here, the page shows them: over the whole way along which the loops stay closed, through dead
-    points of the coordinate, or over the limits of a joint outside of all loops. Of several coordinates each goes from
-    one dead point to the next; moved together, the page closes the loops.
+    Poses are computed here, the page shows them: over the whole range in which the loops can be closed, through dead
+    points of the coordinate, or over the limits of a joint outside all loops. Each of several coordinates covers the
+    range from one dead point to the next; when they are moved together, the page closes the loops.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes; its drivers are let go.
-        q: where it stands, (nq,); the model's start when left out.
+        mech: the mechanism, or an argument of `mbdae.load`; its drivers are released.
+        q: the configuration, (nq,); the model's start when left out.
 
     Raises:
         AssemblyError: if the start of the model cannot be closed.

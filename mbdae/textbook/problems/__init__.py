@@ -1,4 +1,4 @@
-"""The problems of textbooks: a file each, whose ``__all__`` names the function that makes it."""
+"""Textbook problems: one file each, whose ``__all__`` names the function that creates it."""
 
 import copyreg
 from collections.abc import Callable
@@ -12,11 +12,11 @@ TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {
     name: getattr(import_module(module), name) for name, module in public(__name__).items()
 }
 """Every problem by name."""
-globals().update(TEXTBOOK)  # a problem's name is that of its function, and not of the file
+globals().update(TEXTBOOK)  # a problem has the name of its function, not of the file
 
 
 def listed(problem: Hessenberg) -> bool:
-    """Whether a problem is one of these, with its own start: then its name says all of it, in files and to workers."""
+    """Return whether a problem is one of these, with its default start: then its name identifies it."""
     own = TEXTBOOK[problem.name]() if problem.name in TEXTBOOK else None
     return own is not None and (own.y0, own.z0, own.title) == (problem.y0, problem.z0, problem.title)
 

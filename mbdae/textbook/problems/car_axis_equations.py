@@ -11,11 +11,11 @@ from ..hessenberg import Hessenberg
 __all__ = ["car_axis_equations"]
 
 EPS, MASS, LENGTH, REST, HEIGHT, OMEGA, GRAVITY = 1e-2, 10.0, 1.0, 0.5, 0.1, 10.0, 1.0
-K = MASS * EPS**2 / 2  # the mass of a point, over the stiffness of its spring
+K = MASS * EPS**2 / 2  # mass of a point, over the stiffness of its spring
 
 
 def road(t: float) -> tuple[float, float, float, float, float, float]:
-    """Return the right wheel x, y, which stays at the axis' length from the origin, and its rates: x', y', x'', y''."""
+    """Return the right wheel x, y, at the axle length from the origin, and its rates: x', y', x'', y''."""
     y, dy = HEIGHT * sin(OMEGA * t), HEIGHT * OMEGA * cosine(OMEGA * t)
     x, ddy = sqrt(LENGTH**2 - y * y), -(OMEGA**2) * y
     dx = -y * dy / x
@@ -39,7 +39,7 @@ def f(t: float, y: Array, z: Array) -> Array:
 
 
 def f_y(t: float, y: Array, z: Array) -> Array:
-    """Return the slopes of f, (8, 8)."""
+    """Return the partial derivatives of f, (8, 8)."""
     xl, yl, xr, yr = y[:4].tolist()
     xb, yb, *_ = road(t)
     a, b, axle = spring(xl, yl), spring(xr - xb, yr - yb), 2 * z[1] * np.eye(2)
@@ -48,7 +48,7 @@ def f_y(t: float, y: Array, z: Array) -> Array:
 
 
 def spring(x: float, y: float) -> Array:
-    """Return the slopes of a spring's force (L0/L - 1) (x, y), (2, 2)."""
+    """Return the partial derivatives of a spring's force (L0/L - 1) (x, y), (2, 2)."""
     length, d = hypot(x, y), np.array([x, y])
     return (REST / length - 1) * np.eye(2) - REST / length**3 * np.outer(d, d)
 
@@ -62,14 +62,14 @@ def g(t: float, y: Array) -> Array:
 
 
 def g_y(t: float, y: Array) -> Array:
-    """Return the slopes of g, (2, 8)."""
+    """Return the partial derivatives of g, (2, 8)."""
     _, _, dxb, dyb, *_ = road(t)
     dx, dy = 2 * (y[4] - y[6]), 2 * (y[5] - y[7])
     return np.hstack([[[dxb, dyb, 0.0, 0.0], [dx, dy, -dx, -dy]], jacobian(t, y)])
 
 
 def g_t(t: float, y: Array) -> Array:
-    """Return the slope of g in time, (2,)."""
+    """Return the time derivative of g, (2,)."""
     _, _, dxb, dyb, ddxb, ddyb = road(t)
     return np.array([y[4] * dxb + y[5] * dyb + y[0] * ddxb + y[1] * ddyb, 0.0])
 
@@ -79,7 +79,7 @@ def car_axis_equations() -> Hessenberg:
 
         k x'' = (L0/L_l - 1) x_l + lam_1 x_b + 2 lam_2 (x_l - x_r), ...,   0 = x_l x_b + y_l y_b, ...
 
-    The constraints are held by their rates, which makes the problem, published with index 3, one of index 2.
+    The constraints are enforced at velocity level, which reduces the published index from 3 to 2.
 
     Source: F. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4 (2008), II-9; S. Schneider,
     Integration de systemes d'equations differentielles raides et differentielles-algebriques (Geneva 1994).

@@ -13,7 +13,7 @@ AT, OWNER = np.arange(3 * N), np.repeat(np.arange(N), 3)
 
 
 def start() -> Array:
-    """Particles on circles of latitude, given by first number, count, turn and latitude over pi: (20, 3)."""
+    """Return particles on circles of latitude, from first index, count, angle and latitude over pi: (20, 3)."""
     at = [(2 * i / n + turn, b) for first, n, turn, b in BELTS for i in range(first, first + n)]
     a, b = np.pi * np.array(at).T
     return np.stack([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)], axis=1)
@@ -39,7 +39,7 @@ def columns(p: Array) -> Array:
 
 
 def split(y: Array) -> tuple[Array, Array]:
-    """Return places p and velocities q, (20, 3) each."""
+    """Return positions p and velocities q, (20, 3) each."""
     return y[: 3 * N].reshape(N, 3), y[3 * N :].reshape(N, 3)
 
 
@@ -50,7 +50,7 @@ def f(t: float, y: Array, z: Array) -> Array:
 
 
 def f_y(t: float, y: Array, z: Array) -> Array:
-    """Return the slopes of f, (120, 120)."""
+    """Return the partial derivatives of f, (120, 120)."""
     d, near = apart(y[: 3 * N].reshape(N, 3))
     pull = 2 * np.einsum("ijk,ijl,ij->ikjl", d, d, near**2) - np.einsum("ij,kl->ikjl", near, np.eye(3))
     pull[np.arange(N), :, np.arange(N)] = -pull.sum(axis=2)
@@ -67,13 +67,13 @@ def g(t: float, y: Array) -> Array:
 
 
 def g_y(t: float, y: Array) -> Array:
-    """Return the slopes of g, (40, 120)."""
+    """Return the partial derivatives of g, (40, 120)."""
     P, Q = (columns(x).T for x in split(y))
     return np.block([[P, np.zeros_like(P)], [Q, P]])
 
 
 def f_z(t: float, y: Array, z: Array) -> Array:
-    """Return the slopes of f by z, (120, 40)."""
+    """Return the partial derivatives of f by z, (120, 40)."""
     P = columns(y[: 3 * N].reshape(N, 3))
     return np.block([[np.zeros_like(P), P], [P, np.zeros_like(P)]])
 

@@ -1,4 +1,4 @@
-"""Clutches on command and drives whose speed steps: jumps at known times, against conserved momentum."""
+"""Commanded clutches and drivers whose speed steps: jumps at known times, against conserved momentum."""
 
 import numpy as np
 import pinocchio as pin
@@ -30,8 +30,8 @@ def clutch(*points, **more):
 
 
 @pytest.mark.parametrize("how", HOW, ids=str)
-def test_two_flywheels_are_coupled_and_let_go(how):
-    """Engaged at 1 s: momentum is kept; free from 2 s on under a torque on the input; engaged again at 3 s."""
+def test_two_flywheels_are_coupled_and_released(how):
+    """Engaged at 1 s: momentum is conserved; free from 2 s on under a torque on the input; engaged again at 3 s."""
     T = 0.3
     torque = JointTorque(joint="input", torque=Steps(points=((0.0, 0.0), (2.0, T))))
     mech = flywheels([torque], clutches=[clutch((0.0, 0), (1.0, 1), (2.0, 0), (3.0, 1), name="coupling")])
@@ -57,7 +57,7 @@ def test_two_flywheels_are_coupled_and_let_go(how):
 
 
 def test_a_clutch_with_a_ratio_and_loads_on_both_sides():
-    """v_o = r v_i: (J_i + r^2 J_o) v_i' = -(c_i + r^2 c_o) v_i from v_i = (J_i v_i + r J_o v_o)/(J_i + r^2 J_o) on."""
+    """v_o = r v_i: (J_i + r^2 J_o) v_i' = -(c_i + r^2 c_o) v_i after v_i = (J_i v_i + r J_o v_o)/(J_i + r^2 J_o)."""
     c = (0.1, 0.3)
     damping = [JointDamping(joint=n, damping=x) for n, x in zip(("input", "output"), c, strict=True)]
     mech = flywheels(damping, clutches=[clutch((0.0, 1), ratio=RATIO)])
@@ -69,14 +69,14 @@ def test_a_clutch_with_a_ratio_and_loads_on_both_sides():
 
 
 @pytest.mark.parametrize("how", HOW, ids=str)
-def test_a_drive_whose_speed_steps_strikes_what_it_drives(how):
-    """It carries input and output along: its impulse is J (w_2 - w_1), its work J (w_2^2 - w_1^2)/2."""
+def test_a_speed_step_of_a_driver_is_an_impact(how):
+    """It accelerates input and output: its impulse is J (w_2 - w_1), its work J (w_2^2 - w_1^2)/2."""
     drive = Driver(joint="input", speed=Steps(points=((0.0, 6.0), (2.0, 9.0), (3.0, -1.0))), name="drive")
     mech = flywheels(drivers=[drive], clutches=[clutch((0.0, 1))])
     sol = mbdae.solve(mech, (0, 4), **how)
     assert sol.success
     start, *steps = sol.impacts
-    assert (start.t, start.where) == (0.0, ("output-input clutch",))  # the output stood still
+    assert (start.t, start.where) == (0.0, ("output-input clutch",))  # the output was at rest
     assert [(x.t, x.where) for x in steps] == [(2.0, ("drive",)), (3.0, ("drive",))]
     assert [x.impulse[0] for x in steps] == pytest.approx([sum(J) * 3, -sum(J) * 10], rel=1e-13)
     assert [x.loss for x in steps] == pytest.approx([-sum(J) * (81 - 36) / 2, sum(J) * (81 - 1) / 2], rel=1e-13)
@@ -89,7 +89,7 @@ def test_a_drive_whose_speed_steps_strikes_what_it_drives(how):
 
 
 @pytest.mark.parametrize("how", HOW, ids=str)
-def test_a_loop_stays_shut_where_its_drive_steps(how):
+def test_a_loop_stays_closed_when_its_driver_steps(how):
     drive = Driver(joint="crank", speed=Steps(points=((0.0, 2.0), (0.5, 5.0))))
     mech = mbdae.load("four_bar", drivers=[drive])
     sol = mbdae.solve(mech, (0, 1), **how)
@@ -98,7 +98,7 @@ def test_a_loop_stays_shut_where_its_drive_steps(how):
     assert s["Gv"].max() < 1e-11
     assert s["v.crank"][-1] == pytest.approx(5.0, abs=1e-12)
     before, behind = (sol.v[k] for k in np.flatnonzero(np.abs(sol.t - 0.5) < 1e-12)[[0, -1]])
-    np.testing.assert_allclose(behind, 2.5 * before, rtol=1e-9)  # one degree of freedom: all speeds step alike
+    np.testing.assert_allclose(behind, 2.5 * before, rtol=1e-9)  # one degree of freedom: all speeds step together
     q, kinetic = sol(0.5).q, np.array([mech.system().energy(sol(0.5).q, v)[0] for v in (before, behind)])
     assert sol.impacts[0].loss == pytest.approx(kinetic[0] - kinetic[1], rel=1e-9), q
 
@@ -122,7 +122,7 @@ def test_wrong_commands_are_refused():
 
 
 def test_a_clutch_may_close_at_the_end_of_the_span():
-    """The step that ends there is one rounding long: the guard is located once."""
+    """The last step is one rounding long: the guard is located once."""
     m = mbdae.load("slider_crank")
     lock = Clutch(name="lock", joint="crank", engaged=Steps(points=((0.0, 0.0), (0.02, 1.0))))
     mech = Mechanism(m.model, closures=m.closures, clutches=[lock])

@@ -1,4 +1,4 @@
-"""Events in runs with impacts: a ball that falls from 1 m and is thrown back with half its speed, in closed form."""
+"""Events in runs with impacts: a ball that falls from 1 m and rebounds with half its speed, in closed form."""
 
 import numpy as np
 import pytest

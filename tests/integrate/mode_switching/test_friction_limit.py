@@ -1,4 +1,4 @@
-"""Contacts that press on one side and rub, under loads that reach the limit of their friction: they slide from then."""
+"""Frictional unilateral contacts under loads that reach the friction limit: sliding starts there."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def pushed(force):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_block_under_a_force_that_grows_slides_from_the_limit_on(sign):
-    """F = k t: at rest until k t = mu m g, and x = k (t - t*)^3/(6 m) from then on."""
+    """F = k t: at rest until k t = mu m g, and x = k (t - t*)^3/(6 m) afterwards."""
     k = MU * MASS * G / 0.4
     force = mbdae.Function(function=lambda t: sign * k * t, name="ramp")
     sol = mbdae.solve(pushed(force), (0, 1), np.array([0.0, R]), np.zeros(2), rtol=1e-9)
@@ -32,8 +32,8 @@ def test_a_block_under_a_force_that_grows_slides_from_the_limit_on(sign):
     assert not len(sol.impacts)
 
 
-def test_a_block_under_a_swinging_force_slides_and_stops_as_its_friction_says():
-    """m v' = A sin(w t) - mu m g from where the force reaches the limit, until v = 0."""
+def test_a_block_under_an_oscillating_force_slides_and_sticks():
+    """m v' = A sin(w t) - mu m g from the time at which the force reaches the limit, until v = 0."""
     amplitude, omega = 1.5 * MU * MASS * G, 5.0
     sol = mbdae.solve(
         pushed(Harmonic(amplitude=amplitude, omega=omega)), (0, 0.6), np.array([0.0, R]), np.zeros(2), rtol=1e-9

@@ -1,4 +1,4 @@
-"""A four-bar that strikes a stop ten times: methods keep their order, both back ends, studies and files go along."""
+"""A four-bar with ten impacts on a stop: methods keep their order, in both back ends, with studies and files."""
 
 import numpy as np
 import pinocchio as pin
@@ -51,7 +51,7 @@ def test_orders_through_ten_impacts(four_bar, reference, method, order, ns, back
 
 
 @pytest.mark.parametrize("method", ["herk5", "pherk5", "pherk6", "radau5"])
-def test_both_back_ends_go_the_same_way_through_ten_impacts(four_bar, method):
+def test_both_back_ends_agree_through_ten_impacts(four_bar, method):
     backends = ("native", "python")
     native, python = (mbdae.solve(four_bar, (0, T), method=method, step=0.05, backend=b) for b in backends)
     assert native.modes == python.modes
@@ -60,7 +60,7 @@ def test_both_back_ends_go_the_same_way_through_ten_impacts(four_bar, method):
     np.testing.assert_allclose([x.rows for x in native.impacts], [x.rows for x in python.impacts], atol=1e-10)
 
 
-def test_energy_is_balanced_with_losses_and_loops_stay_shut(four_bar, reference):
+def test_energy_is_balanced_with_losses_and_loops_stay_closed(four_bar, reference):
     s = reference.signals()
     off = s["energy"] - s["energy"][0] - s["work"]
     assert np.abs(off).max() < 1e-13 * np.ptp(s["potential"])
@@ -74,7 +74,7 @@ def test_energy_is_balanced_with_losses_and_loops_stay_shut(four_bar, reference)
     assert hits.sum() == pytest.approx(sum(p for x in reference.impacts for p in x.impulse))
     np.testing.assert_allclose(s["gap.rocker stop upper"], 1.9 - s["q.rocker"], atol=1e-14)
     assert set(s["mode.rocker stop lower"]) == {0}
-    # the pin of the loop passes an impulse on: no bar moves as it would alone
+    # the pin of the loop transmits an impulse: no bar moves as a free one would
     assert all(np.linalg.norm(x.rows[:3]) > 1e-3 * x.impulse[0] for x in reference.impacts)
 
 

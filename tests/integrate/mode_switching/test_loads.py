@@ -1,4 +1,4 @@
-"""Loads that come and go while everything rests or sticks, against closed forms: none is missed between two steps."""
+"""Loads that come and go during rest or stiction, against closed forms: none is missed between two steps."""
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,7 @@ PULSE = ((0.0, -1.0), (5.0, -1.0), (5.05, 1.0), (5.1, -1.0), (10.0, -1.0))
 
 
 def slider(*forces, **more):
-    """A slider of 2 kg without weight."""
+    """A slider of 2 kg without gravity."""
     model = empty()
     model.gravity.linear = np.zeros(3)
     carried(model, 0, pin.JointModelPX(), "x", MASS)
@@ -87,8 +87,8 @@ def test_a_pulse_of_a_table_makes_a_joint_slip():
 
 
 @pytest.mark.usefixtures("back_end")
-def test_a_jerk_of_a_driven_table_lifts_what_lies_on_it():
-    """A table of motion that drops by more than g for 0.1 s: what lies on it lets go."""
+def test_a_driven_table_that_drops_faster_than_gravity_separates():
+    """A motion table that drops by more than g for 0.1 s: the body on it lifts off."""
     model = empty()
     carried(model, carried(model, 0, pin.JointModelPZ(), "table"), pin.JointModelPZ(), "block", MASS)
     points = ((0.0, 0.0), (4.0, 0.0), (4.05, -0.02), (4.1, -0.04), (4.2, -0.04), (10.0, -0.04))
@@ -102,8 +102,8 @@ def test_a_jerk_of_a_driven_table_lifts_what_lies_on_it():
 
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("parts", [{"stops": [Stop(joint="x", lower=0.0)]}, {}], ids=["rests", "sticks"])
-def test_a_load_of_a_function_may_jump_where_nobody_says(parts):
-    """No step resolves it; the run goes on behind it."""
+def test_a_load_function_may_jump_at_an_unknown_time(parts):
+    """No step resolves it; the run continues after it."""
     held = [] if parts else [JointFriction(joint="x", friction=5.0, exact=True)]
     sol = mbdae.solve(slider(lambda t, q, v: np.array([-1.0 if t < 0.5 else -3.0]), *held, **parts), (0, 2))
     assert sol.status == "finished"
@@ -114,7 +114,7 @@ def test_a_load_of_a_function_may_jump_where_nobody_says(parts):
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 @pytest.mark.parametrize("backlash", [1e-3, 1e-9])
 def test_a_load_is_passed_on_through_backlash_however_small(backlash, restitution):
-    """Momentum is that of the load whatever happens in between, and both bodies end together."""
+    """Momentum equals that of the load for any sequence of impacts, and both bodies end together."""
     model = empty()
     model.gravity.linear = np.zeros(3)
     for name in ("a", "b"):

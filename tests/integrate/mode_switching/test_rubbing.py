@@ -1,4 +1,4 @@
-"""Contacts that press on one side and rub: impacts with friction, slipping, sticking, jamming, in closed form."""
+"""Frictional unilateral contacts: impacts with friction, slipping, sticking, jamming, in closed form."""
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ OPEN, GRIPS, SLIDES = 0, 1, 2
 
 
 def block(mu=0.3, e=0.0, slope=0.0):
-    """A ball that does not turn, over a floor that slopes down along x."""
+    """A ball that does not rotate, over a floor inclined down along x."""
     model = empty()
     model.gravity.linear = G * np.array([np.sin(slope), 0, -np.cos(slope)])
     carried(model, carried(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 2.0)
@@ -23,7 +23,7 @@ def block(mu=0.3, e=0.0, slope=0.0):
 
 
 def test_a_block_thrown_over_the_floor_stops_when_its_weight_has_braked_it():
-    """Bounces or not, the impulse of the floor is m g t behind them: it stops at t = u/(mu g)."""
+    """With any bounces, the impulse of the floor is m g t after them: it stops at t = u/(mu g)."""
     mu, e, h, stops = 0.3, 0.5, 0.1, 0.6
     u = mu * G * stops
     sol = mbdae.solve(block(mu, e), (0, 0.8), np.array([0, R + h]), np.array([u, 0]), rtol=1e-10)
@@ -40,11 +40,11 @@ def test_a_block_thrown_over_the_floor_stops_when_its_weight_has_braked_it():
 
 
 @pytest.mark.parametrize(("tangent", "mode"), [(0.29, GRIPS), (0.31, SLIDES)])
-def test_a_block_that_falls_on_a_slope_stays_or_slides(tangent, mode):
+def test_a_block_that_falls_on_an_incline_sticks_or_slides(tangent, mode):
     slope, mu, h = np.arctan(tangent), 0.3, 0.05
     sol = mbdae.solve(block(mu, 0.0, slope), (0, 0.5), np.array([0, R + h]), np.zeros(2), rtol=1e-10)
     assert [m for _, m in sol.modes] == [(OPEN,), (mode,)]
-    # the floor takes mu of what it takes across, in the impact and behind it
+    # the tangential impulse of the floor is mu times the normal one, in the impact and after it
     speed = 0.0 if mode == GRIPS else G * 0.5 * (np.sin(slope) - mu * np.cos(slope))
     assert sol.v[-1] == pytest.approx([speed, 0], abs=1e-12)
 
@@ -62,9 +62,9 @@ def lever(mu, angle=0.9, e=0.0):
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.9, 3.0])
-def test_the_end_of_a_rod_that_strikes_sticks_or_slides_as_its_impulse_says(mu):
-    """Of W p = change of speeds: p_t = -u/W_tt and so on, within the cone; else along its side."""
-    mech, v = lever(mu), np.array([1.0, 1.0])  # it turns onto the floor ahead of it
+def test_the_end_of_a_falling_rod_sticks_or_slides_by_its_impulse(mu):
+    """From W p = change of speeds: p_t = -u/W_tt and so on, within the cone; otherwise on its boundary."""
+    mech, v = lever(mu), np.array([1.0, 1.0])  # it rotates onto the floor ahead of it
     a, c = 0.5 * np.sin(0.9), 0.5 * np.cos(0.9) + R
     N, T = np.array([0.0, -a]), np.array([1.0, -c])
     W = np.array([N, T]) @ np.diag([1 / 0.5, 1 / 0.02]) @ np.array([N, T]).T
@@ -78,7 +78,7 @@ def test_the_end_of_a_rod_that_strikes_sticks_or_slides_as_its_impulse_says(mu):
     assert sol.impacts[0].loss == pytest.approx(-p @ (2 * speed + W @ p) / 2, rel=1e-12)
 
 
-def test_wrong_contacts_that_rub_are_refused():
+def test_invalid_frictional_contacts_are_rejected():
     model = empty()
     carried(model, 0, pin.JointModelFreeFlyer(), "ball")
     floor = Closure.rolling("world", "ball", R, name="floor", unilateral=True)
@@ -102,7 +102,7 @@ SMALL = 1e-9
 @pytest.mark.parametrize("angle", [0.5, 0.9, 1.3])
 @pytest.mark.parametrize("share", [0.5, 0.99, 1.01, 2.0])
 def test_the_rod_of_painleve_is_named_where_it_has_no_motion(angle, share):
-    """Slipping towards its lean it is pressed by m a_n/(1 + 3 c (c - mu s)): there is no motion where that is < 0."""
+    """Slipping as it leans, the normal force is m a_n/(1 + 3 c (c - mu s)): no solution where that is < 0."""
     s, c = np.sin(angle), np.cos(angle)
     limit = (1 + 3 * c * c) / (3 * c * s)  # 4/3 at least
     sol = mbdae.solve(rod(share * limit), (0, 1e-3), np.array([0, 0.5 * s + SMALL, angle]), np.array([1.0, 0, 0]))

@@ -1,7 +1,7 @@
-"""A parallelogram meets a stop next to the position in which its bars lie in a line: the impact and the passage.
+"""A parallelogram with a stop close to the position in which its bars are in line: impact and crossing.
 
 Its motion is that of one pendulum, J q'' = 2 g cos q, integrated by scipy from impact to impact. Of 432 runs none may
-end early where the stop is 1e-5 rad or more from the line, on either side; nearer ones may, and say why.
+end early if the stop is 1e-5 rad or more from the line, on either side; closer ones may, with a reason.
 
     python -m tests.integrate.mode_switching.test_stops_beside_singular      # all of them
 """
@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 
 import mbdae
 
-G, J, END = 9.81, 2 * (0.1 + 0.25) + 1.0, 1.0  # two bars that turn, one that does not
+G, J, END = 9.81, 2 * (0.1 + 0.25) + 1.0, 1.0  # two bars that rotate, one that does not
 SIGNS, START, SPEED = np.array([1.0, -1.0, 1.0]), 1.2, -8.0
-PLACES = [side * x for side in (1, -1) for x in np.logspace(-20 / 3, -1, 18)]  # short of the line, and behind it
+PLACES = [side * x for side in (1, -1) for x in np.logspace(-20 / 3, -1, 18)]  # before the line, and after it
 CASES = list(product(range(len(PLACES)), (0.0, 0.6), ("pherk6", "radau5"), (1e-4, 1e-6, 1e-8)))
 RELEVANT = 0.99e-5  # rad
 
@@ -40,7 +40,7 @@ def bars(gravity, place, restitution):
 
 @cache
 def truth(gravity, place, restitution):
-    """Return angle and speed of the crank at a time, when it meets the stop, and when the bars lie in a line."""
+    """Return angle and speed of the crank at a time, and the times of the impact and of the bars in line."""
 
     def touch(_, y):
         return y[0] - place
@@ -61,7 +61,7 @@ def truth(gravity, place, restitution):
         if leg.status == 1:
             impacts.append(t)
             y = [place, -restitution * y[1]]
-            if not y[1] and gravity <= 0:  # it rests
+            if not y[1] and gravity <= 0:  # at rest
                 legs.append((t, lambda _: np.array([place, 0.0])))
                 break
     return lambda x: next(f for t0, f in reversed(legs) if t0 <= x)(x), impacts, lines
@@ -82,20 +82,20 @@ def check(k, restitution, **options):
     np.testing.assert_allclose([x.t for x in sol.impacts], impacts, atol=tolerance)
     if abs(place) > 10 * RELEVANT and gravity:  # without, a straight motion is one step
         np.testing.assert_allclose([x.t for x in sol.singular], lines, atol=100 * tolerance)
-    if not restitution and gravity < 0:  # it rests: the stop carries the weight
+    if not restitution and gravity < 0:  # at rest: the stop carries the weight
         assert sol.lam[-1, -1] == pytest.approx(-2 * gravity * np.cos(place), rel=1e-6)
     return True
 
 
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("k", "restitution", "method", "rtol"), CASES[3::7])
-def test_a_stop_beside_a_singular_position(k, restitution, method, rtol):
+def test_a_stop_close_to_a_singular_configuration(k, restitution, method, rtol):
     check(k, restitution, method=method, rtol=rtol)
 
 
 @pytest.mark.parametrize("k", [6, 14, 23, 32])
 @pytest.mark.parametrize("options", [{"project": False, "rtol": 1e-6}, {"step": 0.003, "project": True}])
-def test_in_other_ways_to_step(k, options):
+def test_with_other_methods_and_steps(k, options):
     check(k, 0.6, **options)
 
 

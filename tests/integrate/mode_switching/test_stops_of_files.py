@@ -1,4 +1,4 @@
-"""Limits that a URDF or MJCF file says are stops where that is asked for."""
+"""Limits of URDF and MJCF files become stops on request."""
 
 import numpy as np
 import pytest
@@ -15,14 +15,14 @@ MJCF = """<mujoco><worldbody><body name="cart"><joint name="rail" type="{}" axis
 FILES = {
     "rail.urdf": (URDF, -0.1, 0.2),
     "slide.xml": (MJCF.format("slide", -0.1, 0.2), -0.1, 0.2),
-    "hinge.xml": (MJCF.format("hinge", -10, 20), -np.pi / 18, np.pi / 9),  # in degrees there
+    "hinge.xml": (MJCF.format("hinge", -10, 20), -np.pi / 18, np.pi / 9),  # in degrees in the file
 }
 
 
 @pytest.mark.parametrize("joint", ["", 'joint = "rail"\n'], ids=["all", "one"])
 @pytest.mark.parametrize("name", FILES)
 def test_a_body_bounces_between_the_limits_of_its_joint(name, joint, tmp_path):
-    # without gravity it takes width/e^k at speed e^k from one to the other
+    # without gravity a crossing takes width/e^k at speed e^k
     text, lower, upper = FILES[name]
     (tmp_path / name).write_text(text)
     file = tmp_path / "mechanism.toml"

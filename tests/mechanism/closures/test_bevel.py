@@ -49,7 +49,7 @@ def test_the_line_of_the_tangential_force(tmp_path):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_differential(backend, tmp_path):
-    """w_left + w_right = 2 w_cage, and the torque of the cage is shared: (I + I_c/4) w' as for two free speeds."""
+    """w_left + w_right = 2 w_cage, and the torque of the cage is split: (I + I_c/4) w' as for two free speeds."""
     left, right, cage, planet, torque = 0.2, 0.7, 0.4, 0.05, 3.0
     hinge = {"joint": "continuous", "axis": [0.0, 1.0, 0.0]}
     bodies = [
@@ -74,7 +74,7 @@ def test_a_differential(backend, tmp_path):
 
 
 def test_a_pair_on_a_carrier_that_tumbles(tmp_path):
-    """Only turns relative to the carrier count, and no energy is lost."""
+    """Only rotations relative to the carrier count, and energy is conserved."""
     spin = [0.3, -0.2, 0.5]
     bodies = [
         body("frame", "spherical", inertia=[0.9, 0.7, 0.8, 0.0, 0.0, 0.0]),

@@ -1,4 +1,4 @@
-"""Every kind of closure, coupling and driver: rows, derivatives far off the manifold, what is free, what is refused."""
+"""Every kind of closure, coupling and driver: rows, derivatives far from the manifold, free motions, invalid keys."""
 
 import re
 
@@ -60,12 +60,12 @@ def test_derivatives_far_off_the_manifold(name):
         assert slopes == pytest.approx(np.where(mech.positional, G.T, 0.0).T, abs=2e-9)
         g_t = finite_differences.numerical_derivative(lambda s, q=q, t=t: system.closures(q, t + s)[0], h)
         assert g_t == pytest.approx(np.where(mech.positional, system.g_t(t), 0.0), abs=2e-9)
-        # along q(s) = q (+) s v the velocity stays v: d/ds (G v + g_t) = Gdot v + g_tt
+        # along q(s) = q (+) s v the velocity remains v: d/ds (G v + g_t) = Gdot v + g_tt
         rate = finite_differences.numerical_derivative(lambda s, q=q, v=v, t=t: system.residual(t + s, at(s), v)[1], h)
         assert rate == pytest.approx(system.gamma(q, v, t), abs=2e-8 * (1 + v @ v))
 
 
-def test_table_of_kinds_tells_the_number_of_rows():
+def test_table_of_kinds_has_the_number_of_rows():
     table = dict(re.findall(r"^ {4}(\w+) +(\d) ", Closure.__doc__, re.M))
     assert table == {kind: str(c.m) for kind, c in CLOSURES.items()}
     assert all(mechanism(c).ng == c.m for c in CLOSURES.values())
@@ -83,7 +83,7 @@ FREE = {name: kind.free for name, kind in closure_kinds.KINDS.items() if kind.fr
 
 
 def floating(closure):
-    """Frame b is a free body of its own; a is turned and shifted in the world."""
+    """Frame b is a free body; a is rotated and shifted in the world."""
     model, place = pin.Model(), pin.SE3(pin.exp3(np.array([0.4, -0.9, 0.3])), np.array([0.2, 0.5, -0.3]))
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), place, "body")
     model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
@@ -112,14 +112,14 @@ def test_a_universal_joint_turns_about_both_of_its_axes():
 
 
 @pytest.mark.parametrize("kind", ["revolute", "cylindrical", "parallel", "prismatic", "frame"])
-def test_no_frame_is_turned_over(kind):
+def test_no_frame_is_flipped(kind):
     mech = floating(Closure(kind=kind, frames=("a", "b")))
     turns = [pose(X, np.pi - 0.1), pose(X, 3.0)]
     if kind in ("frame", "prismatic"):
         turns.append(pose((1, 1, 1), 2 * np.pi / 3))
     for turn in turns:
         assert mech.closures[0].flipped(turn.rotation)
-        try:  # the rows vanish near this guess: another root is taken, or none
+        try:  # the rows vanish near this estimate: another root is found, or none
             q, _ = mech.assemble(pin.SE3ToXYZQUAT(turn))
         except InputError as e:
             assert "turned over" in str(e)  # noqa: PT017

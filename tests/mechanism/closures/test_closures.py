@@ -1,4 +1,4 @@
-"""Closures and forces against finite differences, statics and power, far off the closed configurations."""
+"""Closures and forces against finite differences, statics and power, far from the closed configurations."""
 
 from contextlib import suppress
 
@@ -21,7 +21,7 @@ PAIRS["along a branch"] = ("tip_0", "tip_3")
 
 
 def models():
-    """Every joint in the middle of a branched tree, and a robot of Pinocchio's."""
+    """Every joint in the middle of a branched tree, and a robot of Pinocchio."""
     for kind in JOINTS:
         yield (
             kind,
@@ -155,7 +155,7 @@ def test_centripetal_force_of_a_rod():
 
 
 def first_assembled(mech):
-    """Some guesses close with a frame turned over, which is refused."""
+    """Some initial estimates lead to a flipped frame, which is rejected."""
     for q, v in far_states(mech.model, 20):
         with suppress(MbdaeError):
             return mech.assemble(q, v)
@@ -163,7 +163,7 @@ def first_assembled(mech):
 
 
 @pytest.mark.parametrize("kind", ["frame", "revolute"])
-def test_closed_means_what_it_says(kind):
+def test_a_closed_closure_has_coincident_frames(kind):
     # with g = 0 the frames coincide: checked by placements, not by g
     model = MODELS["spherical"]
     closure = CLOSURES[kind]("tip_3", "tip_6")
@@ -199,7 +199,7 @@ FORCES = {
 
 
 @pytest.mark.parametrize("force", FORCES.values(), ids=FORCES.keys())
-def test_springs_pull_down_their_potential(force):
+def test_spring_forces_are_gradients_of_their_potential(force):
     model = MODELS["revolute"]
     with_force, without = Mechanism(model, [], [force]), Mechanism(model)
     for q, v in far_states(model, seed=5):
@@ -216,7 +216,7 @@ def test_springs_pull_down_their_potential(force):
 
 
 @pytest.mark.usefixtures("back_end")
-def test_dampers_take_energy_at_the_rate_they_say():
+def test_dampers_dissipate_energy_at_their_reported_power():
     model = MODELS["revolute"]
     damper = SpringDamper(frames=("tip_3", "tip_6"), damping=4.0)
     for q, v in far_states(model, seed=6):

@@ -35,7 +35,7 @@ def test_motions_have_their_derivatives(kind):
             assert slope == pytest.approx(driver.follow(t)[k + 1], abs=1e-9)
 
 
-def test_a_table_meets_its_points_and_goes_on_straight():
+def test_a_table_interpolates_its_points_and_continues_linearly():
     driver = MOTIONS["table"]
     assert [driver.follow(t)[0] for t, _ in POINTS] == pytest.approx([u for _, u in POINTS], abs=1e-14)
     (u1, speed, bend), (u2, *_) = driver.follow(2.0), driver.follow(2.5)
@@ -74,7 +74,7 @@ def test_derivatives_that_become_wrong_during_the_run_are_named(k, what):
 
 
 def test_a_jump_of_the_acceleration_is_no_wrong_derivative():
-    """u = t^2 / 2 to t = 0.5, and straight on from there: u'' has no difference quotient at one time only."""
+    """u = t^2 / 2 to t = 0.5, and straight from there: the difference quotient of u'' fails at one time only."""
     early = Driver.function(
         "crank",
         lambda t: 1.2 + (t * t / 2 if t < 0.5 else t / 2 - 0.125),
@@ -130,7 +130,7 @@ T0, OUT = 0.3, 8
 
 
 def sample(sol):
-    """q, v, own lam, hidden lam and the work at eight times."""
+    """q, v, lam of the method, hidden lam and the work at eight times."""
     at = np.arange(1, OUT + 1) * ((len(sol.t) - 1) // OUT)
     hidden = np.array([sol.system.derivative(sol.t[i], sol.y[i])[1] for i in at])
     return sol.q[at], sol.v[at], sol.lam_own[at], hidden, sol.work[at]

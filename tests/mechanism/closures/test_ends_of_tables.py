@@ -1,4 +1,4 @@
-"""How a driver goes on beyond its table, against closed forms, in both back ends."""
+"""Continuation of a driver beyond its table, against closed forms, in both back ends."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ UP_AND_DOWN = [*UP, (2 * T, 0.0)]
 
 
 def slider(points=UP, force=(), **more):
-    """A sliding body that a table moves by 0.5 m."""
+    """A slider moved by a table over 0.5 m."""
     return Mechanism(tree(["prismatic"], [0]), (), force, drivers=[Driver.table("prismatic_0", points, **more)])
 
 
@@ -24,7 +24,7 @@ def run(mech, end, backend, **options):
 
 
 def rise(s):
-    """The cubic from 0 to 1 that rests at both ends."""
+    """The cubic from 0 to 1 with zero end velocities."""
     return 3 * s**2 - 2 * s**3
 
 
@@ -68,7 +68,7 @@ def test_what_holds_comes_to_rest(backend, interpolation):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_periodic_motion_repeats_itself(backend):
-    """Smooth where periods meet, so that by symmetry u' = 0 at its ends and in its middle."""
+    """Smooth across periods, so that by symmetry u' = 0 at its ends and in its middle."""
     sol = run(slider(UP_AND_DOWN, beyond="periodic"), 6.0, backend)
     phase = np.abs((sol.t / T + 1) % 2 - 1)
     np.testing.assert_allclose(sol.q[:, 0], 0.5 * rise(phase), atol=1e-8)
@@ -98,7 +98,7 @@ def test_a_periodic_force(backend):
         JointTorque(joint="prismatic_0", torque={**force, "points": UP})
 
 
-def test_pieces_that_repeat_too_often_are_refused_for_what_switches():
+def test_tables_that_repeat_too_often_are_rejected_with_mode_switches():
     motion = {"kind": "table", "points": [(0.0, 0.0), (1e-7, 1e-9), (2e-7, 0.0)], "beyond": "periodic"}
     stop = mbdae.Stop(joint="prismatic_1", lower=-1.0)
     drivers = [Driver(joint="prismatic_0", motion=motion)]

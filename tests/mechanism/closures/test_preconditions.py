@@ -1,4 +1,4 @@
-"""What closures assume beside their rows: refused at a start where it is not so, said of a run where it is lost."""
+"""Assumptions of closures beyond their rows: a start that violates them is rejected, a run is reported."""
 
 import numpy as np
 import pytest
@@ -101,7 +101,7 @@ def test_wheels_that_part_in_a_run(backend, tmp_path):
 
 
 def test_axes_that_tilt_in_a_run(tmp_path):
-    """A wheel on a ball joint may tilt: nothing is known of it before the run."""
+    """A wheel on a ball joint may tilt: this is unknown before the run."""
     bodies = [body("a", "continuous", axis=UP), body("b", "spherical", xyz=[0.3, 0.0, 0.0])]
     mech = load(tmp_path, bodies, [GEAR], start={"v": {"a": 1.0}, "guess_v": {"b": [0.2, 0.0, 0.0]}})
     sol = mbdae.solve(mech, (0, 1))

@@ -1,4 +1,4 @@
-"""Cams and slots: orders survive curves through points; what a contact cannot do is refused by name."""
+"""Cams and slots: methods keep their order with curves through points; impossible contacts are rejected by name."""
 
 from math import cos, sin
 
@@ -15,7 +15,7 @@ ROUND = [(0.04 * cos(s), 0.03 * sin(s) - 0.002 * cos(2 * s)) for s in np.arange(
 
 
 def cam_and_follower(closure):
-    """A cam about y, whose profile stands upright, and a follower along z."""
+    """A cam about y, whose profile is vertical, and a follower along z."""
     model, upright = pin.Model(), pin.SE3(pin.exp3(np.array([np.pi / 2, 0, 0])), np.zeros(3))
     cam = model.addJoint(0, pin.JointModelRZ(), upright, "cam")
     model.appendBodyToJoint(cam, pin.Inertia(0.3, np.array([0.01, 0, 0]), 1e-3 * np.eye(3)), pin.SE3.Identity())
@@ -40,7 +40,7 @@ def test_a_profile_through_points_keeps_the_order(method, order, steps):
     errors = [np.abs(end(method, n) - reference).max() for n in steps]
     assert (
         np.log2(errors[0] / errors[1]) / 2 > order - 0.5
-    )  # as on an exact circle at these steps; cubic splines leave 3
+    )  # as on an exact circle at these steps; cubic splines reach 3
 
 
 def test_undercut_is_refused():
@@ -57,7 +57,7 @@ def test_undercut_is_refused():
 
 @pytest.mark.usefixtures("back_end")
 def test_a_centre_of_curvature_is_named_and_steps_past_it_are_shortened():
-    """An eccentric circular groove: the midpoint of a step so long stands in its centre, where no point is nearest."""
+    """An eccentric circular groove: the midpoint of such a long step is in its centre, where no point is nearest."""
     R, e, turn = 0.04, 0.03, 10.0
     groove = Closure.slot("cam", "follower", {"kind": "fourier", "x": (e, R, 0.0), "y": (0.0, 0.0, R)}, name="groove")
     mech = cam_and_follower(groove)

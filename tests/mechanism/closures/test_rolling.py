@@ -1,4 +1,4 @@
-"""Bodies that roll and slide on edges against closed forms, and what runs say that contradict themselves.
+"""Bodies that roll and slide on edges against closed forms, and inconsistent models.
 
 J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972); formulas are written out in each test.
 """
@@ -17,7 +17,7 @@ from mbdae.integrate.steppers.native import NativeStepper
 G = 9.81
 
 
-def test_a_disc_nods_as_euler_says():
+def test_a_nodding_disc_obeys_eulers_equations():
     mech = mbdae.load("rolling_disc", inclination=1.0, nod=0.5, precession=2.0, spin=-6.0)
     sol = mbdae.solve(mech, (0, 2), rtol=1e-11)
     a = pi / 2 - sol.q[-1, 5]
@@ -44,7 +44,7 @@ def test_a_disc_circles_steadily():
 
 @pytest.mark.parametrize(("spin", "root"), [(5.0, 5.8172158288996j), (1.0, 4.87442304278158)])
 def test_a_straight_disc_wobbles_or_falls(spin, root):
-    """lam^2 = (m g R - C (C + m R^2) n^2/A)/(A + m R^2), C = 2 A = m R^2/2; all others are places and speeds."""
+    """lam^2 = (m g R - C (C + m R^2) n^2/A)/(A + m R^2), C = 2 A = m R^2/2; all others are 0."""
     found = mbdae.modes(straight(spin)).eigenvalues
     assert np.sort(np.abs(found - root))[0] < 1e-12
     assert np.sort(np.abs(found + root))[0] < 1e-12
@@ -69,7 +69,7 @@ def test_a_disc_that_falls_ends_by_name():
 
 
 def turntable(tmp_path, W=3.0, b=0.1, r=0.1):
-    """A driven table that is tilted by b, and a ball at rest in its middle."""
+    """A driven table tilted by b, and a ball at rest in its middle."""
     bodies = [
         body("table", "continuous", inertia=1.0, rpy=[0.0, b, 0.0], axis=[0.0, 0.0, 1.0]),
         body("ball", "free", inertia=0.4 * r * r),
@@ -92,7 +92,7 @@ def test_a_ball_on_a_tilted_turntable_drifts_across(tmp_path):
 
 
 def test_a_ball_far_out_stays_in_the_core(monkeypatch, tmp_path):
-    """Its row is long there, and pivots are unlike, but nothing becomes singular."""
+    """Its row has a large norm there, and pivots differ, but nothing becomes singular."""
     asked = []
     advance = NativeStepper.advance
     monkeypatch.setattr(NativeStepper, "advance", lambda *args: asked.append(1) or advance(*args))
@@ -103,7 +103,7 @@ def test_a_ball_far_out_stays_in_the_core(monkeypatch, tmp_path):
 
 
 def test_a_ball_climbs_and_falls_in_a_cylinder(tmp_path):
-    """Driven round at W its height swings at W sqrt(2/7), and N = m (R - r) W^2."""
+    """Driven round at W its height oscillates at W sqrt(2/7), and N = m (R - r) W^2."""
     R, r, W = 0.5, 0.1, 12.0
     roll = Closure.rolling("world", "ball", r, surface="cylinder", surface_radius=-R)
     v = {"ball": [0, (R - r) * W, 0, 0, 0, -(R - r) * W / r]}
@@ -117,7 +117,7 @@ def test_a_ball_climbs_and_falls_in_a_cylinder(tmp_path):
 
 
 def ball_on_a_ball(tmp_path, **more):
-    """At rest at theta_0 = 0.1: it lets go at cos theta = 10/17 cos theta_0."""
+    """At rest at theta_0 = 0.1: it lifts off at cos theta = 10/17 cos theta_0."""
     r, R, start = 0.1, 0.5, 0.1
     roll = Closure.rolling("world", "ball", r, surface="sphere", surface_radius=R, name="top", **more)
     guess = {"ball": [(R + r) * sin(start), 0, (R + r) * cos(start), 0, 0, 0, 1]}
@@ -135,7 +135,7 @@ def test_a_ball_that_may_lift_leaves_a_ball(tmp_path):
     assert np.diff(z, 2) == pytest.approx(-G * 0.01**2, rel=1e-9)
 
 
-def test_a_ball_leaves_a_ball_where_the_run_doubts_it(tmp_path):
+def test_a_bilateral_ball_on_a_ball_warns_of_lift_off(tmp_path):
     sol = mbdae.solve(ball_on_a_ball(tmp_path), (0, 1.0), rtol=1e-10)
     x, _, z = sol(0.865443990528504).q[:3]
     assert np.arctan2(x, z) == pytest.approx(0.945550554159228, abs=1e-9)
@@ -159,8 +159,8 @@ def test_a_sleigh_turns_round(tmp_path):
     np.testing.assert_allclose(sol.lam[:, 0], m * u * w * moment / (moment + m * a * a), atol=1e-9)
 
 
-def test_an_edge_under_the_centre_goes_across_a_slope(tmp_path):
-    """x = c sin^2 wt down the slope, y = c (wt - sin 2wt/2) across, c = g sin b/(2 w^2), force 2 m g sin b sin wt."""
+def test_an_edge_under_the_centre_drifts_across_an_incline(tmp_path):
+    """x = c sin^2 wt down the incline, y = c (wt - sin 2wt/2) across, c = g sin b/(2 w^2), force 2 m g sin b sin wt."""
     m, b, w = 2.0, 0.4, 2.0
     pull, c = 9.81 * np.sin(b), 0.477524242255983
     skate = body("skate", "planar", mass=m, inertia=0.3)
@@ -210,22 +210,33 @@ def car(tmp_path):
     return load(tmp_path, bodies, closures, driver=[steer], start={"guess_v": {"car": [2.0, 0.0, 0.0]}})
 
 
-@pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"step": 0.01}, {"rtol": 1e-6, "project": False}])
+@pytest.mark.parametrize("options", [{"step": 0.01}, {"rtol": 1e-6, "project": False}])
 def test_front_wheels_that_steer_in_parallel_are_doubted_by_name(options, tmp_path):
     sol = mbdae.solve(car(tmp_path), (0, 1), **options)
     assert sol.status == "doubtful"
     assert re.search("'front (left|right)' (slips by|depended on other closures)", sol.message)
 
 
+@pytest.mark.parametrize(
+    "options", [{"method": "pherk5"}, {"method": "radau5"}, {"step": 0.01, "project": True}], ids=str
+)
+def test_they_end_a_run_that_would_brake_the_car_to_keep_them(options, tmp_path):
+    """With all rows kept, wheels in parallel only turn about the rear axle where they are not steered."""
+    sol = mbdae.solve(car(tmp_path), (0, 1), **options)
+    assert sol.status in ("rank", "step_size", "driver")
+    assert re.search("'front (left|right)'", sol.message)
+    assert sol.v[-1, 0] == pytest.approx(sol.v[0, 0], rel=1e-3)
+
+
 def test_a_wheel_lets_position_rows_alone_move_the_start(tmp_path):
-    """Assembly with all but height and pitch of the bicycle held moves nothing else."""
+    """Assembly with all coordinates except height and pitch of the bicycle held moves nothing else."""
     mech = mbdae.load("bicycle")
     q0 = mech.start[0].copy()
     q0[2] += 0.01
     q, _ = mech.assemble(q0, mech.start[1])
     assert np.abs(mech.residual(q, np.zeros(9))[0]).max() < 1e-12
     np.testing.assert_allclose(np.delete(q, [2, 4]), np.delete(mech.start[0], [2, 4]), atol=1e-7)
-    card = mbdae.card(mech)
+    card = mbdae.info(mech)
     assert (card.freedom, card.position_freedom) == (3, 7)
     assert "degrees of freedom 3, 7 of positions" in str(card)
     assert "over 2 of 6 rows, 4 have no position level" in str(mbdae.drift(mbdae.solve(mech, (0, 0.1))))

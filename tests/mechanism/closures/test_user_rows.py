@@ -1,4 +1,4 @@
-"""Rows that a Python function gives, against closures that say the same, and what is refused."""
+"""Rows defined by a Python function, against equivalent closures, and invalid functions."""
 
 import warnings
 
@@ -56,7 +56,7 @@ def test_an_edge_slides_as_its_closure():
     sol = mbdae.solve(mech, (0, 2), rtol=1e-9)
     np.testing.assert_allclose(sol.y[-1], known.y[-1], atol=1e-12)
     np.testing.assert_allclose(sol.lam[-1], known.lam[-1], atol=1e-12)
-    assert mbdae.card(mech).position_freedom == 3
+    assert mbdae.info(mech).position_freedom == 3
     assert mech.row_names == ["across"]
 
 
@@ -73,7 +73,7 @@ def test_a_bob_swings_as_its_closure(method, form, more):
 
 
 @pytest.mark.parametrize("own", [False, True])
-def test_slopes_are_those_of_a_coupling(own):
+def test_partials_are_those_of_a_coupling(own):
     model = pin.Model()
     for i in range(2):
         joint = model.addJoint(i, pin.JointModelPX(), pin.SE3.Identity(), f"slide {i}")

@@ -90,7 +90,7 @@ def test_python_actuator_is_the_ready_one():
 
 
 def drive():
-    """A four-bar driven by a motor whose voltage a Python actuator with two states shapes."""
+    """A four-bar driven by a motor whose voltage is filtered by a Python actuator with two states."""
 
     def rate(t, q, v, s):
         return np.array([s[1], 40 * (np.sin(3 * t) - s[0]) - 4 * s[1] - v[0]])
@@ -120,7 +120,7 @@ STARTS = {"pherk5": 20, "herk5": 20, "herk3": 40, "hedop5": 20, "pherk6": 10, "r
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("method", "n"), STARTS.items())
 def test_full_order_in_the_states(method, n, exact):
-    """Slopes of q, v, s and the work."""
+    """Observed orders of q, v, s and the work."""
     mech, errors = drive(), []
     for steps in (n, 2 * n, 4 * n):
         gap = np.abs(at_times(mbdae.solve(mech, (0, 0.5), method=method, step=0.5 / steps)) - exact).max(axis=0)
@@ -162,7 +162,7 @@ def test_states_between_steps():
 
 @pytest.mark.usefixtures("back_end")
 def test_states_count_in_the_error_control():
-    """A state that nothing feels, s' = cos(50 t), still is computed to the tolerance."""
+    """An uncoupled state, s' = cos(50 t), is computed to the tolerance, too."""
     swing = Actuator(lambda t, q, v, s: 0 * v, lambda t, q, v, s: np.cos([50 * t]), {"x": 0.0}, "swing")
     sol = mbdae.solve(mbdae.load("pendulum", forces=[swing]), (0, 2), rtol=1e-8)
     np.testing.assert_allclose(sol.s[:, 0], np.sin(50 * sol.t) / 50, atol=1e-8)

@@ -26,7 +26,7 @@ CURVE = TimeTable(points=((0.0, 1.0), (0.4, 2.0), (1.0, -1.0), (1.7, 0.0)))
 
 
 def pull(t, q, v):
-    """A Python force: it is not conservative."""
+    """A nonconservative Python force."""
     return np.array([np.cos(3 * t), 0.1 * v[0], -0.2 * q[0] * v[1]])
 
 
@@ -52,7 +52,7 @@ ON_FOUR_BAR = {
     "wrench, turning": Wrench(frame="coupler_tip", force=(1.0, WAVE, 2.0), axes="frame"),
     "python": pull,
 }
-IN_PYTHON = {"coulomb_friction"}  # those of them that the core does not have
+IN_PYTHON = {"coulomb_friction"}  # those that the core does not have
 IN_BOTH = {name: force for name, force in ON_FOUR_BAR.items() if name not in IN_PYTHON}
 
 
@@ -65,7 +65,7 @@ def test_energy_balance_closes(name, back_end):
     sol = mbdae.solve(mech, (0, 1), method="pherk6", rtol=1e-12)
     report = mbdae.drift(sol)
     assert sol.success
-    assert np.abs(sol.v[-1] - mbdae.solve(mbdae.load("four_bar"), (0, 1)).v[-1]).max() > 1e-3  # the force acts
+    assert np.abs(sol.v[-1] - mbdae.solve(mbdae.load("four_bar"), (0, 1)).v[-1]).max() > 1e-3  # the force is active
     assert report.energy_relative < 1e-11
 
 
@@ -100,7 +100,7 @@ kind = "{}"
 """
 
 
-def test_every_kind_stands_in_a_file_and_in_a_saved_run(tmp_path):
+def test_every_kind_works_in_a_file_and_in_a_saved_run(tmp_path):
     for name, force in ON_FOUR_BAR.items():
         mech = mbdae.load("four_bar", forces=[force])
         sol = mbdae.solve(mech, (0, 0.1), rtol=1e-4)

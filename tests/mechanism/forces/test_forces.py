@@ -96,7 +96,7 @@ def ball():
 
 
 def turned(angle):
-    """Torque of a bushing on the ball's link, turned by an angle about a fixed axis; the rotation vector."""
+    """Torque of a bushing on the ball's link, rotated by an angle about a fixed axis; the rotation vector."""
     model, theta = ball(), angle * np.array([2.0, -1.0, 2.0]) / 3
     bushing = Bushing(frames=("world", "tip"), stiffness=(0, 0, 0, 3.0, 0.7, 5.0), name="rubber")
     return parts(bushing, 0, pin.integrate(model, pin.neutral(model), theta), np.zeros(3), model)[0], theta
@@ -114,7 +114,7 @@ def test_bushing_turned_by_any_angle(angle):
 
 
 @pytest.mark.parametrize("angle", [3.01, 3.14, 3.2])
-def test_a_bushing_turned_over_is_refused(angle):
+def test_a_bushing_rotated_by_half_a_turn_is_rejected(angle):
     with pytest.raises(StepError, match=r"'rubber' is turned by more than 3.0 rad") as e:
         turned(angle)
     assert e.value.status == "chart"
@@ -137,7 +137,7 @@ def test_bushing_damping_by_frame_jacobians():
     bushing = Bushing(frames=("tip_1", "tip_5"), damping=damping)
     for q, v in states():
         (Ja, A), (Jb, B) = frame_jacobian(q, "tip_1"), frame_jacobian(q, "tip_5")
-        carry = -pin.skew(B.translation - A.translation) @ Ja[3:]  # a's body carried to the origin of b
+        carry = -pin.skew(B.translation - A.translation) @ Ja[3:]  # a's body moved to the origin of b
         J = np.vstack([A.rotation.T @ (Jb[:3] - Ja[:3] - carry), A.rotation.T @ (Jb[3:] - Ja[3:])])
         conservative, other = parts(bushing, 0, q, v)
         assert not conservative.any()

@@ -1,4 +1,4 @@
-"""Exact slopes of every kind of force, and of Python laws, against differences of order six."""
+"""Exact partial derivatives of every kind of force, and of Python laws, against differences of order six."""
 
 import sys
 
@@ -97,7 +97,7 @@ def samples(name):
 
 
 def test_a_force_without_a_sample_is_named(monkeypatch):
-    """A class that the scan finds and nobody has written a sample for."""
+    """A class that discovery finds and that has no sample."""
 
     class JointDrag(mbdae.JointDamping):
         pass
@@ -112,8 +112,8 @@ def test_every_python_force_has_a_sample():
     assert {c.__name__ for c in PYTHON_FORCES} <= kinds_of_forces().keys()
 
 
-def test_every_law_has_slopes():
-    """Linear laws have theirs together, those between frames say how their wrenches turn."""
+def test_every_law_has_partials():
+    """Linear laws have them jointly, those between frames as partials of their wrenches."""
 
     def below(c):
         return [x for sub in c.__subclasses__() for x in (sub, *below(sub))]
@@ -129,22 +129,22 @@ def moving(forces):
 
 
 def law_differences(mech, q, v, s, t):
-    """Slopes of (tau, s', power) with respect to (q, v, s)."""
+    """Partials of (tau, s', power) with respect to (q, v, s)."""
     system = mech.system()
 
     def at(x):
         nv = mech.nv
         moved = pin.integrate(mech.model, q, x[:nv])
-        pin.computeJointJacobians(system.model, system.data, moved)
+        pin.computeJointJacobians(system.model, system.workspace, moved)
         return np.concatenate(system.laws.torque(t, moved, v + x[nv : 2 * nv], s + x[2 * nv :]))
 
     expected = finite_differences.numerical_jacobian(at, 2 * mech.nv + len(s), 1e-3)
-    pin.computeJointJacobians(system.model, system.data, q)
+    pin.computeJointJacobians(system.model, system.workspace, q)
     return system.laws.slopes(t, q, v, s), expected
 
 
 @pytest.mark.parametrize("name", kinds_of_forces())
-def test_slopes_of_every_kind_of_force(name):
+def test_partials_of_every_kind_of_force(name):
     rng = np.random.default_rng(8)
     for mech in samples(name):
         for _ in range(2):
@@ -152,7 +152,7 @@ def test_slopes_of_every_kind_of_force(name):
             close(*law_differences(mech, q, v, s, 0.32), 1e-9 if name in ("function", "Actuator") else 1e-11)
 
 
-def test_slopes_of_bushings_at_small_and_large_turns():
+def test_partials_of_bushings_at_small_and_large_rotations():
     for angle in (0.0, 1e-9, 1e-4, 0.1, 2.9):
         model = pin.Model()
         joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
@@ -164,7 +164,7 @@ def test_slopes_of_bushings_at_small_and_large_turns():
 
 
 def test_all_forces_and_closures_together():
-    """K, D, G, B of a point with slopes of v', lam and states; dependent rows are left out."""
+    """K, D, G, B of a point with partials of v', lam and states; dependent rows are left out."""
     forces = [f for name, some in kinds_of_forces().items() for f in some if name not in ("function", "Actuator")]
     closures = [Closure.revolute("tip_3", "tip_5", (0.3, -0.5, 0.8)), Closure.distance("ground", "tip_8", 0.7)]
     mech, rng = Mechanism(tree(MIXED, PARENTS, seed=2), closures, forces), np.random.default_rng(3)
@@ -175,10 +175,10 @@ def test_all_forces_and_closures_together():
 
     def at(e, du=0.0):
         moved, v = pin.integrate(mech.model, q, e), u + du
-        pin.computeJointJacobians(s.model, s.data, moved)
+        pin.computeJointJacobians(s.model, s.workspace, moved)
         tau, rates = s.torque(0.3, moved, v[:nv], v[nv:-1])
         G = s.jacobian()[rows]
-        return np.concatenate([tau + lam @ G - pin.rnea(s.model, s.data, moved, v[:nv], vdot), rates, G @ u[:nv]])
+        return np.concatenate([tau + lam @ G - pin.rnea(s.model, s.workspace, moved, v[:nv], vdot), rates, G @ u[:nv]])
 
     found = equation_partials(s, 0.3, q, u, vdot, lam, rows)
     close(np.vstack([found.K, found.B]), finite_differences.numerical_jacobian(at, nv, 1e-3))
@@ -192,7 +192,7 @@ def mass(mech, q):
     return np.triu(M) + np.triu(M, 1).T
 
 
-def test_functions_bring_their_own_slopes():
+def test_functions_can_provide_their_partials():
     calls = []
 
     def brake(t, q, v):
@@ -214,8 +214,8 @@ def test_functions_bring_their_own_slopes():
         moving([motor(lambda t, q, v, s: np.ones(3))]).system().laws.slopes(0.0, *mech.start, np.ones(2))
 
 
-def test_slopes_in_time():
-    """Of laws that follow a clock, Python functions with and without their rate among them, and of drivers."""
+def test_time_partials():
+    """Of laws with functions of time, including Python functions with and without a given rate, and of drivers."""
     forces = [force for some in kinds_of_forces().values() for force in some]
     forces += [JointTorque(joint="revolute_1", torque=Function(function=np.sin, rate=np.cos))]
     forces += [JointTorque(joint="revolute_1", torque=np.cos)]
@@ -226,7 +226,7 @@ def test_slopes_in_time():
     states, lam = rng.standard_normal(len(mech.states)), rng.standard_normal(2)
 
     def at(x, t=0.3):
-        pin.computeJointJacobians(s.model, s.data, q)
+        pin.computeJointJacobians(s.model, s.workspace, q)
         tau, rates = s.torque(t + x[0], q, v, states)
         rates[-1] -= lam @ s.g_t(t + x[0])
         return np.concatenate([tau, rates, s.g_t(t + x[0]), s.gamma(q, v, t + x[0])])

@@ -1,4 +1,4 @@
-"""Sampled controllers, and jumps that the user tells, against integrations piece by piece."""
+"""Sampled controllers, and jumps given by the user, against integrations interval by interval."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from mbdae.studies.order.measurement import Measurement
 
 
 def piecewise(t_end, period, sample, y0, memory=0.0):
-    """The link with a torque held from sample to sample, each piece integrated for itself."""
+    """The link with a torque held from sample to sample, each interval integrated separately."""
     y, out, k = np.array(y0), [], 0
     while k * period < t_end - 1e-12:
         tau, memory = sample(k * period, *y, memory)
@@ -69,7 +69,7 @@ def test_sampled_pid_with_memory():
 
 @pytest.mark.usefixtures("back_end")
 def test_a_sampled_run_goes_on_from_any_state():
-    """A state holds all: two runs in a row are the run in one piece; the torque is held across the joint."""
+    """The state is complete: two runs in a row equal one run; the torque is held across the junction."""
     mech = arm(Sampled(lambda t, q, v, x: (-3 * v + x, 0.5 * x + 1), rate=10.0, memory={"x": 0.0}))
     whole = mbdae.solve(mech, (0, 1), rtol=1e-11)
     for middle in (0.55, 0.5):  # between two instants, and at one: it samples when the second run starts
@@ -133,7 +133,7 @@ def test_sampled_controllers_run_forwards():
 
 @pytest.mark.usefixtures("back_end")
 def test_two_rates_and_an_actuator_between():
-    """A sampled set point, held, drives a motor; each law sees the states before the jump."""
+    """A sampled set point, held, drives a motor; each law uses the states before the jump."""
     slow = Sampled(lambda t, q, v: -v, rate=4.0, name="slow")
     fast = Sampled(lambda t, q, v: -2 * q, rate=12.0, offset=0.25, name="fast")
     motor = DCMotor(joint="arm", voltage=2.0, resistance=2.0, inductance=0.05, constant=0.1, name="motor")
@@ -145,7 +145,7 @@ def test_two_rates_and_an_actuator_between():
 
 
 def test_what_is_read_at_a_step_is_of_that_step():
-    """At a jump two points stand a few roundings apart, the second one behind it: torques and multipliers differ."""
+    """At a jump two points are a few roundings apart, the second one after it: torques and multipliers differ."""
     brake = Sampled(lambda t, q, v: -2 * v[:1], rate=7.0, joints="crank", name="brake")
     mech = mbdae.load("four_bar", forces=[brake])
     sol = mbdae.solve(mech, (0, 1), step=1 / 28)
@@ -168,7 +168,7 @@ def test_what_is_read_at_a_step_is_of_that_step():
 
 @pytest.mark.usefixtures("back_end")
 def test_jumps_of_a_python_force():
-    """Told where it jumps, a force of t gives the full order; the same as the one that tells by itself."""
+    """With its jump times given, a force of t keeps the full order; the same as a function that knows its jumps."""
     times, values = (0.31, 0.77), (2.0, -4.0, 1.0)
 
     def push(t, q, v):

@@ -1,4 +1,4 @@
-"""Exact slopes of laws, and the linear element, against difference quotients and hand formulas."""
+"""Exact partials of laws, and the linear element, against difference quotients and hand formulas."""
 
 import numpy as np
 import pinocchio as pin
@@ -33,7 +33,7 @@ def system(forces):
 
 
 @pytest.mark.parametrize("forces", LINEAR.values(), ids=LINEAR.keys())
-def test_linear_laws_know_their_slopes(forces):
+def test_linear_laws_have_exact_partials(forces):
     s, rng = system(forces), np.random.default_rng(1)
     q, v, x = random_q(MODEL, rng, 1.0), rng.uniform(-2, 2, MODEL.nv), rng.uniform(-1, 1, s.ns)
     known = s.laws.slopes(0.3, q, v, x)
@@ -49,12 +49,12 @@ def test_linear_laws_know_their_slopes(forces):
 
 
 def test_linear_laws_are_one_element():
-    """What is constant is no function of time, what is zero is no entry, and a function is computed once."""
+    """A constant is no function of time, a zero is no entry, and a function is computed once."""
     s = system(LINEAR["all"])
     (law, at), *rest = s.laws.acting
     assert not rest
     assert at == slice(0, s.ns)
-    assert [k for _, k in law.u] == [0, 1]  # u and u' of the one wave
+    assert [k for _, k in law.u] == [0, 1]  # u and u' of one harmonic
     still = system([JointPID(joint=A, kp=3.0, kd=0.5, reference=2.0), JointTorque(joint=B, torque=1.0, gear=0.0)])
     numbers = laws_of(still.laws)[1][0]
     assert not numbers["signals"]
@@ -68,6 +68,6 @@ def test_steps_jump_within_linear_laws():
     assert s.laws.breakpoint(0.0, 1.0) == 0.5
 
 
-def test_a_law_without_counterpart_in_the_core_says_so():
+def test_a_law_missing_in_the_core_is_named():
     with pytest.raises(NotCompiled, match="force 'mine' of kind ForceElement"):
         ForceElement("mine").plain()

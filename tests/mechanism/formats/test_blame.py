@@ -1,4 +1,4 @@
-"""What is wrong with a file is said with the file, the entry by its name, and the key."""
+"""Errors in a file are reported with the file, the entry by its name, and the key."""
 
 import pickle
 
@@ -36,7 +36,7 @@ def test_files(text, words, tmp_path, monkeypatch):
 
 
 def faults(text, tmp_path, monkeypatch):
-    """The names that a file's UnknownNameError tells, and those that exist."""
+    """The unknown names of a file's UnknownNameError, and the valid ones."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "m.toml").write_text(text)
     with pytest.raises(UnknownNameError) as told:

@@ -1,4 +1,4 @@
-"""Every kind of file has an example here or among the models; it moves as it should, and so does every closure."""
+"""Every kind of file has an example here or among the models, with the right motion, and so does every closure."""
 
 import warnings
 from pathlib import Path
@@ -27,7 +27,7 @@ def test_every_example_moves(path):
     if path.parent.name == "mjcf":
         pytest.importorskip("mujoco", reason="mujoco is not installed")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # what is not carried over has tests of its own
+        warnings.simplefilter("ignore", UserWarning)  # unsupported contents have separate tests
         mech = mbdae.load(path)
     sol = mbdae.solve(mech, (0, 0.1), rtol=1e-7)
     assert sol.success, sol.message
@@ -41,7 +41,7 @@ def frame(model, name):
 
 
 def as_tree(mech, kind):
-    """The same body behind joints in the place of the closure: model, start q and v."""
+    """The same body on joints instead of the closure: model, start q and v."""
     model, place = pin.Model(), frame(mech.model, "socket")
     joint = 0
     for i, kind_of_joint in enumerate(KINDS[kind].joints):

@@ -1,4 +1,4 @@
-"""Files of other kinds: URDF with what it cannot say, robot.yaml, several sources."""
+"""Files of other kinds: URDF with extensions, robot.yaml, several sources."""
 
 import shutil
 from pathlib import Path
@@ -12,7 +12,7 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism import describe, restore
 from mbdae.mechanism.joints import is_depth_first, subspace
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # limits of joints, which have tests of their own
+pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # joint limits, which have separate tests
 
 DATA = Path(__file__).parents[2] / "data"
 CIRCLE = '[[frame]]\nname = "a"\nparent = "b"\n[[frame]]\nname = "b"\nparent = "a"'
@@ -290,7 +290,7 @@ def test_wrong_robot_yaml_is_one_line(text, words, tmp_path):
 
 
 def test_unknown_names_list_what_is_read(tmp_path):
-    files = r"\.toml, \.py, \.urdf, \.xml, \.mjcf, \.sdf or \.yaml"
+    files = r"\.toml, \.py, \.mjcf, \.sdf, \.urdf, \.xml or \.yaml"
     with pytest.raises(UnknownNameError, match=f"a path to a {files} file or their folder"):
         mbdae.load("four_barr")
     with pytest.raises(InputError, match=r"cannot read robot\.obj"):

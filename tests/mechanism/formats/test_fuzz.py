@@ -1,4 +1,4 @@
-"""Wrong files: truncated, of wrong types, with unknown keys and wild numbers. Never a traceback, never a hang."""
+"""Wrong files: truncated, of wrong types, with unknown keys and extreme numbers. Never a traceback, never a hang."""
 
 import copy
 import math
@@ -75,7 +75,7 @@ def paths(value, here=()):
 
 @st.composite
 def mutated(draw, table):
-    """The table with one to three of its entries replaced, removed, moved or joined by a stranger."""
+    """The table with one to three of its entries replaced, removed, moved or joined by an unknown one."""
     table = copy.deepcopy(table)
     for _ in range(draw(st.integers(1, 3))):
         *where, key = draw(st.sampled_from([p for p in paths(table) if p]))
@@ -112,7 +112,7 @@ def toml(value):
 
 
 def try_it(path):
-    """Load, assemble, describe and step; say what went wrong in one line."""
+    """Load, assemble, describe and step; report a failure in one line."""
     try:
         mech = mbdae.load(path)
         q, v = mech.start
@@ -130,13 +130,13 @@ def try_it(path):
 
 def quiet(path):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # what is left out is said in a warning
+        warnings.simplefilter("ignore", UserWarning)  # omissions are reported in a warning
         return try_it(path)
 
 
 @st.composite
 def mangled(draw, text):
-    """The text with one to three numbers, words or pieces replaced, removed or doubled, or cut off."""
+    """The text with one to three numbers, words or parts replaced, removed or doubled, or cut off."""
     for _ in range(draw(st.integers(1, 3))):
         kind = draw(st.sampled_from(["number", "number", "number", "word", "tag", "double", "cut", "letter"]))
         pattern = {"number": r"-?\d+(\.\d+)?(e-?\d+)?", "word": r"[A-Za-z_]{2,}"}.get(kind, r"<[^>]*>|[^<\n]+")

@@ -1,4 +1,4 @@
-"""Trees of joints copied joint by joint: numbered depth first, locked, grafted onto each other."""
+"""Trees of joints copied joint by joint: numbered depth first, locked, attached to each other."""
 
 import coal
 import numpy as np
@@ -27,7 +27,7 @@ def columns(model, names, *, of_v):
 
 
 def wild_tree(seed):
-    """A tree of all kinds of joints in no particular order, with numbers of its own everywhere, and visuals."""
+    """A tree of all kinds of joints in no particular order, with distinct parameters everywhere, and visuals."""
     rng = np.random.default_rng(seed)
     kinds = list(rng.permutation(list(JOINTS)))
     parents = [int(rng.integers(0, i + 1)) for i in range(len(kinds))]
@@ -44,7 +44,7 @@ def wild_tree(seed):
 
 
 def same_places(visuals, data, other, other_data):
-    """The same shapes stand in the same places of the world."""
+    """The same shapes have the same placements in the world."""
     for a, b in zip(visuals.geometryObjects, other.geometryObjects, strict=True):
         here, there = (d.oMi[g.parentJoint] * g.placement for d, g in ((data, a), (other_data, b)))
         np.testing.assert_allclose(there.homogeneous, here.homogeneous, atol=1e-12)
@@ -80,7 +80,7 @@ def test_a_renumbered_tree_is_the_same_tree(seed):
 
 
 def test_pinocchio_is_wrong_without_the_right_numbers():
-    """The reason: crba takes for granted that the velocities of a subtree stand in a row."""
+    """The reason: crba assumes that the velocities of a subtree are contiguous."""
     model, _, rng = wild_tree(0)
     q, data = random_q(model, rng), model.createData()
     zero = np.zeros(model.nv)

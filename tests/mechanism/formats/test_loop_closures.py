@@ -1,4 +1,4 @@
-"""loop_closures.yaml beside a URDF, as CAD exporters write it: a parallelogram that was cut is closed again."""
+"""loop_closures.yaml next to a URDF, as CAD exporters write it: a parallelogram that was cut is closed again."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # limits of joints, which have tests of their own
+pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # joint limits, which have separate tests
 
 LINK = """<link name="{0}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
 <inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
@@ -43,7 +43,7 @@ def test_a_cut_hinge_is_closed(package):
     assert [(c.name, c.kind) for c in mech.closures] == [("loop 1", "revolute")]
     assert [m.name for m in mech.motors] == ["base__crank"]
     q, _ = mech.assemble(q={"base__crank": 0.4}, guess={"base__rocker": 0.4, "crank__coupler": 0.4})
-    np.testing.assert_allclose(q[[0, 2]], 0.4, atol=1e-10)  # a parallelogram: both cranks stand alike
+    np.testing.assert_allclose(q[[0, 2]], 0.4, atol=1e-10)  # a parallelogram: both cranks have the same angle
     ends = [mech.frame(q, f"loop 1 on {link}") for link in ("coupler", "rocker")]
     np.testing.assert_allclose(ends[0][0], [0.5 + 0.2 * np.cos(0.4), 0, 0.2 * np.sin(0.4)], atol=1e-12)
     np.testing.assert_allclose(ends[0][0], ends[1][0], atol=1e-10)

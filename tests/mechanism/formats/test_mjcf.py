@@ -1,4 +1,4 @@
-"""MJCF against MuJoCo itself: what is converted has MuJoCo's mass matrix, forces and equalities."""
+"""MJCF against MuJoCo itself: the converted model has MuJoCo's mass matrix, forces and equalities."""
 
 import numpy as np
 import pinocchio as pin
@@ -34,7 +34,7 @@ def test_mass_matrix_and_bias_are_those_of_mujoco(name):
             mujoco.mj_mulM(m, d, row, unit)
         ours = mass_matrix(mech, q)
         np.testing.assert_allclose(T.T @ ours @ T, M, rtol=0, atol=EXACT * np.abs(M).max())
-        if name == "heavy_rotor":  # the weight of its armature is carried by a force: see the next test
+        if name == "heavy_rotor":  # the weight of its armature is balanced by a force: see the next test
             continue
         bias = T.T @ (pin.nonLinearEffects(mech.model, data, q, v) + ours @ turning)
         np.testing.assert_allclose(bias, d.qfrc_bias, rtol=0, atol=EXACT * max(1, np.abs(bias).max()))
@@ -42,7 +42,7 @@ def test_mass_matrix_and_bias_are_those_of_mujoco(name):
 
 @pytest.mark.parametrize("name", FILES)
 def test_forces_are_those_of_mujoco(name):
-    """Bias, springs, dampers and motors together: f = T^-T (passive + actuator - bias) with T' qvel put back."""
+    """Bias, springs, dampers and motors together: f = T^-T (passive + actuator - bias) with T' qvel added back."""
     mech, (m, d) = load(name, motors={"lift": 0.7} if name == "actuated" else None), compiled(name)
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # forces of equalities are not forces here
     m.body_gravcomp[:] = 0
@@ -70,7 +70,7 @@ def test_armature_of_a_free_joint_has_no_weight_on_the_moon_either(tmp_path):
     T, _ = at(mech, m, d, q, v)
     acceleration = mech.system().derivative(0.0, mech.point(q, v))[0][mech.nv : 2 * mech.nv]
     np.testing.assert_allclose(acceleration, T @ d.qacc, atol=1e-9)
-    assert abs(acceleration[2]) < 0.99 * 1.62  # its inertia holds it back
+    assert abs(acceleration[2]) < 0.99 * 1.62  # accelerated with its inertia
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -92,7 +92,7 @@ def test_bodies_and_sites_are_where_mujoco_has_them(name):
 
 @pytest.mark.parametrize("name", FILES)
 def test_velocities_convert_as_mujoco_integrates_them(name):
-    """A small move along qvel in MuJoCo is the same move along v here."""
+    """A small step along qvel in MuJoCo is the same step along v here."""
     mech, (m, _) = load(name), compiled(name)
     for q, v in random_states(mech, 3):
         qpos, qvel = to_mujoco(mech.model, q, v)
@@ -149,14 +149,14 @@ def turning_part(one, two, J):
 def same_up_to_sign(ours, theirs):
     g, G = ours
     p, J = theirs
-    sign = -1.0 if np.abs(g + p).max() < np.abs(g - p).max() else 1.0  # a quaternion and its negative are one turn
+    sign = -1.0 if np.abs(g + p).max() < np.abs(g - p).max() else 1.0  # a quaternion and its negative are one rotation
     np.testing.assert_allclose(sign * g, p, atol=EXACT)
     np.testing.assert_allclose(sign * G, J, atol=EXACT)
 
 
 @pytest.mark.parametrize("name", ["loops", "open_four_bar"])
 def test_equalities_have_the_residuals_and_jacobians_of_mujoco(name):
-    """From the anchors alone, at states where everything is open; then rows of G against them."""
+    """From the anchors alone, at states with violated equalities; then rows of G against them."""
     mech, (m, d) = load(name), compiled(name)
     assert len(mech.constraints) == int(m.eq_active0.sum())
     system = mech.system()
@@ -186,7 +186,7 @@ def test_equalities_have_the_residuals_and_jacobians_of_mujoco(name):
 
 
 def test_a_model_with_a_loop_moves_as_mujoco_moves_it():
-    """Accelerations of the exact loop against MuJoCo's soft one, made hard."""
+    """Accelerations of the exact loop against MuJoCo's soft one, made stiff."""
     mech, (m, d) = load("open_four_bar"), compiled("open_four_bar")
     m.eq_solref[:], m.eq_solimp[:] = [-1e6, -1e3], [0.999999, 0.999999, 0.001, 0.5, 2]
     m.opt.tolerance, m.opt.iterations = 0, 200

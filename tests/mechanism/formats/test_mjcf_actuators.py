@@ -1,4 +1,4 @@
-"""Actuators of MJCF files: what of them is carried over, and what is named."""
+"""Actuators of MJCF files: supported ones are converted, others are named."""
 
 import numpy as np
 import pinocchio as pin

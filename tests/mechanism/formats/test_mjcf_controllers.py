@@ -1,4 +1,4 @@
-"""Position, velocity and general actuators of MJCF files, each as one force, against MuJoCo: its forces, its rest."""
+"""Position, velocity and general actuators of MJCF files, each as one force, against MuJoCo: forces and equilibrium."""
 
 import warnings
 
@@ -52,7 +52,7 @@ def test_a_five_bar_rests_where_mujoco_holds_it(five_bar):
     assert mech.scene.ground == -0.5
     assert "floor" not in [shape.name for shape in mech.scene.shapes]
     assert mbdae.equilibrium(mech).q == pytest.approx(d.qpos, abs=1e-3)
-    assert min(d.qpos[0] - 2.3, d.qpos[2] - 0.9) > 0.005  # weight bends the controllers by more
+    assert min(d.qpos[0] - 2.3, d.qpos[2] - 0.9) > 0.005  # gravity bends the controllers by more
 
 
 ONE = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/>
@@ -90,7 +90,7 @@ def test_torque_and_power_are_those_of_mujoco(actuator, tmp_path, back_end):
 
 
 @pytest.mark.parametrize("name", ["gear", "bias.0", "bias.1", "bias.2", "torque"])
-def test_runs_have_slopes_by_the_numbers_of_actuators(name, five_bar):
+def test_runs_have_derivatives_by_the_parameters_of_actuators(name, five_bar):
     with warnings.catch_warnings(action="ignore"):
         mech = mbdae.load(five_bar)
     key, tight = f"force.right.{name}", {"rtol": 1e-10, "method": "pherk6"}

@@ -1,4 +1,4 @@
-"""MJCF files: start states, inputs, visuals, what is left out, and what is wrong."""
+"""MJCF files: start states, inputs, visuals, omissions, and errors."""
 
 import shutil
 import warnings
@@ -96,7 +96,7 @@ def test_geoms_are_visuals():
 
 
 def sizes(m, g):
-    """The size of a geom as a shape of the replay has it."""
+    """The size of a geom as that of a shape in the replay."""
     a, b, h = m.geom_size[g]
     kinds = mujoco.mjtGeom
     return {

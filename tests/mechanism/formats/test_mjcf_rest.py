@@ -1,9 +1,9 @@
-"""MJCF files: what stands still is no equality to keep, and what is left out is named, all of it."""
+"""MJCF files: equalities between fixed bodies are dropped, and all omissions are named."""
 
 import pytest
 
 import mbdae
-from mbdae.studies.card.card import card
+from mbdae.studies.info.info import info
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 
@@ -12,7 +12,7 @@ PENDULUM = f'<body name="rod"><joint name="j" axis="0 1 0"/>{GEOM}</body>'
 
 
 def load(folder, inside, behind="", before=""):
-    """The mechanism of bodies and of what stands behind the world body, without the warning."""
+    """The mechanism of bodies and further elements after the world body, without the warning."""
     text = f"<mujoco>{before}<worldbody>{PENDULUM}{inside}</worldbody>{behind}</mujoco>"
     (folder / "x.xml").write_text(text)
     with pytest.warns(UserWarning, match="not carried over") as caught:
@@ -43,7 +43,7 @@ def test_all_names_of_what_is_left_out_stand_in_info(tmp_path):
     first = "limits of joints hinge_0, hinge_1, hinge_2, hinge_3 and 5 more (see mbdae info)"
     assert said == f"x: not carried over: {first}"
     assert mech.left_out == (f"limits of joints {', '.join(names)}",)
-    assert f"limits of joints {', '.join(names)}" in str(card(mech))
+    assert f"limits of joints {', '.join(names)}" in str(info(mech))
 
 
 @pytest.mark.skipif(not hasattr(mujoco, "mjtSleepPolicy"), reason="this MuJoCo has no sleep")

@@ -1,4 +1,4 @@
-"""Models and files with parameters: in Python, on the command line, in saved solutions; and what they refuse."""
+"""Models and files with parameters: in Python, on the command line, in saved solutions; and invalid ones."""
 
 import json
 
@@ -64,10 +64,10 @@ def test_commands_show_and_take_parameters(tmp_path):
     assert listed["n_four_bar"] == "N: int at least 1 and at most 1000, default 2"
     assert listed["pendulum"] is None
     path = tmp_path / "run.npz"
-    assert "finished" in mbdae_says("run", "n_four_bar?N=1", "-t", 0.2, "-o", path)
+    assert "finished" in mbdae_says("solve", "n_four_bar?N=1", "-t", 0.2, "-o", path)
     sol = mbdae.Solution.load(path)
     assert sol.mechanism.nv == 3
-    assert mbdae.card(sol.mechanism).parameters[0]["value"] == 1
+    assert mbdae.info(sol.mechanism).parameters[0]["value"] == 1
     assert mbdae.drift(sol).g_max < 1e-8
     assert not np.isnan(sol.lam).any()
     assert "wrote" in mbdae_says("animate", path, "-o", tmp_path / "run.html")

@@ -1,4 +1,4 @@
-"""What a model file names is read from its package and from folders that the user names, and from nowhere else."""
+"""Files named by a model are read from its package and from folders given by the user, and from nowhere else."""
 
 import shutil
 import struct
@@ -18,7 +18,7 @@ MESHES = {"box.obj": CUBE, "box.dae": DAE, "box.stl": STL, "box.mtl": MATERIAL}
 
 @pytest.fixture
 def model(tmp_path):
-    """A folder with meshes, beside one that is nobody's business."""
+    """A folder with meshes, next to a private one."""
     (tmp_path / "model" / "meshes").mkdir(parents=True)
     (tmp_path / "private").mkdir()
     for name, text in MESHES.items():
@@ -42,7 +42,7 @@ def load(folder, name, more=""):
 
 
 def drawn(mech):
-    """The mesh that a page would carry, in bytes with all that it refers to; None without visuals."""
+    """The mesh that a page would contain, in bytes with all that it refers to; None without visuals."""
     meshes = [s.mesh for s in mech.scene.shapes if s.role == "visual"]
     return b"".join([meshes[0].data, *meshes[0].companions.values()]) if meshes else None
 
@@ -111,7 +111,7 @@ def test_a_saved_run_reads_what_its_mechanism_read(model, tmp_path):
 
 
 def test_a_saved_run_reads_no_folder_that_it_names(model, tmp_path):
-    """Its own record names the folder, and whoever wrote it may have named any folder of the reader."""
+    """The file itself names the folder, and its author may have named any folder of the reader."""
     mech, path = load(model, "../meshes/box.obj"), tmp_path / "mail" / "run.npz"
     path.parent.mkdir()
     mbdae.solve(mech, (0, 1e-3), step=1e-3).save(path)
@@ -127,7 +127,7 @@ def test_a_saved_run_reads_no_folder_that_it_names(model, tmp_path):
 
 
 def test_a_saved_run_takes_its_meshes_along(model, tmp_path):
-    """Below its own folder they are found by their names."""
+    """Below the folder of the run they are found by their names."""
     (model / "urdf").mkdir()
     shutil.copy(model / "meshes" / "box.stl", model / "urdf")
     mech, path = load(model, "box.stl"), tmp_path / "mail" / "run.npz"
@@ -211,7 +211,7 @@ def test_endless_mjcf_is_refused(model, text):
 
 
 def test_aliases_that_explode_are_refused(tmp_path):
-    """600 bytes that stand for ten to the ninth entries."""
+    """600 bytes that expand to ten to the ninth entries."""
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
     for text, size in (("\n".join([*lines, "name_mot: *a8"]), r"2\.35e\+09"), ("name_mot: &x [*x]", "inf")):

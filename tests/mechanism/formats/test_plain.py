@@ -1,4 +1,4 @@
-"""Models as plain numbers in saved runs: made again bit for bit, and refused in one line where a number is wrong."""
+"""Serialised models in saved runs: restored bit for bit, and rejected in one line if a value is wrong."""
 
 import json
 
@@ -26,7 +26,7 @@ def same_motion(mech, again):
 
 
 def every_joint():
-    """A tree with every kind of joint, some inside composite ones, and numbers of its own everywhere."""
+    """A tree with every kind of joint, some inside composite ones, and distinct parameters everywhere."""
     kinds, rng = sorted(JOINTS), np.random.default_rng(2)
     model = tree(kinds, list(range(len(kinds))))
     urdf = """<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="continuous"><parent link="a"/>
@@ -58,7 +58,7 @@ def test_every_kind_of_joint_comes_back_bit_for_bit():
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_saved_mechanism_moves_as_before(name, tmp_path):
-    """Both from its files, and from a model of one's own."""
+    """Both from its files, and from a user model."""
     mech = mbdae.load(name)
     own = mbdae.Mechanism(
         mech.model, mech.closures, mech.forces, drivers=mech.drivers, start=mech.start_values, title="own"

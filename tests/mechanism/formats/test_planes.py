@@ -1,4 +1,4 @@
-"""Axes of joints: that of a planar joint is the normal of its plane, in every format; joints without one refuse it."""
+"""Axes of joints: that of a planar joint is the normal of its plane, in every format; joints without one reject it."""
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +8,7 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.description import describe, restore
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # limits of joints, which have tests of their own
+pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # joint limits, which have separate tests
 
 GRAVITY, COM = np.array([0.5, -1.0, -9.81]), np.array([0.1, -0.2, 0.3])
 PLACE, TURN = np.array([0.3, 0.2, 1.0]), np.array([0.4, -0.7, 0.2])  # of the joint; rpy in rad
@@ -61,7 +61,7 @@ def in_place_of_a_hinge(tmp_path, axis):
 def slid(mech, normal):
     """Let the body fall for a second and compare with free motion in the plane with this normal in the joint's frame.
 
-    The centre of mass falls with the part of gravity in the plane; the turn about the normal goes on as it is.
+    The centre of mass falls with the in-plane part of gravity; the rotation about the normal is unchanged.
     """
     R = pin.rpy.rpyToMatrix(TURN)
     n = R @ np.array(normal) / np.linalg.norm(normal)

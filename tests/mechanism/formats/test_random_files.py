@@ -1,4 +1,4 @@
-"""Random SDF, URDF and MJCF files: poses, accelerations under closures, forces, and elements that nobody knows."""
+"""Random SDF, URDF and MJCF files: poses, accelerations under closures, forces, and unknown elements."""
 
 import copy
 import os
@@ -29,9 +29,9 @@ def described(kind, seed):
     write, kinds, options = FORMATS[kind]
     of, rng = random_mechanism(seed, kinds, **options), np.random.default_rng(seed)
     if kind == "sdf":
-        used = {j.child for j in of.joints if j.kind == "free"}  # what no joint carries flies
+        used = {j.child for j in of.joints if j.kind == "free"}  # a link without a joint is free
         of.joints = [j for j in of.joints if j.child not in used]
-    if kind == "xml":  # a ring of balls and hinges, which a point closes
+    if kind == "xml":  # a ring of ball and revolute joints, closed by a point
         for j in (*of.joints, *of.loops):
             j.kind = "ball" if j.kind == "universal" else j.kind
             j.axes = [] if j.kind == "ball" else j.axes
@@ -65,15 +65,15 @@ def motion(mech, q, v, a, of):
 
 
 def immobile(of):
-    """Whether nothing moves, which is refused."""
+    """Whether nothing moves, which is rejected."""
     return all(j.kind == "fixed" for j in of.joints) and len({j.child for j in of.joints}) == len(of.bodies)
 
 
 def read(kind, content, folder):
-    """The mechanism of a file, with the gravity of the bodies, and what is warned of."""
+    """The mechanism of a file, with the gravity of the bodies, and its warnings."""
     path = folder / f"x.{kind}"
     path.write_text(content)
-    if kind == "urdf":  # which says nothing of gravity
+    if kind == "urdf":  # without gravity in the file
         (folder / "x.toml").write_text(f'gravity = {G.tolist()}\nsource = "x.urdf"')
         path = folder / "x.toml"
     with warnings.catch_warnings(record=True) as caught:
@@ -101,7 +101,7 @@ def test_random_files_move_like_their_bodies(kind, tmp_path):
         expected = accelerations(of, {n: x[1] for n, x in found.items()})
         size = max(1.0, *(np.abs(x).max() for pair in expected.values() for x in pair))
         for n, (pose, _, changes) in found.items():
-            if kind != "urdf":  # whose links are where their joints are
+            if kind != "urdf":  # with links at their joints
                 np.testing.assert_allclose(pose.rotation, of.bodies[n].R, atol=EXACT, err_msg=f"{seed}")
                 np.testing.assert_allclose(pose.translation, of.bodies[n].p, atol=EXACT, err_msg=f"{seed}")
             for ours, theirs in zip(changes, expected[n], strict=True):

@@ -1,4 +1,4 @@
-"""What of an XML element was read is known, and the rest is named."""
+"""Which contents of an XML element were read is known, and the rest is named."""
 
 import pytest
 

@@ -8,7 +8,7 @@ import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.model_library import ROBOTS
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # limits of joints, which have tests of their own
+pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # joint limits, which have separate tests
 
 URDF = """<robot name="one"><link name="base"/><link name="arm"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -1,4 +1,4 @@
-"""What Pinocchio reads of a URDF, and what MuJoCo compiles into what is carried over, is what the tables say."""
+"""The tables list what Pinocchio reads of a URDF, and what MuJoCo compiles into converted contents."""
 
 import re
 import warnings
@@ -26,7 +26,7 @@ SOLIDS = {"box": BOX, "cylinder": '<cylinder radius="0.15" length="0.25"/>', "sp
 
 
 def numbers(text, folder):
-    """Everything that is read of a URDF, as numbers."""
+    """All data read from a URDF, as numbers."""
     (folder / "x.urdf").write_text(text)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -77,7 +77,7 @@ MJCF = """<mujoco><compiler autolimits="true"/><option{option}/>{top}<default><g
 <body name="a" pos="0 0 1"{body}><joint name="j"{joint}/><geom name="g" size="0.1"{geom}/>{inside}<site name="s"{site}/>
 </body></worldbody><actuator><motor name="u" joint="j"{motor}/></actuator>{tail}</mujoco>"""
 SPOTS = re.findall(r"\{(\w+)\}", MJCF)
-PLANTS = [  # where, what, and how its path ends
+PLANTS = [  # location, change, and the end of its path
     ("option", ' timestep="0.001"', "option/@timestep"),
     ("option", ' integrator="implicit"', "option/@integrator"),
     ("option", ' wind="1 0 0"', "option/@wind"),
@@ -112,7 +112,7 @@ def test_elements_and_attributes_of_mjcf_files_are_named(seed, tmp_path):
     rng = np.random.default_rng(seed)
     chosen = [PLANTS[i] for i in rng.permutation(len(PLANTS))[:8]]
     content = MJCF.format_map({spot: "".join(x for where, x, _ in chosen if where == spot) for spot in SPOTS})
-    if seed % 2:  # a part of the file is another file
+    if seed % 2:  # another file is included
         tail = re.search(r"<actuator>.*(?=</mujoco>)", content, re.DOTALL)[0]
         (tmp_path / "rest.xml").write_text(f"<mujoco>{tail}</mujoco>")
         content = content.replace(tail, '<include file="rest.xml"/>')
@@ -124,7 +124,7 @@ def test_elements_and_attributes_of_mjcf_files_are_named(seed, tmp_path):
 
 
 def test_the_attributes_of_the_table_are_those_of_mujoco():
-    """Its own schema knows each element and each attribute that counts as read."""
+    """MuJoCo's schema has each element and each attribute that counts as read."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     known, tag = {}, ""
     for line in mujoco.mj_printSchema(False, False).splitlines():

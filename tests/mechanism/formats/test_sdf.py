@@ -59,7 +59,7 @@ def test_the_loop_is_cut_and_closed(linkage):
 
 
 def test_it_moves_like_the_closed_form(linkage):
-    """A parallelogram of bars: both arms turn alike, the coupler only goes along: 0 = I phi'' + ... of one freedom."""
+    """A parallelogram: both arms have one angle, the coupler translates: 0 = I phi'' + ..., one degree of freedom."""
     mech = mbdae.load(linkage)
     q, v = mech.assemble(q={"drive": -0.3})
     system = mech.system()
@@ -69,7 +69,7 @@ def test_it_moves_like_the_closed_form(linkage):
     assert a == pytest.approx(-weight * np.sin(0.3) / inertia, rel=1e-9)
 
 
-def test_links_that_nothing_carries_fly_and_static_ones_stand(tmp_path):
+def test_unattached_links_are_free_and_static_ones_are_fixed(tmp_path):
     path = tmp_path / "one.sdf"
     text = f'<sdf version="1.9"><model name="one">{{}}{LINKS[2]}</model></sdf>'
     path.write_text(text.format(""))
@@ -77,7 +77,7 @@ def test_links_that_nothing_carries_fly_and_static_ones_stand(tmp_path):
     assert mech.joint_kind("rocker free") == "FreeFlyer"
     np.testing.assert_allclose(mech.frame(mech.start[0], "rocker")[0], [0.5, 0, 0])
     sol = mbdae.solve(mech, (0, 0.1), step=0.01)
-    assert sol.q[-1, 0] == pytest.approx(-0.5 * 9.81 * 0.01, rel=1e-9)  # down is x of the link's own place
+    assert sol.q[-1, 0] == pytest.approx(-0.5 * 9.81 * 0.01, rel=1e-9)  # down is x of the link's frame
     path.write_text(text.format("<static>true</static>"))
     with pytest.raises(InputError, match=r"no joint|joints"):
         mbdae.load(path)
@@ -113,8 +113,8 @@ def loaded(tmp_path, content, head='<sdf version="1.9"><model name="m">', more="
         return mbdae.load(tmp_path / "x.toml"), [str(w.message) for w in said]
 
 
-def test_what_acts_in_the_joint_that_closes_the_loop_acts(tmp_path):
-    """A parallelogram: the pin turns by -phi as the pivot does, so its damper and spring act as one at the drive."""
+def test_forces_in_the_joint_that_closes_the_loop_are_applied(tmp_path):
+    """A parallelogram: the pin turns by -phi as the pivot does, so its damper and spring act as if at the driver."""
     dynamics = "<dynamics><damping>0.4</damping><spring_stiffness>3</spring_stiffness></dynamics>"
     motions = []
     for at in (1, 3):  # the elbow of the tree, and the pin that closes the loop: both turn by -phi
@@ -228,7 +228,7 @@ def test_meshes_of_installed_packages_are_found(tmp_path):
 def test_joints_between_frames_and_axes_that_are_no_pair(tmp_path):
     frames = '<frame name="f" attached_to="arm"><pose>0 0 0 0 0 1.5707963267948966</pose></frame>'
     text = ARM.format("", "revolute", "").replace("<child>arm</child>", "<child>f</child>")
-    mech, _ = loaded(tmp_path, frames + text)  # y of the frame is -x of the arm: gravity has no lever about it
+    mech, _ = loaded(tmp_path, frames + text)  # y of the frame is -x of the arm: gravity has no lever arm about it
     assert abs(pin.nle(mech.model, mech.model.createData(), np.zeros(1), np.zeros(1))[0]) < 1e-12
     with pytest.raises(InputError, match="joint 'hinge' joins 'arm' with itself"):
         loaded(tmp_path, frames + ARM.format("", "revolute", "").replace("world", "f"))

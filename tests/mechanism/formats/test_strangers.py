@@ -1,4 +1,4 @@
-"""Files of strangers: programs in them are named before they run, and names cannot act on a terminal."""
+"""Untrusted files: programs in them are named before they run, and names cannot control a terminal."""
 
 import pytest
 from commands import call
@@ -47,7 +47,7 @@ def test_errors_and_commands_print_no_control_characters(tmp_path):
     assert str(MbdaeError(f"{RED}a\nb\u202e")) == "\\x1b[31ma b\\u202e"
     path = tmp_path / f"{RED}.toml"
     path.write_text('[[body]]\nname = "arm"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n')
-    for arguments in (("info", path), ("run", f"{path}x")):
+    for arguments in (("info", path), ("solve", f"{path}x")):
         _, out, err = call(*arguments)
         assert "\x1b" not in out + err
         assert "\\x1b" in out + err
@@ -59,4 +59,4 @@ def test_a_lack_of_memory_is_one_line(monkeypatch):
 
     monkeypatch.setattr(problem, "load", load)
     said = "mbdae: there is not enough memory: Unable to allocate 10 TiB\n"
-    assert call("run", "four_bar") == (1, "", said)
+    assert call("solve", "four_bar") == (1, "", said)

@@ -55,7 +55,7 @@ def closed(kind):
 
 @pytest.mark.parametrize("kind", JOINTS)
 def test_closures_on_every_kind_of_joint(kind):
-    """G^T lam and G v by q, gamma by q and v, off the manifold, row by row; both frames on branches or one at rest."""
+    """G^T lam and G v by q, gamma by q and v, off the manifold, row by row; both frames on branches or one fixed."""
     mech, rng = closed(kind), np.random.default_rng(5)
     model, s, nv = mech.model, mech.system(), mech.nv
     q, v = random_q(model, rng), rng.standard_normal(nv)
@@ -73,7 +73,7 @@ def test_closures_on_every_kind_of_joint(kind):
     lam, whole = rng.standard_normal(mech.ng), np.zeros((nv, nv))
     K, B = s.constraints.slopes(v, lam)
     for spec in mech.constraints:
-        alone = Constraints(model, s.data, [spec])
+        alone = Constraints(model, s.workspace, [spec])
         alone.jacobian()
         for one, i in zip(np.eye(spec.m), mech.rows_of(spec.name), strict=True):
             own = alone.slopes(v, one)[0]
@@ -87,7 +87,7 @@ def test_closures_on_every_kind_of_joint(kind):
 
 
 def test_wrenches_turn_with_both_frames():
-    """(Da + Db) d = d x* w: a row does not notice when both frames are moved together."""
+    """(Da + Db) d = d x* w: a row is invariant when both frames are moved together."""
     mech, rng, met = closed("free"), np.random.default_rng(1), set()
     s = mech.system()
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""The descriptor form: accelerations and multipliers, dependent rows, singular positions, work and energy."""
+"""The descriptor form: accelerations and multipliers, redundant rows, singular configurations, work and energy."""
 
 from itertools import pairwise
 
@@ -78,8 +78,8 @@ def test_multipliers_of_dependent_rows_have_the_smallest_norm(name):
     for values in (sol.lam, sol.lam_own):
         for q, lam in zip(sol.q[1:], values[1:], strict=True):
             G = jacobian(mech, q)
-            outside = lam - G @ np.linalg.lstsq(G, lam, rcond=1e-9)[0]  # the part that G^T maps to 0
-            assert np.abs(outside).max() < 1e-4 * np.abs(lam).max()  # own lam belongs to a configuration nearby
+            outside = lam - G @ np.linalg.lstsq(G, lam, rcond=1e-9)[0]  # the component that G^T maps to 0
+            assert np.abs(outside).max() < 1e-4 * np.abs(lam).max()  # of a perturbed configuration
     G = jacobian(mech, sol.q[-1])
     outside = sol.lam[-1] - G @ np.linalg.lstsq(G, sol.lam[-1], rcond=1e-9)[0]
     assert np.abs(outside).max() < 1e-11 * np.abs(sol.lam[-1]).max()
@@ -92,7 +92,7 @@ AXES = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0
 def bricard(cut, gravity):
     """Bricard's mechanism: five rods and the ground along six edges of a cube, the hinge at corner ``cut`` being cut.
 
-    Six hinges leave it one degree of freedom where counting finds none (IFToMM benchmark A04).
+    Six hinges leave it one degree of freedom where the count gives none (IFToMM benchmark A04).
     """
     model = pin.Model()
     model.gravity.linear = np.array(gravity, float)
@@ -127,11 +127,11 @@ def fall(cut, gravity, backend, **options):
 
 @pytest.fixture(scope="module")
 def other_cut():
-    """The same motion with the loop cut elsewhere, which needs other rows."""
+    """The same motion with the loop cut elsewhere, which requires other rows."""
     return fall(5, [9.81, 0, 0], "auto")
 
 
-def test_rows_are_chosen_anew_on_the_way(monkeypatch):
+def test_rows_are_reselected_during_a_run(monkeypatch):
     chosen = set()
     choose = independent_rows.choose
 
@@ -153,7 +153,7 @@ def test_rows_are_chosen_anew_on_the_way(monkeypatch):
 
 
 @pytest.mark.parametrize("backend", ["native", "python"])
-def test_loops_cut_elsewhere_move_alike(other_cut, backend):
+def test_loops_cut_elsewhere_have_the_same_motion(other_cut, backend):
     first = fall(3, [9.81, 0, 0], backend)
     for a, b in zip(first.q, other_cut.q, strict=True):
         directions = rod_directions(first.mechanism, a), rod_directions(other_cut.mechanism, b)
@@ -161,8 +161,8 @@ def test_loops_cut_elsewhere_move_alike(other_cut, backend):
 
 
 @pytest.mark.usefixtures("back_end")
-def test_rows_that_share_their_load(other_cut):
-    # in the plane the dependent rows are zero; here five rows of rank four all carry some of it
+def test_redundant_rows_with_minimum_norm(other_cut):
+    # in the plane the dependent rows are zero; here five rows of rank four all have a nonzero multiplier
     for sol in (other_cut, mbdae.solve(bricard(3, [9.81, 0, 0]), (0, 0.5), np.zeros(5), np.zeros(5), step=1e-3)):
         mech, i = sol.mechanism, 1 if sol is other_cut else -1
         q, v, lam = sol.q[i], sol.v[i], sol.lam[i]
@@ -174,11 +174,11 @@ def test_rows_that_share_their_load(other_cut):
         G = jacobian(mech, q)
         outside = lam - G @ np.linalg.lstsq(G, lam, rcond=1e-6)[0]
         assert np.abs(outside).max() < 1e-7 * np.abs(lam).max()
-        assert np.count_nonzero(np.abs(np.linalg.svd(G)[0][:, -1]) > 0.1) > 1  # several rows depend on each other
+        assert np.count_nonzero(np.abs(np.linalg.svd(G)[0][:, -1]) > 0.1) > 1  # several rows are dependent
 
 
-def test_rows_fixed_at_the_start_lose_the_way(other_cut, monkeypatch):
-    # shows that the tests above can fail: without a new choice a row that is not in use opens
+def test_rows_fixed_at_the_start_fail(other_cut, monkeypatch):
+    # shows that the tests above can fail: without reselection a row that is not in use opens
     choose = independent_rows.choose
     once = lambda B, rows, *more: choose(B, None, *more) if rows is None else rows  # noqa: E731
     monkeypatch.setattr(independent_rows, "choose", once)
@@ -186,7 +186,7 @@ def test_rows_fixed_at_the_start_lose_the_way(other_cut, monkeypatch):
     assert not sol.success or drift(sol).g_max > 1e-3 or np.abs(sol.q - other_cut.q).max() > 1e-3
 
 
-def test_matrices_of_a_point_nearby_are_not_those_of_a_step():
+def test_matrices_of_a_perturbed_point_are_not_reused_in_a_step():
     mech = mbdae.load("four_bar")
     system, given = mech.system(), []
     F, z = system.derivative(0.0, mech.point())
@@ -202,7 +202,7 @@ def test_matrices_of_a_point_nearby_are_not_those_of_a_step():
 
 
 def parallelogram():
-    """Two cranks of 1 m on a ground of 2 m, without gravity: turned at a constant rate, flat at every half turn."""
+    """Two cranks of 1 m on a ground of 2 m, without gravity: rotated at a constant rate, flat at every half turn."""
     model = pin.Model()
     model.gravity.linear = np.zeros(3)
     crank, tip = rod(model, 0, pin.SE3.Identity(), 1.0, "crank")
@@ -217,7 +217,7 @@ def turned(angle, rate=2.0):
 
 
 @pytest.mark.usefixtures("back_end")
-def test_a_step_that_would_land_on_a_singular_position_goes_over_it():
+def test_a_step_that_would_end_in_a_singular_configuration_crosses_it():
     mech, angle = parallelogram(), np.pi / 4
     flat = (np.pi - angle) / 2.0
     sol = mbdae.solve(mech, (0, 3), *turned(angle), method="pherk4", step=flat / 100)  # /50: rounding may open the loop
@@ -247,7 +247,7 @@ def test_steps_over_a_singular_position_stay_on_their_branch():
 
 
 @pytest.mark.usefixtures("back_end")
-def test_a_start_in_a_singular_position_is_found_out():
+def test_a_start_in_a_singular_configuration_is_detected():
     sol = mbdae.solve(parallelogram(), (0, 1), *turned(0.0), rtol=1e-8)
     assert sol.status == "rank"
     assert "began in a singular configuration" in sol.message

@@ -1,4 +1,4 @@
-"""Formulations: scipy's solvers as a baseline, one solution for all, and what is refused."""
+"""Formulations: scipy's solvers as a baseline, one solution for all, and invalid combinations."""
 
 import json
 
@@ -52,7 +52,7 @@ def test_baumgarte_reduces_the_drift():
     assert stabilised.settings["baumgarte"] == (10.0, 10.0)
 
 
-def test_baumgarte_draws_residuals_back_by_their_own_equation():
+def test_baumgarte_residuals_obey_their_equation():
     """g'' + 2 alpha g' + beta^2 g = 0, with g'' along the motion by differences, at a state off the closures."""
     mech = mbdae.load("pendulum")
     alpha, beta = 3.0, 5.0
@@ -118,7 +118,7 @@ def test_times_events_and_files(options, tmp_path):
     np.testing.assert_array_equal(again.lam_own, sol.lam_own)
     assert again.settings["formulation"] == options.get("formulation", "index2")
     assert sol.lam.shape == (len(sol.t), 1)
-    np.testing.assert_allclose(sol.lam, sol.lam_own, atol=0.1)  # own ones are interpolated linearly
+    np.testing.assert_allclose(sol.lam, sol.lam_own, atol=0.1)  # multipliers of the method are interpolated linearly
 
 
 REFUSED = [

@@ -39,7 +39,7 @@ def motor():
 
 
 def curved():
-    """Closed over free, spherical, planar and flat joints, with forces of all sorts."""
+    """Closed by free, spherical, planar and flat joints, with various forces."""
     kinds = ["free", "spherical", "revolute", "planar", "continuous", "prismatic"]
     model = tree(kinds, [0, 1, 2, 1, 4, 5], seed=5)
     forces = [
@@ -77,14 +77,14 @@ def stage(name, formulation):
     x, dx = 0.2 * rng.standard_normal((2, system.ny))
     z = 10 * rng.standard_normal(m)
     if formulation == "ggl":
-        z[m // 2 :] = 0.0  # slopes are taken where mu = 0
+        z[m // 2 :] = 0.0  # partials are taken where mu = 0
     return chart, 0.7, x, 20 * dx, z
 
 
 @pytest.mark.parametrize("mu", [0.05, 0.03 + 0.04j])
 @pytest.mark.parametrize("formulation", ["index2", "ggl"])
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_solver_inverts_the_slopes_of_the_residual(name, formulation, mu):
+def test_solver_inverts_the_partials_of_the_residual(name, formulation, mu):
     chart, t, x, dx, z = stage(name, formulation)
     n, m = len(x), len(z)
 
@@ -117,8 +117,8 @@ def test_residual_of_the_derivative_is_zero():
         assert np.abs(c).max(initial=0.0) < 1e-12
 
 
-def test_textbook_slopes():
-    """f_y by the user and by difference quotients, which call f, give the same steps: the slopes of the residual."""
+def test_textbook_partials():
+    """f_y by the user and by difference quotients, which call f, give the same steps: the partials of the residual."""
     calls = []
 
     def f(t, y, z):
@@ -155,7 +155,7 @@ def test_singular_systems_are_named():
 
 
 def test_thread_counts_do_not_change_a_run():
-    """Of LAPACK: threads split sums, where they are used, and a sum in two parts is rounded in another way."""
+    """Of LAPACK: threads split sums, if used, and a sum in two parts is rounded differently."""
     code = "import mbdae; s = mbdae.solve(mbdae.load('n_four_bar'), (0, 0.5), method='radau5'); print(s.y.tobytes())"
     runs = [
         subprocess.run(

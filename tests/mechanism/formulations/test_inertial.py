@@ -1,4 +1,4 @@
-"""Slopes of the inertial part, and the expanded tree they are taken on."""
+"""Partials of the inertial forces, and the expanded tree on which they are computed."""
 
 import numpy as np
 import pinocchio as pin
@@ -13,8 +13,8 @@ from mbdae.mechanism.formulations import inertial_forces
 
 @pytest.mark.parametrize("kind", JOINTS)
 @pytest.mark.parametrize("largest", [0, 100])
-def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
-    """Of Pinocchio, and of large models with nv^2 numbers."""
+def test_inertial_partials_on_every_kind_of_joint(kind, largest, monkeypatch):
+    """From Pinocchio, and from large models with nv^2 numbers."""
     monkeypatch.setattr(inertial_forces, "LARGEST", largest)
     model, rng = tree([kind, "rx", kind, kind], [0, 1, 2, 1], seed=1), np.random.default_rng(2)
     model.armature = rng.uniform(0.1, 0.5, model.nv)
@@ -31,7 +31,7 @@ def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
 
 
 def test_nested_joints_are_expanded():
-    """A composite of universal and composite joints; q, J and the poses of bodies stay the same numbers."""
+    """A composite of universal and composite joints; q, J and the poses of bodies are unchanged."""
     inner, outer = pin.JointModelComposite(), pin.JointModelComposite()
     inner.addJoint(pin.JointModelSphericalZYX(), pin.SE3.Random())
     inner.addJoint(pin.JointModelPX(), pin.SE3.Random())

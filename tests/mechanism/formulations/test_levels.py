@@ -1,4 +1,4 @@
-"""What the stabilised form and projection keep, and at which order."""
+"""Constraints preserved by the GGL form and projection, and their order."""
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +19,7 @@ def test_ggl_keeps_both_levels_over_a_hundred_seconds(name):
     sol = run(mbdae.load("four_bar"), 100.0, method=name, formulation="ggl", rtol=rtol)
     g, Gv = levels(sol)
     assert g <= 1e-11
-    assert Gv <= 1e-11 * (1 + np.abs(sol.v).max())  # implicit stages are solved so far, or to rounding
+    assert Gv <= 1e-11 * (1 + np.abs(sol.v).max())  # implicit stages are solved to this accuracy, or to rounding
 
 
 CASES = [
@@ -78,7 +78,7 @@ def test_dependent_rows_are_all_kept(options):
 
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("kinds", [["free", "spherical"], ["revolute", "rx"]])
-def test_trees_move_alike_in_every_formulation(kinds):
+def test_trees_have_the_same_motion_in_every_formulation(kinds):
     mech = Mechanism(tree(kinds, [0, 1]))
     start = random_q(mech.model, np.random.default_rng(0)), np.ones(mech.nv)
     reference = mbdae.solve(mech, (0.0, 0.5), *start, rtol=1e-9)
@@ -92,7 +92,7 @@ def test_trees_move_alike_in_every_formulation(kinds):
 
 
 def two_four_bars():
-    """Two parallelograms side by side: singular when the cranks lie flat."""
+    """Two parallelograms side by side: singular when the cranks are flat."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
     for k in range(3):
@@ -135,7 +135,7 @@ def test_projection_keeps_the_order_without_new_solves():
     mech, steps = mbdae.load("pendulum"), (20, 40, 80, 160, 320)
     assert min(slopes(mech, 2.0, steps, method="pherk5", project=True)) >= 4.8
     solves = [run(mech, 2.0, method="pherk5", rtol=1e-8, project=p).stats["solves"] for p in (False, True)]
-    assert abs(solves[0] - solves[1]) <= 20  # the carried derivative stays
+    assert abs(solves[0] - solves[1]) <= 20  # the carry is kept
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "free_loop"])
@@ -151,14 +151,14 @@ def test_projection_is_least_in_the_mass_metric(name):
     G = system.closures(back[: mech.nq])[1]
     move = system.difference(off, back)
     for part, tolerance in ((move[: mech.nv], 1e-6), (move[mech.nv : 2 * mech.nv], 1e-6)):
-        force = M @ part  # normal: a combination of the rows of G, to first order of the move
+        force = M @ part  # normal: a combination of the rows of G, to first order of the correction
         rest = force - G.T @ np.linalg.lstsq(G.T, force, rcond=1e-8)[0]
         assert np.abs(rest).max() < tolerance
 
 
 @pytest.mark.parametrize("away", [1e-10, 1e-6, 1e-2])
-def test_projection_goes_on_until_positions_are_met(away):
-    """However far off, as Newton's method does: a correction is as exact as its square is small."""
+def test_projection_iterates_until_positions_converge(away):
+    """From any distance, as Newton's method does: the error of a correction is the square of its size."""
     mech = mbdae.load("four_bar")
     system = mech.system()
     off = mech.point()

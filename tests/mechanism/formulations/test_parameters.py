@@ -25,7 +25,7 @@ def swirl(t, q, v):
 
 
 def make(values):
-    """A tree over nine kinds of joints with rows and forces of all sorts; numbers of all that it is made of."""
+    """A tree of nine kinds of joints with rows and various forces; parameters of all its components."""
     x = {**VALUES, **values}
     model = tree(KINDS, PARENTS, seed=2)
     model.inertias[5] = pin.Inertia(x["mass"], np.array([0.1, x["com"], -0.1]), np.diag([x["inertia"], 0.2, 0.15]))
@@ -56,15 +56,15 @@ def make(values):
 def terms(mech, t, q, v, s, vdot, lam):
     system = mech.system()
     (g, G), gamma = system.closures(q, t), system.gamma(q, v, t)
-    pin.computeJointJacobians(system.model, system.data, q)
+    pin.computeJointJacobians(system.model, system.workspace, q)
     tau, rates = system.torque(t, q, v, s)
     rates[-1] -= lam @ system.g_t(t)
-    f = tau + lam @ G - pin.rnea(system.model, system.data, q, v, vdot)
+    f = tau + lam @ G - pin.rnea(system.model, system.workspace, q, v, vdot)
     return np.concatenate([f, rates]), G @ v + system.g_t(t), g, gamma
 
 
 @pytest.mark.parametrize("name", VALUES)
-def test_slopes_of_every_sort_of_parameter(name):
+def test_partials_of_every_sort_of_parameter(name):
     parameters, rng = Parameters(make, {name: VALUES[name]}), np.random.default_rng(4)
     mech, h = parameters.mech, 3e-3 * (abs(VALUES[name]) or 1.0)
     q, lam, s = random_q(mech.model, rng, 0.8), rng.standard_normal(mech.ng), rng.standard_normal(len(mech.states))
@@ -81,7 +81,7 @@ def test_slopes_of_every_sort_of_parameter(name):
 
 
 def test_parameters_of_files():
-    """Dotted names, several at a time; a placement that opens rows which depend on others has no derivative."""
+    """Dotted names, several at a time; a placement that violates redundant rows has no derivative."""
     values = {"joint.crank.mass": 1.0, "joint.rocker.xyz.0": 2.5, "frame.coupler_tip.xyz.0": 2.0, "gravity.2": -9.81}
     parameters = Parameters(Template("four_bar").make, values)
     q, v = parameters.mech.start

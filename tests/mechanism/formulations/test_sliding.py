@@ -1,4 +1,4 @@
-"""Friction by the force that a closure carries: closed forms, a second formulation, orders, and where it wedges."""
+"""Friction proportional to closure forces: closed forms, a second formulation, orders, and wedging."""
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +12,7 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.closures.profiles import CircleProfile
 
 R, M, MU, SPEED, GRAVITY = 0.5, 0.3, 0.3, 4.0, 9.81
-SHARP = 1e-9  # m/s: the friction has its full value at all speeds met
+SHARP = 1e-9  # m/s: the friction has its full value at all speeds that occur
 
 
 def planar_body(joints="xy", com=(0.0, 0.0, 0.0)):
@@ -39,13 +39,13 @@ def slide(method="pherk6", T=0.2, **how):
 
 
 def squared_speed(angle):
-    """d(v^2)/da + 2 mu v^2 = -2 g R (sin a + mu cos a), as long as the wire presses inwards."""
+    """d(v^2)/da + 2 mu v^2 = -2 g R (sin a + mu cos a), while the wire presses inwards."""
     A, B = np.linalg.solve([[2 * MU, -1], [1, 2 * MU]], [-2 * GRAVITY * R, -2 * GRAVITY * R * MU])
     return (SPEED**2 - B) * np.exp(-2 * MU * angle) + A * np.sin(angle) + B * np.cos(angle)
 
 
 @pytest.mark.parametrize(("method", "within"), [("pherk6", 1e-12), ("radau5", 1e-8)])
-def test_a_bead_on_a_wire_is_braked_by_its_own_normal_force(method, within):
+def test_a_bead_on_a_wire_is_braked_by_its_normal_force(method, within):
     sol = slide(method, rtol=1e-13 if method == "pherk6" else 1e-8)
     angle = np.arctan2(sol.q[:, 0], -sol.q[:, 1])
     assert sol.success
@@ -64,8 +64,8 @@ def test_methods_have_their_general_order():
         assert np.log2(errors[-2] / errors[-1]) > order - 0.2, (method, errors)
 
 
-def test_the_order_of_pherk5_shows_behind_a_change_of_sign_of_its_error():
-    """Its leading error is so small that the next one outweighs it with large steps: slopes look irregular there."""
+def test_the_order_of_pherk5_shows_after_a_sign_change_of_its_error():
+    """Its leading error is so small that the next one dominates large steps: observed orders are irregular there."""
     reference = slide(rtol=1e-13)
     errors = {n: slide("pherk5", step=0.2 / n).v[-1, 1] - reference.v[-1, 1] for n in (10, 20, 80, 160)}
     assert errors[10] > 0 > errors[20]
@@ -74,7 +74,7 @@ def test_the_order_of_pherk5_shows_behind_a_change_of_sign_of_its_error():
 
 @pytest.mark.parametrize("kind", ["point", "revolute"])
 def test_a_pendulum_in_a_bearing_with_friction(kind):
-    """I a'' = -m g L sin a - mu r |F| sign a', where F, of the bearing, depends on a'': solved for it at each point."""
+    """I a'' = -m g L sin a - mu r |F| sign a', where F, of the bearing, depends on a'': solved at each point."""
     L, mu, r, v0 = 0.4, 0.3, 0.2, 5.0
     model = planar_body("xyz", com=(0.0, -L, 0.0))
     pivot = Closure(kind=kind, frames=("world", "body"), name="pivot")
@@ -97,7 +97,7 @@ def test_a_pendulum_in_a_bearing_with_friction(kind):
 
 
 def test_friction_that_wedges_is_named():
-    """A lever that is dragged over the ground, its end ahead of its pivot: with mu tan a >= 1 it digs in."""
+    """A lever dragged over the ground, its end ahead of its pivot: with mu tan a >= 1 it wedges."""
     model = planar_body("xz", com=(0.5, -0.5, 0.0))
     model.addBodyFrame("tip", 2, pin.SE3(np.eye(3), np.array([0.5, -0.5, 0.0])), 0)
     model.addBodyFrame("floor", 0, pin.SE3(np.eye(3), np.array([0, -0.5, 0])), 0)

@@ -1,4 +1,4 @@
-"""Eigenvalues of matrices whose entries are known to rounding: exact ones beside 1e7 times larger ones, and chains."""
+"""Eigenvalues of matrices whose entries are known to rounding: exact ones next to 1e7 times larger ones, and chains."""
 
 from itertools import pairwise
 
@@ -10,7 +10,7 @@ from mbdae.mechanism.formulations.spectrum import EPS, curvature, null_space, sp
 
 
 def vibrating(K):
-    """A of y'' = -K y, and how closely its entries are known."""
+    """A of y'' = -K y, and the accuracy of its entries."""
     n = len(K)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, np.zeros((n, n))]])
     return A, EPS * np.abs(A)
@@ -18,8 +18,8 @@ def vibrating(K):
 
 @pytest.mark.parametrize("fast", [1e3, 1e7])
 @pytest.mark.parametrize("slow", [1e-6, 1e-3])
-def test_slow_motions_beside_fast_ones_and_free_ones(slow, fast):
-    """Frequencies of uncoupled masses, 13 decades apart, and two zeros of a mass that nothing holds."""
+def test_slow_motions_with_fast_and_free_ones(slow, fast):
+    """Frequencies of uncoupled masses, 13 decades apart, and two zeros of a free mass."""
     found = spectrum(*vibrating(np.diag([fast**2, 0.0, slow**2])))
     assert np.count_nonzero(found.values == 0) == 2
     frequencies = np.sort(found.values.imag[found.values.imag > 0])
@@ -29,7 +29,7 @@ def test_slow_motions_beside_fast_ones_and_free_ones(slow, fast):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_chains_of_masses(seed):
-    """Springs from 1e-6 to 1e10 between masses: frequencies of the matrix as it stands, in 60 digits."""
+    """Springs from 1e-6 to 1e10 between masses: frequencies of the given matrix, in 60 digits."""
     rng = np.random.default_rng(seed)
     k = 10 ** rng.uniform(-6, 10, 4)
     K = np.diag(k)
@@ -43,7 +43,7 @@ def test_chains_of_masses(seed):
     assert not found.growing.any()
 
 
-def test_slow_growth_beside_a_fast_motion():
+def test_slow_growth_with_a_fast_motion():
     A = np.zeros((3, 3))
     A[:2, :2], A[2, 2], A[0, 2] = [[0.0, 1.0], [-1e14, 0.0]], 1e-6, 0.3
     found = spectrum(A, EPS * np.abs(A))
@@ -53,7 +53,7 @@ def test_slow_growth_beside_a_fast_motion():
 
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 def test_zeros_do_not_depend_on_units(scale):
-    """A chain of four zeros, rounding in it, in coordinates of very different units."""
+    """A chain of four zeros, with rounding errors, in coordinates of very different units."""
     A = np.diag([1.0, 1.0, 1.0, 0.0], 1)
     A[4, 4], A[3, 4], A[0, 0] = -1e6, 2.0, 1e-17
     d = scale ** np.arange(5.0)
@@ -74,7 +74,7 @@ def test_eigenvectors_come_back_from_the_quotient():
 @pytest.mark.parametrize(("soft", "stiff", "negative", "flat"), [
     (-1e-4, 1e6, 1, 0), (-1e-10, 1.0, 1, 0), (1e-2, 1e12, 0, 0), (0.0, 1e12, 0, 1), (-1e-9, -1e9, 2, 0),
 ])  # fmt: skip
-def test_signs_of_soft_springs_beside_stiff_ones(soft, stiff, negative, flat):
+def test_signs_of_soft_springs_among_stiff_ones(soft, stiff, negative, flat):
     H = np.array([[stiff, 0.0], [0.0, soft]])
     e = EPS * np.maximum(np.abs(H), np.diag([0.0, 1e-10]))
     found = curvature(H, e)

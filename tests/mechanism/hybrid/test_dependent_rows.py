@@ -1,4 +1,4 @@
-"""Impacts on rows that depend on the closures, which are kept: they take no impulse, and change nothing."""
+"""Impacts on rows that depend on bilateral closure rows: they take no impulse, and change nothing."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from mbdae.mechanism.hybrid.impact_law import solve_impact
 
 
 def scene(seed, scale):
-    """A mass matrix, kept rows that move at their own speeds, one that depends on them, and one that is struck."""
+    """A mass matrix, bilateral rows with given speeds, one that depends on them, and an impacting one."""
     rng = np.random.default_rng(seed)
     n, A = 6, np.random.default_rng(100 + seed).normal(size=(6, 6))
     M, kept, b, weights = A @ A.T + np.eye(n), rng.normal(size=(3, n)), rng.normal(size=3), rng.normal(size=3)
@@ -22,7 +22,7 @@ def scene(seed, scale):
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_a_row_that_depends_on_kept_ones_changes_nothing(seed, scale):
-    """p = (1 + e) |u| / (a W a^T), W = M^-1 - M^-1 G^T (G M^-1 G^T)^-1 G M^-1, of the row that is struck alone."""
+    """p = (1 + e) |u| / (a W a^T), W = M^-1 - M^-1 G^T (G M^-1 G^T)^-1 G M^-1, of the impacting row alone."""
     M, kept, b, weights, row, v = scene(seed, scale)
     e, inverse = 0.6, np.linalg.inv(M)
     W = inverse - inverse @ kept.T @ np.linalg.solve(kept @ inverse @ kept.T, kept @ inverse)
@@ -34,7 +34,7 @@ def test_a_row_that_depends_on_kept_ones_changes_nothing(seed, scale):
     np.testing.assert_allclose(M @ (found.v - v), kept.T @ found.P + row * p, rtol=1e-9, atol=1e-9)
 
 
-def test_a_row_that_kept_ones_drive_into_a_stop_is_refused():
+def test_bilateral_rows_that_push_into_a_stop_are_rejected():
     M, kept, b, weights, row, v = scene(3, 1.0)
     rows, c = np.array([weights @ kept, row]), np.array([weights @ b - 0.01, 0.0])
     with pytest.raises(StepError, match="closures keep what strikes from giving way"):

@@ -33,15 +33,15 @@ def test_a_rod_on_both_ends():
     np.testing.assert_allclose(blow.v, [e * v, 0], atol=1e-15)
 
 
-def test_balls_in_a_row_that_touch_are_struck_at_once():
-    # Newton's law knows no order of impacts: (-1, 2, 2)/3, and not (0, 0, 1) as of a cradle
+def test_touching_balls_take_part_in_one_impact():
+    # Newton's law has no sequence of impacts: (-1, 2, 2)/3, and not (0, 0, 1) as of a cradle
     rows = np.array([[-1.0, 1, 0], [0, -1, 1]])
     blow = hit(np.eye(3), rows, np.array([1.0, 0, 0]), np.ones(2))
     np.testing.assert_allclose(blow.v, np.array([-1, 2, 2]) / 3, atol=1e-15)
 
 
 def enumerated(M, rows, v, e):
-    """The v+ of the one choice of impulses that meets all conditions."""
+    """The v+ of the only set of impulses that satisfies all conditions."""
     W, u = rows @ np.linalg.solve(M, rows.T), rows @ v
     for k in range(len(rows) + 1):
         for on in map(list, combinations(range(len(rows)), k)):
@@ -69,14 +69,14 @@ def nothing(n):
     return np.zeros((0, n)), np.zeros(0)
 
 
-def test_energy_never_grows_and_loops_stay_shut():
+def test_energy_never_grows_and_loops_stay_closed():
     rng = np.random.default_rng(1)
     for _ in range(500):
         n, k, m = int(rng.integers(2, 8)), int(rng.integers(0, 3)), int(rng.integers(1, 6))
         A = rng.normal(size=(n, n))
         M, kept, rows = A @ A.T + 0.1 * np.eye(n), rng.normal(size=(k, n)), rng.normal(size=(m, n))
         if rng.random() < 0.3:
-            rows[-1] = rows[0]  # rows that depend on each other
+            rows[-1] = rows[0]  # dependent rows
         v = rng.normal(size=n)
         v -= np.linalg.pinv(kept) @ kept @ v if k else 0
         if k == n:
@@ -98,7 +98,7 @@ def test_a_driver_that_pushes_into_a_stop_is_named():
 
 
 def rubbed(seed, e):
-    """Two contacts of a random body that rub: M, v, rows, tangents, and what happens."""
+    """Two frictional contacts of a random body: M, v, rows, tangents, and the solution."""
     rng = np.random.default_rng(seed)
     A, v = rng.normal(size=(6, 6)), rng.normal(size=6)
     M, rows, tangents = A @ A.T + np.eye(6), rng.normal(size=(2, 6)), rng.normal(size=(2, 6))
@@ -113,8 +113,8 @@ def rubbed(seed, e):
     )
 
 
-@pytest.mark.parametrize("seed", [*range(30), 379])  # the last one goes round in circles
-def test_contacts_that_rub_stick_or_slide_against_the_slip_that_is_left(seed):
+@pytest.mark.parametrize("seed", [*range(30), 379])  # the last one cycles
+def test_frictional_contacts_stick_or_slide_against_the_remaining_slip(seed):
     mu, (M, v, rows, tangents, blow) = 0.4, rubbed(seed, 0.0)
     np.testing.assert_allclose(M @ (blow.v - v), rows.T @ blow.p + tangents.T @ blow.friction, atol=1e-11)
     opening, slip = rows @ blow.v, tangents @ blow.v
@@ -128,6 +128,6 @@ def test_contacts_that_rub_stick_or_slide_against_the_slip_that_is_left(seed):
     assert blow.work < 1e-12
 
 
-def test_energy_that_friction_and_restitution_would_make_is_refused():
+def test_an_energy_gain_by_friction_and_restitution_is_rejected():
     with pytest.raises(StepError, match="Newton's law with friction makes energy here, with restitution above 0"):
         rubbed(399, 0.9)

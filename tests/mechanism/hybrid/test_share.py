@@ -1,10 +1,12 @@
-"""Which rows hold: against enumeration of all cases, and against closed forms."""
+"""Active-set selection: against enumeration of all cases, and against closed forms."""
 
 from itertools import product
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
+from mbdae.mechanism.hybrid import friction_utilisation
 from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
 from mbdae.mechanism.hybrid.friction_utilisation import least_utilisation
 
@@ -12,7 +14,7 @@ INF = np.inf
 
 
 def enumerate_cases(W, a, lower, upper):
-    """Accelerations for which each row is held within its limits, or is at one and accelerates away: try all cases."""
+    """Accelerations such that each row is active within its limits, or at one and accelerates away: try all cases."""
     m = len(a)
     for case in product((0, -1, 1), repeat=m):
         lam = np.array([lower[i] if c < 0 else upper[i] if c > 0 else 0.0 for i, c in enumerate(case)])
@@ -34,7 +36,7 @@ def enumerate_cases(W, a, lower, upper):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_what_holds_is_what_a_look_at_all_cases_finds(seed):
+def test_the_active_set_agrees_with_enumeration(seed):
     rng = np.random.default_rng(seed)
     m = rng.integers(1, 5)
     B = rng.normal(size=(m + 2, m)) * 10.0 ** rng.uniform(-3, 3, m)
@@ -48,7 +50,7 @@ def test_what_holds_is_what_a_look_at_all_cases_finds(seed):
     np.testing.assert_allclose(acc * size, scaled, atol=1e-8)
 
 
-def test_a_block_on_a_slope_slides_with_what_friction_leaves():
+def test_a_block_on_an_incline_slides_against_friction():
     B, weight = np.array([[0.5**0.5]]), 7.0  # 2 kg
     (lam,) = solve_box_lcp(B, np.array([weight / 2]), np.array([-5.0]), np.array([5.0]))
     assert lam == -5.0
@@ -58,7 +60,7 @@ def test_a_block_on_a_slope_slides_with_what_friction_leaves():
 
 @pytest.mark.parametrize(("gear", "together"), [(1.0, 4.0), (2.0, 5.0)])
 @pytest.mark.parametrize("part", [0.5, 0.999999, 1.5])
-def test_rows_that_depend_on_each_other_share_the_load(gear, together, part):
+def test_dependent_rows_have_least_norm(gear, together, part):
     """Two brakes, 3 and 1 N, of one block; the second one turns as fast, or twice as fast: they hold 4 N, or 5 N."""
     B, a, limit = np.array([[1.0, gear]]), np.array([1.0, gear]), np.array([3.0, 1.0])
     lam = -part * together * np.linalg.pinv(B)[:, 0]  # of least norm
@@ -69,11 +71,24 @@ def test_rows_that_depend_on_each_other_share_the_load(gear, together, part):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_smallest_share_is_the_least_largest_one(seed):
-    """Against a fine search over the one multiplier that is free."""
+def test_the_least_utilisation_minimises_the_maximum(seed):
+    """Against a fine search over the single free multiplier."""
     rng = np.random.default_rng(seed)
     load, null = rng.normal(size=5), rng.normal(size=(5, 1))
     z = np.linspace(-20, 20, 400001)
     searched = np.abs(load[:, None] + null * z).max(axis=0).min()
     assert least_utilisation(load, null) == pytest.approx(searched, abs=3e-4)
     assert least_utilisation(load, null) <= searched
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_where_one_motion_is_left_the_share_is_that_of_the_works(seed, monkeypatch):
+    """Against the linear programme, which is not solved where joints of one degree of freedom stick."""
+    rng = np.random.default_rng(seed)
+    m = int(rng.integers(2, 6))
+    load, null = rng.normal(size=m), rng.normal(size=(m, m - 1))
+    ones = np.ones((m, 1))
+    A, b = np.block([[null, -ones], [-null, -ones]]), np.concatenate([-load, load])
+    least = linprog(np.append(np.zeros(m - 1), 1.0), A, b, bounds=(None, None), method="highs").fun
+    monkeypatch.setattr(friction_utilisation, "linprog", None)
+    assert least_utilisation(load, null) == pytest.approx(least, rel=1e-9)

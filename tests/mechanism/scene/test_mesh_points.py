@@ -1,4 +1,4 @@
-"""The sizes of mesh files, and damaged ones, which are refused and do not hold anything up."""
+"""The sizes of mesh files, and damaged ones, which are rejected without hanging."""
 
 import struct
 

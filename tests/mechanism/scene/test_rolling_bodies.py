@@ -1,4 +1,4 @@
-"""What rolls is drawn where closures say that it touches, and turns with its joint."""
+"""Rolling bodies are drawn in contact as their closures require, and rotate with their joints."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""What is drawn is where Pinocchio says, and looks as its file says."""
+"""Visuals have the poses of Pinocchio, and the appearance of their file."""
 
 import coal
 import numpy as np
@@ -8,7 +8,8 @@ import scenes
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.scene.scene import Mark, Strut, make_scene
+from mbdae.mechanism.scene.make_scene import make_scene
+from mbdae.mechanism.scene.scene import Mark, Strut
 
 
 def is_rotation(quaternion):

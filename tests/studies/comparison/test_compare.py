@@ -1,4 +1,4 @@
-"""Comparisons: errors are what they are said to be, runs are kept, and rankings follow from the data."""
+"""Comparisons: errors agree with their definition, runs are kept, and rankings follow from the data."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_the_reference_is_held_against_another_family(study):
     assert all(study.known(p) for p in study.points)
 
 
-def test_what_the_reference_cannot_tell_is_marked(four_bar):
+def test_errors_below_the_reference_are_marked(four_bar):
     loose = {"reference": ("pherk3", "herk3"), "reference_rtol": 1e-6}
     rough = mbdae.compare(four_bar, (0, 1), methods=["herk5"], rtol=[1e-3, 1e-9], **loose, repeats=0)
     coarse, fine = rough.points
@@ -229,25 +229,25 @@ def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, nam
         if what.startswith("herk3, rtol 1e-05"):
             raise KeyboardInterrupt
 
-    first = mbdae.compare(four_bar, (0, 1), **QUICK, progress=stop, resume=tmp_path / name)
+    first = mbdae.compare(four_bar, (0, 1), **QUICK, progress=stop, path=tmp_path / name)
     assert not first.complete
     assert len(first.points) == 3
     assert "stopped: 3 of 4 runs" in str(first)
     assert Comparison.load(tmp_path / name).points == first.points
     runs.clear()
-    second = mbdae.compare(four_bar, (0, 1), **QUICK, resume=tmp_path / name)
+    second = mbdae.compare(four_bar, (0, 1), **QUICK, path=tmp_path / name)
     assert second.complete
     assert [r for r in runs if "1e-12" not in r] == ["herk3, rtol 1e-05"]
     assert second.points[:3] == first.points
     runs.clear()
-    third = mbdae.compare(four_bar, (0, 1), **QUICK | {"methods": ["herk3"]}, resume=tmp_path / name)
+    third = mbdae.compare(four_bar, (0, 1), **QUICK | {"methods": ["herk3"]}, path=tmp_path / name)
     assert runs == []
     assert third.points == second.points[2:]
     assert Comparison.load(tmp_path / name).points[2:] == second.points[:2], "the file keeps the others behind"
     with pytest.raises(InputError, match="another mechanism, span"):
-        mbdae.compare(four_bar, (0, 2), **QUICK, resume=tmp_path / name)
+        mbdae.compare(four_bar, (0, 2), **QUICK, path=tmp_path / name)
     with pytest.raises(InputError, match="another mechanism"):
-        mbdae.compare(mbdae.load("slider_crank"), (0, 1), **QUICK, resume=tmp_path / name)
+        mbdae.compare(mbdae.load("slider_crank"), (0, 1), **QUICK, path=tmp_path / name)
 
 
 def test_times_are_taken_in_turn(four_bar, monkeypatch):
@@ -270,7 +270,7 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
 
 @pytest.mark.native
 def test_one_back_end_for_all_runs(four_bar):
-    """Times compare: what the core does not have is computed in Python for all methods; scipy steps there always."""
+    """Times compare: if the core lacks one, all methods run in Python; scipy always steps there."""
     options = {"t_span": (0, 0.2), "rtol": [1e-4], "repeats": 1, "outputs": 2}
     methods = ["pherk5", "project:herk5", "ggl:pherk5", "ggl:radau3", "index1:dop853", "index1:RK45"]
     study = mbdae.compare(four_bar, methods=methods, **options)

@@ -1,4 +1,4 @@
-"""Comparisons in processes of their own and on the command line: same results, plain output, Ctrl-C."""
+"""Comparisons in separate processes and on the command line: same results, plain output, Ctrl-C."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Comparisons on textbook problems: exact solutions where they are known, own methods, files, workers, refusals."""
+"""Comparisons on textbook problems: known exact solutions, custom methods, files, workers, invalid input."""
 
 import json
 from dataclasses import replace
@@ -76,10 +76,10 @@ def test_files_hold_it_and_it_goes_on_from_there(reduction, tmp_path, suffix):
     reduction.save(path)
     assert Comparison.load(path) == reduction
     options = {"methods": ["rk4", "herk3"], "steps": [20, 40], "repeats": 0}
-    again = mbdae.compare(TEXTBOOK["hessenberg_a"](), (0, 1), **options, resume=path)
+    again = mbdae.compare(TEXTBOOK["hessenberg_a"](), (0, 1), **options, path=path)
     assert [p for p in reduction.points if p.method != "pherk4" and p.n < 80] == list(again.points)
     with pytest.raises(InputError, match="another mechanism, span"):
-        mbdae.compare(TEXTBOOK["circle"](), (0, 1), **options, resume=path)
+        mbdae.compare(TEXTBOOK["circle"](), (0, 1), **options, path=path)
 
 
 def test_processes_give_the_same():
@@ -95,7 +95,7 @@ def test_a_problem_of_the_users(tmp_path):
     assert study.title == "mine"
     assert study.points[0].errors["y"] < 1e-2
     with pytest.raises(InputError, match="the functions of 'mine' cannot be written"):
-        mbdae.compare(own, (0, 1), **options, resume=tmp_path / "mine.csv")
+        mbdae.compare(own, (0, 1), **options, path=tmp_path / "mine.csv")
     with pytest.raises(InputError, match="cannot be sent to another process"):
         mbdae.compare(own, (0, 1), **options, workers=2)
 
@@ -113,7 +113,7 @@ def test_what_belongs_to_mechanisms_is_refused(options, words):
         mbdae.compare(TEXTBOOK["circle"](), (0, 1), **{"methods": ["herk2"], "steps": [10], "repeats": 0, **options})
 
 
-def test_an_own_method_on_the_command_line(tmp_path, monkeypatch):
+def test_a_custom_method_on_the_command_line(tmp_path, monkeypatch):
     """The thesis' problem with a tableau from a file: a comparison, and its table in LaTeX."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(RALSTON)

@@ -1,4 +1,4 @@
-"""Drift: what is compared with what, at known states."""
+"""Drift: its reference values, at known states."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from mbdae import JointDamping
 
 
 def test_energies_are_compared_with_their_range():
-    """Not with the potential itself, which depends on where zero is: a mile up nothing else changes."""
+    """Not with the potential itself, which depends on its zero level: a mile up nothing else changes."""
     scales = []
     for height in (0.0, 1600.0):
         mech = arm(JointDamping(joint="arm", damping=0.01))

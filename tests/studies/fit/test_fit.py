@@ -1,4 +1,4 @@
-"""Numbers from measurements: the truth within its standard deviations, false minima, what data do not tell, errors."""
+"""Parameters from measurements: true values within standard deviations, false minima, unidentifiable ones, errors."""
 
 import base64
 import json
@@ -18,7 +18,7 @@ from mbdae.studies.fit.fit import ROUGH, SPANS, TOLERANCE
 from mbdae.studies.fit.fit_residuals import FitResiduals
 
 COMMANDS = (
-    "run four_bar -t 0.4 --step 0.02 -o fit.csv",
+    "solve four_bar -t 0.4 --step 0.02 -o fit.csv",
     "fit four_bar fit.csv -p gravity.2=-12:-8 -s q.crank --step 0.02 -o fit.json --plot fit.svg --html fit.html",
 )
 COARSE = {"step": 0.1, "method": "herk3"}
@@ -85,9 +85,9 @@ def test_eight_parameters_of_four_bar_from_clean_data():
 
 
 def test_a_false_minimum_is_refuted():
-    """Gravity from a bob that is out of step by periods: whole spans at once lead astray, growing ones do not.
+    """Gravity from a bob that is out of phase by periods: fitting the whole span at once fails, growing spans do not.
 
-    Other starts find the truth, too.
+    Other starts find the true value, too.
     """
     data = measured("pendulum", {"gravity.2": -9.81}, np.linspace(0.5, 5.0, 10), ["q.ball.x"], **COARSE)
     given = {"gravity.2": (-24.0, -30.0, -5.0)}
@@ -105,8 +105,8 @@ def test_a_false_minimum_is_refuted():
     assert "1 of 2 searches came to this minimum" in str(several)
 
 
-def test_what_the_data_do_not_tell_is_named(tmp_path):
-    """Two springs side by side, and a spring that never moves."""
+def test_unidentifiable_parameters_are_named(tmp_path):
+    """Two parallel springs, and a spring that is never deflected."""
     path = crank(
         tmp_path, '[[force]]\nkind = "joint_spring"\nname = "other"\njoint = "slider"\nstiffness = 20\nrest = 0.4'
     )

@@ -1,4 +1,4 @@
-"""What a fit is given wrongly: tables, files, options; and what of the user's own functions fails."""
+"""Invalid input of a fit: tables, files, options; and failing user functions."""
 
 import numpy as np
 import pytest
@@ -126,7 +126,7 @@ def test_a_model_that_fails_is_the_cause():
 
 
 def test_a_fit_ends_when_the_user_stops_a_run():
-    """A run that was stopped is no run that failed."""
+    """A run stopped by the user is not a failed run."""
     calls = []
 
     def torque(t, q, v):

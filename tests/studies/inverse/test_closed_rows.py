@@ -1,4 +1,4 @@
-"""Inverse dynamics beside stops, clutches and dry friction: closed rows of a run carry, of a motion none do."""
+"""Inverse dynamics with stops, clutches and dry friction: closed rows carry load in a run, none in a given motion."""
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +11,9 @@ from mbdae.errors import InputError
 from mbdae.mechanism.model_settings import Start
 
 COMMANDS = (
-    "run slider_crank_with_stop -t 0.3 -o stopped.npz",
-    "inverse slider_crank_with_stop stopped.npz -a crank",
-    "inverse slider_crank_with_stop --drive crank --speed 5 --points 20",
+    "solve slider_crank_with_stop -t 0.3 -o stopped.npz",
+    "inverse-dynamics slider_crank_with_stop stopped.npz -a crank",
+    "inverse-dynamics slider_crank_with_stop --drive crank --speed 5 --points 20",
 )
 G = 9.81
 
@@ -27,8 +27,8 @@ def pressed():
 
 
 @pytest.mark.parametrize("sampled", [False, True])
-def test_a_closed_stop_carries_in_a_run(pressed, tmp_path, sampled):
-    """At rest on its stop the rod presses with m g l sin(0.3); its motor has nothing to do, before and after."""
+def test_a_closed_stop_carries_load_in_a_run(pressed, tmp_path, sampled):
+    """At rest the rod presses on its stop with m g l sin(0.3); its motor has zero torque, before and after."""
     mech, sol = pressed
     if sampled:
         sol = mbdae.solve(mech, (0, 0.8), rtol=1e-8, t_eval=np.linspace(0, 0.8, 33))
@@ -48,7 +48,7 @@ def test_a_closed_stop_carries_in_a_run(pressed, tmp_path, sampled):
 
 
 def test_without_the_stop_the_motor_holds(pressed):
-    """The same motion of a mechanism that has no stop, and of the same one as arrays: the motor does what it did."""
+    """The same motion of a mechanism without a stop, and of the same one as arrays: the motor replaces the stop."""
     mech, sol = pressed
     free = Mechanism(mech.model, start=mech.start_values)
     at_rest = np.abs(sol.q[:, 0] - 0.3) < 1e-9
@@ -63,7 +63,7 @@ def test_without_the_stop_the_motor_holds(pressed):
         assert found.passed == ()
 
 
-def test_a_drive_through_the_stop_is_told_with_its_effort():
+def test_a_motion_through_a_stop_is_reported_with_its_effort():
     """m g l sin(u) at constant speed; the stop at 0.3 rad is passed from there on."""
     mech = mbdae.load("pendulum_on_stop")
     found = inverse_dynamics(mech, kinematics(mech, "rod", span=(1.0, 0.0), points=41), speed=-2.0)
@@ -87,7 +87,7 @@ def sliders(forces=(), **parts):
 def test_dry_friction_in_a_run_and_in_a_motion():
     """A push 3 t sticks up to 6 N, then slides against 4 N: friction carries the push, then 4 N; the motor nothing.
 
-    Of the same motion as a table the motor takes 2 a + 4 while it slides; while it stands, friction may hold 6 N.
+    For the same motion as a table the motor needs 2 a + 4 while it slides; at rest, friction may hold 6 N.
     """
     push = {"kind": "polynomial", "coefficients": (0.0, 3.0)}
     dry = JointFriction(joint="one", friction=4.0, static=6.0)
@@ -97,7 +97,7 @@ def test_dry_friction_in_a_run_and_in_a_motion():
     found = inverse_dynamics(free, sol, ["one", "two"])
     sticks = found.t < 2.0
     np.testing.assert_allclose(sol.lam[sticks, 0], -3 * found.t[sticks], atol=1e-9)
-    # the push is replaced by the motor: its share and friction's are one sum while it sticks
+    # the push is replaced by the motor: motor force and friction are not separable while it sticks
     np.testing.assert_allclose(found.efforts[sticks, 0] + found.lam[sticks, 0], 0, atol=1e-12)
     slides = found.v[:, 0] > 1e-6
     np.testing.assert_allclose(found.efforts[slides, 0], 3 * found.t[slides], rtol=1e-9)
@@ -112,8 +112,8 @@ def test_dry_friction_in_a_run_and_in_a_motion():
     assert "'one' stands still: its friction may hold up to 6 N more or less" in str(stands)
 
 
-def test_a_clutch_that_locks_carries_in_a_run():
-    """Two blocks, the second may not run behind the first: pushed by 10 N they go together, the clutch passes 6 N."""
+def test_a_locked_clutch_transmits_load_in_a_run():
+    """Two blocks, the second may not lag the first: pushed by 10 N they move together, the clutch transmits 6 N."""
     clutch = Clutch(joints=("two", "one"), name="pawl")
     parts = {"clutches": [clutch], "start": Start()}
     mech = sliders([JointTorque(joint="one", torque=10.0, name="push")], **parts)
@@ -130,8 +130,8 @@ def test_a_clutch_that_locks_carries_in_a_run():
     assert not inverse_dynamics(mech, {"t": t, "one": 0.5 * t**2, "two": t**2}, ["one", "two"]).passed
 
 
-def test_a_clutch_engaged_on_command_carries_in_a_motion():
-    """Engaged up to 1 s, both blocks are moved by one motor, 5 a; then its own, 2 a, and the other one 3 a."""
+def test_a_commanded_clutch_transmits_load_in_a_prescribed_motion():
+    """Engaged up to 1 s, both blocks are moved by one motor, 5 a; then by two motors, 2 a and 3 a."""
     steps = {"kind": "steps", "points": [[0.0, 1.0], [1.0, 0.0]]}
     mech = sliders(clutches=[Clutch(joints=("one", "two"), engaged=steps)])
     t = np.linspace(0, 0.9, 10)
@@ -151,8 +151,8 @@ def test_a_clutch_engaged_on_command_carries_in_a_motion():
         ("bouncing_chain", 0.3, ["across", "up", "head", "middle", "tail"]),
     ],
 )
-def test_runs_of_shipped_models_take_what_they_took(model, end, actuators):
-    """The drive's effort of the run, and the multipliers of all other rows, by another way."""
+def test_efforts_of_shipped_models_are_those_of_their_runs(model, end, actuators):
+    """The input's effort of the run, and the multipliers of all other rows, computed independently."""
     mech = mbdae.load(model)
     sol = mbdae.solve(mech, (0, end))
     found = inverse_dynamics(mech, sol, actuators)
@@ -163,14 +163,14 @@ def test_runs_of_shipped_models_take_what_they_took(model, end, actuators):
     if model == "slider_crank_with_stop":
         np.testing.assert_allclose(found.efforts, 0.3, rtol=1e-9)
     rest = np.delete(sol.lam, driven, axis=1)
-    if model != "stick_slip_slider":  # whose motor is at a joint that sticks: two that hold it
+    if model != "stick_slip_slider":  # with the motor at a sticking joint: not unique
         np.testing.assert_allclose(found.lam, rest, rtol=0, atol=1e-9 * scale)
     assert found.impacts == tuple(x.t for x in sol.impacts)
     assert found.signals()[f"lam.{mech.row_names[-1]}.1"].shape == found.t.shape
 
 
 def test_integrals_are_taken_between_jumps():
-    """Effort 1 up to t = 1 and 0 behind it, two nodes there: RMS over 2 s is sqrt(1/2)."""
+    """Effort 1 up to t = 1 and 0 after it, two nodes there: RMS over 2 s is sqrt(1/2)."""
     bar_ = pin.Model()
     bar(bar_, 0, (0, 0), 1.0, "bar")
     mech = Mechanism(bar_)
@@ -195,7 +195,7 @@ def test_rms_is_that_of_squares_on_any_grid():
 
 
 def test_where_wheels_roll_to_is_no_table():
-    """The place of a platform on wheels depends on the way: 1e-4 m off from 41 points of a table."""
+    """The position of a platform on wheels depends on the path: 1e-4 m off from 41 points of a table."""
     t = np.linspace(0, 2, 41)
     mech = mbdae.load("differential_drive")
     with pytest.raises(InputError, match="has rows of velocity: where it goes depends on the way, not on left_wheel"):
@@ -203,7 +203,7 @@ def test_where_wheels_roll_to_is_no_table():
 
 
 def test_closures_within_windows_carry_in_a_motion():
-    """The slots and the locking disc of a Geneva drive are there by the angle of the crank, run or not."""
+    """The slots and the locking disc of a Geneva drive are active by the angle of the crank, run or not."""
     mech = mbdae.load("geneva_drive")
     sol = mbdae.solve(mech, (0, 0.6))
     modes = np.array([sol.mode(i) for i in range(len(sol.t))])

@@ -1,4 +1,4 @@
-"""Inverse dynamics: back and forth, against drivers' multipliers, energies and closed forms; what is refused."""
+"""Inverse dynamics: forward and back, against drivers' multipliers, energies and closed forms; invalid input."""
 
 import numpy as np
 import pinocchio as pin
@@ -12,15 +12,15 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.model_settings import Start
 
 COMMANDS = (
-    "run four_bar -t 0.2 -o bar.npz",
-    "inverse four_bar bar.npz -a crank",
-    "inverse slider_crank --drive crank --speed 10 --points 30",
+    "solve four_bar -t 0.2 -o bar.npz",
+    "inverse-dynamics four_bar bar.npz -a crank",
+    "inverse-dynamics slider_crank --drive crank --speed 10 --points 30",
 )
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 
 
 def swing(t, values, amplitude=0.2):
-    """Smooth motions from given values on."""
+    """Smooth motions from given start values."""
     return {n: x + amplitude * (1 - np.cos((2 + i) * t)) for i, (n, x) in enumerate(values.items())}
 
 
@@ -33,7 +33,7 @@ def swing(t, values, amplitude=0.2):
     ],
 )
 def test_forward_again(model, moved, actuators):
-    """The free mechanism under the efforts repeats the motion; those of the Panda are more than its freedoms."""
+    """The free mechanism under the efforts repeats the motion; the Panda has more of them than degrees of freedom."""
     mech = mbdae.load(model)
     t = np.linspace(0, 0.4, 241)
     found = inverse_dynamics(mech, {"t": t, **swing(t, moved)}, actuators)
@@ -127,7 +127,7 @@ def test_a_table_is_followed(tmp_path):
     assert (tmp_path / "efforts.csv").read_text().startswith("t,effort.crank,speed.crank,power.crank,lam.")
 
 
-def test_poses_of_lost_rank_are_told():
+def test_poses_with_rank_loss_are_reported():
     mech = parallelogram()
     q = np.array([[u, -u, u] for u in (3.0, np.pi, 3.3)])
     v = np.tile([1.0, -1.0, 1.0], (3, 1))
@@ -181,7 +181,7 @@ def test_wrong_names_and_weights():
 
 
 @pytest.mark.parametrize("name", ["gone.npz", "gone.csv"])
-def test_a_motion_that_is_missing_is_said_before_all_else(name):
+def test_a_missing_motion_is_reported_first(name):
     """Also where actuators are to be named."""
     with pytest.raises(InputError, match=name):
         inverse_dynamics(mbdae.load("four_bar"), name)

@@ -1,4 +1,4 @@
-"""Assembly modes against brute force: circles of links crossed on grids; random loops with known numbers of modes."""
+"""Assembly modes against brute force: intersections of circles on grids; random loops with known numbers of modes."""
 
 import importlib
 import re
@@ -89,7 +89,7 @@ def test_stephenson_by_its_lever_has_as_many_as_the_coupler_curve_crosses_a_circ
     assert count >= 2
 
 
-def test_modes_are_told_apart_by_named_joints():
+def test_modes_are_distinguished_by_named_joints():
     mech = mbdae.load("stewart_platform")
     legs = [f"piston_{i}" for i in range(2, 7)]
     found = assembly_modes(mech, "piston_1", hold=legs, apart="platform", most=150)
@@ -151,7 +151,7 @@ def test_too_few_starts_are_said():
 
 
 def test_a_circuit_that_is_not_closed_is_doubtful():
-    """A crank geared to a slide: it slides on without end."""
+    """A crank geared to a slider: it slides on without end."""
     model = pin.Model()
     bar(model, 0, (0, 0), 1.0, "crank")
     slide = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
@@ -163,7 +163,7 @@ def test_a_circuit_that_is_not_closed_is_doubtful():
 
 
 def test_a_missed_passage_of_the_input_is_doubtful(monkeypatch):
-    """On one circuit an input that turns back rises as often as it falls."""
+    """On one circuit an input that reverses rises as often as it falls."""
     whole = circuits._passages
     monkeypatch.setattr(circuits, "_passages", lambda curve, u: whole(curve, u)[:1])
     found = assembly_modes(mbdae.load("four_bar"), "rocker")
@@ -197,7 +197,7 @@ def test_a_parallelogram_has_a_mode_on_each_of_its_branches():
 
 
 def test_poses_that_are_not_isolated_end_the_search():
-    """A parallelogram lies in one line at crank = 0, and its rocker turns about the crank's tip while that rests."""
+    """A parallelogram is in line at crank = 0, and its rocker rotates about the crank's tip while the crank rests."""
     found = assembly_modes("n_four_bar", "crank_0", 0.0)
     assert found.doubts == ("poses are not isolated: with the input held, something still moves",)
     assert found.starts < 200

@@ -8,7 +8,7 @@ import mbdae
 from mbdae.mechanism.joints import angle_components
 
 LEGS = [f"piston_{i}" for i in range(2, 7)]
-DRIVES = {  # drive, what is held, a range without dead points
+DRIVES = {  # input, locked joints, a range without dead points
     "four_bar": ("rocker", [], (1.2, 2.4)),
     "slider_crank": ("slider", [], (0.3, 0.4)),
     "spatial_slider_crank": ("crank", [], (0.0, 3.0)),
@@ -19,7 +19,7 @@ WITHIN = 1e-9
 
 
 def near(found, expected, factor=1.0):
-    """The same numbers to 1e-9 of the largest of them."""
+    """The same values to 1e-9 of the largest of them."""
     found, expected = np.asarray(found) / factor, np.asarray(expected)
     np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
     assert np.nanmax(np.abs(found - expected), initial=0.0) <= WITHIN * np.nanmax(np.abs(expected), initial=1e-12)

@@ -1,4 +1,4 @@
-"""Curves of poses beside stops, contacts, clutches and friction: none of them acts, and what is passed is told."""
+"""Curves of poses with stops, contacts, clutches and friction: all are ignored, and violations are reported."""
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +19,7 @@ def four_bar(**parts):
 
 
 def test_a_stop_of_another_joint_is_passed_where_the_loop_says():
-    """The rocker's angle of a four-bar is that of its closed form where the stop begins and where it ends."""
+    """The rocker's angle of a four-bar is that of its closed form at both ends of the stop's range."""
     end = 1.6
     found = kinematics(four_bar(stops=[Stop(joint="rocker", upper=end)]), "crank", span=(0.0, 2 * np.pi), points=5)
     assert {(p.name, p.unit) for p in found.passed} == {("rocker stop", "rad")}
@@ -34,7 +34,7 @@ def test_a_stop_of_another_joint_is_passed_where_the_loop_says():
     assert found.to_dict()["passed"][0]["name"] == "rocker stop"
 
 
-def test_what_is_not_passed_is_not_told():
+def test_stops_that_are_not_passed_are_not_reported():
     found = kinematics(four_bar(stops=[Stop(joint="rocker", upper=4.0)]), "crank")
     assert found.passed == ()
     assert "passes" not in str(found)
@@ -75,7 +75,7 @@ def two_bars(**parts):
         (Clutch(joints=("one", "two"), ratio=2.0), (0.0, 1.0), None, 0),
     ],
 )
-def test_clutches_run_free_and_are_told_where_they_turn_back(clutch, span, first, most):
+def test_clutches_turned_backwards_are_reported(clutch, span, first, most):
     found = kinematics(two_bars(clutches=[clutch]), "one", span=span, hold="two", points=20)
     assert found.u[-1] == span[1]
     if first is None:
@@ -115,8 +115,8 @@ def test_what_rolls_is_refused_with_its_name(name):
         kinematics(mech, mech.joint_names[-1])
 
 
-def test_a_driver_of_speed_stands_still_and_may_be_the_drive():
-    """It has no position of its own: it stays where the start has it."""
+def test_a_speed_driver_keeps_its_position_and_can_be_the_input():
+    """It has no prescribed position: it stays at its start."""
     parts = {"drivers": [Driver(joint="two", speed={"kind": "constant", "value": 3.0}, name="motor")]}
     mech = two_bars(start=Start(q={"two": 0.4}), **parts)
     found = kinematics(mech, "one", span=(0.0, 1.0), points=3)
@@ -126,7 +126,7 @@ def test_a_driver_of_speed_stands_still_and_may_be_the_drive():
 
 
 def test_roots_of_cubics():
-    """A parabola that dips below zero between two points, and a function of straight lines."""
+    """A parabola that dips below zero between two points, and a piecewise linear function."""
     x = np.array([0.0, 1.0, 4.0])
     (found,) = below(x, (x - 2) ** 2 - 1e-2, 2 * (x - 2))
     np.testing.assert_allclose(found, (1.9, 2.1, 1e-2, 2.0), atol=1e-12)
@@ -149,6 +149,6 @@ def test_a_rope_is_passed_where_it_is_too_short():
 
 
 def test_an_input_that_cannot_begin_there_is_said():
-    """A rod of Bricard's mechanism turns from -pi/6 on; that loops close turned over behind it is no reason."""
+    """A rod of Bricard's mechanism can turn from -pi/6 on; loops closed with flipped frames before do not count."""
     with pytest.raises(AssemblyError, match=r"the input cannot begin at -1: it gets no further than about -0\.[4-6]"):
         kinematics(mbdae.load("bricard"), "rod_1", span=(-1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Modes: published and closed numbers, the flow of runs, and refusals by name."""
+"""Modes: published and closed-form values, the flow of runs, and errors by name."""
 
 import json
 
@@ -17,7 +17,8 @@ from mbdae.mechanism.formats.template import Template
 
 COMMANDS = (
     "modes double_pendulum --html modes.html --plot modes.png",
-    "modes double_pendulum --over gravity.2=-20:-5:4 --plot locus.png",
+    "root-locus double_pendulum gravity.2=-20:-5:4 --plot locus.png",
+    "linearize double_pendulum --inputs joint1 --outputs q.joint2",
 )
 SPEED = 2 * np.pi
 
@@ -28,7 +29,7 @@ def pairs(values):
 
 
 def test_four_bar_with_a_diagonal_spring():
-    """IFToMM's benchmark: the closed form in one freedom, and the published damped root."""
+    """IFToMM's benchmark: the closed form in one coordinate, and the published damped root."""
     found = mbdae.modes(mbdae.load("spring_four_bar"))
     assert abs(pairs(found.eigenvalues)[0] - 2.14767663850228j) < 1e-12
     damped = Template("spring_four_bar").make({"force.diagonal.damping": 1.0})
@@ -37,7 +38,7 @@ def test_four_bar_with_a_diagonal_spring():
 
 
 def test_a_governor_with_a_free_shaft():
-    """The reduced closed form; the free shaft leaves two zeros, which rounding does not spread."""
+    """The reduced closed form; the free shaft leaves two zeros, which rounding does not split."""
     found = mbdae.modes(mbdae.load("flyball_governor"), v={"shaft": SPEED})
     slow = min(pairs(found.eigenvalues), key=abs)
     assert abs(slow.real - -9.117964e-6) < 1e-11
@@ -74,7 +75,7 @@ WHIPPLE = {  # Meijaard, Papadopoulos, Ruina, Schwab, Proc. R. Soc. A 463 (2007)
 
 @pytest.mark.parametrize("speed", WHIPPLE)
 def test_a_bicycle_rolls(speed):
-    """Rows of velocity leave more positions than speeds; six zeros are places, wheel angles, and the speed itself."""
+    """Velocity rows leave more positions than speeds; six zeros are positions, wheel angles, and the speed itself."""
     found = mbdae.modes(mbdae.load("bicycle", speed=float(speed))).eigenvalues
     for root in WHIPPLE[speed]:
         assert np.abs(found - root).min() < 1e-12
@@ -87,7 +88,7 @@ FLOWS = {"four_bar": 0.6, "bricard": 0.6, "panda_handle": 0.2, "stewart_platform
 
 @pytest.mark.parametrize("name", FLOWS)
 def test_runs_flow_as_the_linear_system_says(name):
-    """exp(A T) is the derivative of where runs end with respect to where they start: differences of four runs."""
+    """exp(A T) is the derivative of the end of runs with respect to their start: differences of four runs."""
     mech, T, a = frozen(mbdae.load(name)), FLOWS[name], 2e-4
     rest = mbdae.equilibrium(mech)
     motion = mbdae.modes(mech, rest.q).motion
@@ -126,7 +127,7 @@ def motion_state(motion, z, nv):
 
 def test_many_loops_at_once():
     found = mbdae.modes(mbdae.load("n_four_bar", N=10))
-    hanging = (11 / 2 + 10) * 9.81 / (11 / 3 + 10)  # bars of 1 m and 1 kg: cranks swing, couplers only shift
+    hanging = (11 / 2 + 10) * 9.81 / (11 / 3 + 10)  # bars of 1 m and 1 kg: cranks rotate, couplers only translate
     assert abs(pairs(found.eigenvalues)[0].imag - np.sqrt(hanging)) < 1e-10
 
 
@@ -197,7 +198,7 @@ def test_a_pose_that_is_no_equilibrium_is_refused():
 
 
 def test_passing_an_equilibrium_is_no_steady_motion():
-    """Upright and moving, nothing accelerates for a moment; the modes are those of the pose found, at rest."""
+    """Upright and moving, the acceleration is zero for a moment; the modes are those of the pose found, at rest."""
     found = mbdae.modes(mbdae.load("n_four_bar"))
     assert found.around == "equilibrium"
     assert not found.motion.v.any()
@@ -209,8 +210,8 @@ def test_a_pose_in_which_closures_lose_rank_is_refused():
         mbdae.modes(mech, np.zeros(3))
 
 
-def test_what_nothing_holds_drifts():
-    """A body in space: six freedoms, twelve zeros and no mode that vibrates."""
+def test_a_free_body_has_zero_eigenvalues():
+    """A body in space: six degrees of freedom, twelve zeros and no vibration mode."""
     model = mbdae.load("heavy_top").model
     model = type(model)(model)
     model.gravity.linear = np.zeros(3)

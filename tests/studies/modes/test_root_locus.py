@@ -18,7 +18,7 @@ def test_a_top_falls_asleep_above_its_critical_spin(tmp_path):
     assert found.changes == pytest.approx([2 * np.sqrt(15 * 9.81 * I1) / I3], rel=1e-8)
     assert found.eigenvalues.shape == (21, 6)
     steps = np.abs(np.diff(found.eigenvalues, axis=0))
-    assert steps.max() < 13  # 10 rad/s of spin: none jumps to another one's place
+    assert steps.max() < 13  # 10 rad/s of spin: no eigenvalue jumps to another branch
     found.plot(tmp_path / "locus.png")
     assert (tmp_path / "locus.png").stat().st_size > 10_000
 
@@ -36,7 +36,7 @@ def test_a_speed_is_a_parameter(tmp_path):
     assert "root locus of flyball_governor over v.shaft" in str(found)
 
 
-def test_values_without_modes_are_told():
+def test_values_without_modes_are_reported():
     found = mbdae.root_locus("sleeping_top", "spin", [100.0, 2000.0, 250.0])
     assert np.isnan(found.eigenvalues[1]).all()
     assert "less than or equal to 1000" in found.messages[1]
@@ -56,7 +56,7 @@ def test_ranges_are_read():
 
 def test_where_the_model_starts_stays_as_it_is():
     """A link that hangs from a joint that is held, or stands on it: the squares of its eigenvalues have other signs."""
-    words = ["modes", "double_pendulum", "--hold", "joint1", "--over", "gravity.2=-9.81:-1:2", "--json"]
+    words = ["root-locus", "double_pendulum", "gravity.2=-9.81:-1:2", "--hold", "joint1", "--json"]
     squares = []
     for angle in ("1.0", "0.0"):
         done = CliRunner().invoke(cli, [*words, "--start", f"q.joint1={angle}", "--start", "q.joint2=0"])

@@ -1,4 +1,4 @@
-"""Motions of very different frequencies in one mechanism: none hides another, in modes, root loci and statics."""
+"""Motions of very different frequencies in one mechanism: all are resolved, in modes, root loci and statics."""
 
 import numpy as np
 import pinocchio as pin
@@ -9,18 +9,18 @@ from mbdae import JointSpring, Mechanism
 from mbdae.errors import InputError
 from mbdae.mechanism.forces.spring_damper import SpringDamper
 
-GROWTH = np.sqrt(9.81 / 1.01)  # 1/s: 1 kg 1 m above a hinge, 0.01 kg m^2 about itself
+GROWTH = np.sqrt(9.81 / 1.01)  # 1/s: 1 kg 1 m above a hinge, 0.01 kg m^2 about its centre
 
 
 def sliding(model, name, mass):
-    """A body on a slide along x, with a frame of its name."""
+    """A body on a slider along x, with a frame of its name."""
     joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
     model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), mass * 1e-6 * np.eye(3)), pin.SE3.Identity())
     model.addFrame(pin.Frame(name + "_eye", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
 
 
 def pole_and_chip(stiffness=2e6):
-    """A pole that stands upright beside a chip of 1 mg on a spring."""
+    """An upright pole next to a chip of 1 mg on a spring."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "pole")
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.array([0, 0, 1.0]), 0.01 * np.eye(3)), pin.SE3.Identity())
@@ -29,7 +29,7 @@ def pole_and_chip(stiffness=2e6):
 
 
 def slides(*springs, mass=1.0):
-    """Bodies on slides, each with its own spring to the ground."""
+    """Bodies on sliders, each with a spring to the ground."""
     model = pin.Model()
     model.gravity = pin.Motion.Zero()
     forces = []
@@ -50,8 +50,8 @@ def test_a_chip_does_not_hide_a_pole_that_falls():
     assert mbdae.equilibrium(pole_and_chip(), np.zeros(2), find="any").stability == "unstable"
 
 
-def test_a_stable_equilibrium_is_found_beside_a_chip():
-    """The search goes on until the pole hangs, too, whose forces are 1e-6 of the chip's."""
+def test_a_stable_equilibrium_is_found_with_a_chip():
+    """The search continues until the pole hangs, too, whose forces are 1e-6 of the chip's."""
     found = mbdae.equilibrium(pole_and_chip(), np.array([0.3, 1e-4]))
     assert abs(found.q[0] - np.pi) < 1e-12
     assert found.stability == "stable"
@@ -91,7 +91,7 @@ def test_verdicts_on_pairs_of_springs(stiff, soft):
 
 
 @pytest.mark.parametrize("slow", [1.0, 1e-6])
-def test_what_moves_off_slowly_is_no_equilibrium(slow):
+def test_a_slow_acceleration_is_no_equilibrium(slow):
     """A spring that is stretched by half a metre, at any frequency."""
     mech = slides(slow**2)
     with pytest.raises(InputError, match="joint 'slide_0' accelerates"):

@@ -1,4 +1,4 @@
-"""Numbers by which a motion is best: closed forms, gradients against differences, failures, and what stops a search."""
+"""Optimal parameters of a motion: closed forms, gradients against differences, failures, and interrupts."""
 
 import json
 
@@ -13,7 +13,7 @@ from mbdae.mechanism.formats.template import Template
 from mbdae.studies.optimize.objective import curves, runs
 
 STIFFNESS = {"force.spring.stiffness": 10.0}
-BALANCE = 2.0 * 9.81 * 0.5 / (0.6 * 0.4)  # k h a = m g r: a spring without rest length carries the arm everywhere
+BALANCE = 2.0 * 9.81 * 0.5 / (0.6 * 0.4)  # k h a = m g r: a spring without rest length balances the arm everywhere
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_a_spring_without_rest_length_carries_an_arm(arm, search):
 
 
 def test_constraints_hold(arm):
-    """The spring may not pull with more than 20 N when the arm is level: k d = 20, below the balance."""
+    """The spring force is limited to 20 N when the arm is level: k d = 20, below the balance."""
     reach = np.hypot(0.6, 0.4)
 
     def pull(signals):
@@ -75,7 +75,7 @@ def test_curves_are_differentiated_at_equal_inputs(model, options, signals, valu
             assert np.abs(own - quotient).max() < 1e-8 * (1 + np.abs(own).max()), (name, signal)
 
 
-def test_what_holds_a_pose_is_what_inverse_dynamics_says():
+def test_holding_torques_agree_with_inverse_dynamics():
     mech = mbdae.load("four_bar")
     make = Template("four_bar")
     signals = curves(make, "crank", mech, {"span": (1.2, 2.2), "points": 5})({"gravity.2": -9.81}).signals
@@ -98,7 +98,7 @@ def test_runs_are_differentiated_with_what_the_parameters_cost_themselves():
 
 
 def test_where_loops_do_not_close_the_cost_is_infinite():
-    """A shorter and shorter coupler cannot reach the rocker: the search turns back there."""
+    """A decreasing coupler length cannot reach the rocker: the search turns back there."""
     coupler = "frame.coupler_tip.xyz.0"
 
     def length(signals):

@@ -1,4 +1,4 @@
-"""What a search is given wrongly: one line that names it, with the user's own exception behind it."""
+"""Invalid input of a search: one line that names it, with the user's exception as its cause."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def search(cost=height, parameters=None, **options):
 
 
 def told(answer):
-    """A function of signals with an answer that does not depend on them."""
+    """A function of signals with a result that does not depend on them."""
 
     def own(signals):
         return answer
@@ -90,7 +90,7 @@ def late(error, after=3):
 
 
 def test_what_fails_later_is_kept_and_said():
-    """As a motion that cannot be computed it is infinitely costly; the reason stands beside the point."""
+    """As a motion that cannot be computed its cost is infinite; the reason is stored with the point."""
     found = search(late(ZeroDivisionError("later")), iterations=3)
     lost = [t for t in found.history if t.why]
     assert lost
@@ -105,7 +105,7 @@ def test_what_fails_later_is_kept_and_said():
     assert not stopped.lost
 
 
-def test_a_search_ends_with_what_it_has_where_progress_fails_or_slopes_end():
+def test_a_search_keeps_its_best_point_when_progress_or_gradients_fail():
     said = []
 
     def tell(text):

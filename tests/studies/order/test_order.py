@@ -23,7 +23,7 @@ REFERENCE, MEASUREMENTS = Measurement.reference, {}
 
 
 def shared_reference(self, name):
-    """The reference of a model is found once, by the core where there is one."""
+    """The reference of a model is computed once, by the core if available."""
     known = self.problem.title
     if known not in MEASUREMENTS:
         backend = "native" if load_core() else "python"
@@ -37,19 +37,19 @@ def shared_reference(self, name):
 def test_orders(model, half, back_end, monkeypatch):
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     methods = [n for n, m in mbdae.METHODS.items() if back_end == "native" or isinstance(m, Tableau)][half::2]
-    study = mbdae.check_order(mbdae.load(model), methods)
+    study = mbdae.order(mbdae.load(model), methods)
     assert study.holds, str(study)
 
 
 @pytest.mark.parametrize("model", ["bicycle", "rolling_disc"])
 def test_orders_of_what_rolls(model):
-    study = mbdae.check_order(mbdae.load(model), ["herk3", "pherk4", "herk5", "pherk5", "pherk6", "radau5"])
+    study = mbdae.order(mbdae.load(model), ["herk3", "pherk4", "herk5", "pherk5", "pherk6", "radau5"])
     assert study.holds, str(study)
 
 
 @pytest.mark.parametrize("method", REGULAR_ON_A)
 def test_orders_where_f_is_nonlinear_in_z(method):
-    study = mbdae.check_order(hessenberg_a(), [method])
+    study = mbdae.order(hessenberg_a(), [method])
     assert study.holds, str(study)
     if method in ("kutta3", "rk4", "rule38"):
         assert study.slopes[method][0].observed < 2.3
@@ -64,13 +64,13 @@ def test_every_textbook_problem_has_a_span():
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "fekete")) for n in SPANS])
 def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypatch):
-    """Few steps, of which many are too long, and a reference by some more: what they do not tell must be said so."""
+    """Few steps, many of them too long, and a reference with some more: inconclusive results must be reported so."""
     monkeypatch.setattr(Measurement, "largest", 2500)
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     problem, T = TEXTBOOK[name](), SPANS[name]
     measure = MEASUREMENTS[problem.title] = Measurement(problem, T, 10, None, lambda name: None, "python")
     measure.largest = 6000
-    study = mbdae.check_order(problem, T=T, steps=10)
+    study = mbdae.order(problem, T=T, steps=10)
     assert list(study.slopes) == list(mbdae.METHODS)
     assert not study.refuted, str(study)
     assert sum(row[0].verdict == "holds" for row in study.slopes.values()) >= 11, str(study)
@@ -78,7 +78,7 @@ def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypat
 
 @pytest.mark.parametrize("method", ["kutta3", "rk4", "rule38"])
 def test_order_reduction_is_less_on_mechanisms(method):
-    q, v, own, _ = mbdae.check_order(mbdae.load("four_bar"), [method]).slopes[method]
+    q, v, own, _ = mbdae.order(mbdae.load("four_bar"), [method]).slopes[method]
     assert 2.8 <= q.observed < 3.3
     assert 2.8 <= v.observed < 3.3
     assert own.observed < 1.3
@@ -86,7 +86,7 @@ def test_order_reduction_is_less_on_mechanisms(method):
 
 def test_what_cannot_be_judged_is_said_so():
     mech = mbdae.load("pendulum")
-    study = mbdae.check_order(mech, ["pherk6"], T=1e-3, steps=LEAST_OUTPUTS)
+    study = mbdae.order(mech, ["pherk6"], T=1e-3, steps=LEAST_OUTPUTS)
     assert not study.holds
     assert not study.refuted
     assert "cannot be judged" in str(study)
@@ -95,10 +95,10 @@ def test_what_cannot_be_judged_is_said_so():
     assert json.loads(out)["holds"] is False
 
 
-def test_coarser_steps_are_tried_where_finer_ones_do_not_tell():
-    """From 160 steps on too few errors of pherk6 stand above rounding: the study goes down to ten, and no further."""
+def test_coarser_steps_are_tried_if_finer_ones_are_inconclusive():
+    """From 160 steps on too few errors of pherk6 are above rounding: the study goes down to ten, and no further."""
     mech = mbdae.load("pendulum")
-    fixed = mbdae.check_order(mech, ["pherk6"], steps=160).slopes["pherk6"]
+    fixed = mbdae.order(mech, ["pherk6"], steps=160).slopes["pherk6"]
     assert not all(s.judged for s in fixed)
     assert fixed[0].steps[0] == 160, "what the user says stands"
     measure = Measurement(mech, 2.0, 160, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "auto")
@@ -107,7 +107,7 @@ def test_coarser_steps_are_tried_where_finer_ones_do_not_tell():
     assert [s.verdict for s in slopes] == ["holds"] * 4
     assert {s.steps for s in slopes} == {slopes[0].steps}
     assert slopes[0].steps[0] in (10, 20, 40, 80)
-    direct = mbdae.check_order(mech, ["pherk6"], T=2.0, steps=slopes[0].steps[0]).slopes["pherk6"]
+    direct = mbdae.order(mech, ["pherk6"], T=2.0, steps=slopes[0].steps[0]).slopes["pherk6"]
     for found, known in zip(slopes, direct, strict=True):
         n = min(len(found.errors), len(known.errors), 4)
         np.testing.assert_allclose(found.errors[:n], known.errors[:n], rtol=1e-3)
@@ -122,7 +122,7 @@ def test_coarser_steps_are_tried_where_finer_ones_do_not_tell():
         ((2, 2, 2, 2), 5, "misses", 2.0),
         ((5, 5, 5, 5), 5, "holds", 5.0),
         ((2.5, 2.3, 2.15, 2.07), 5, "misses", 2.249),
-        ((1.08, 1.70, 1.87, 2.08), 2, "holds", 1.975),  # of herk4's own z on Hessenberg problem (a)
+        ((1.08, 1.70, 1.87, 2.08), 2, "holds", 1.975),  # of herk4's z on Hessenberg problem (a)
         ((3.4, 3.4, 1.5, 0.5), 2, "cannot", None),
         ((1, 2, 1.5, 3), 5, "cannot", None),
         ((1.72, 1.08, 1.70, 1.75), 2, "cannot", None),
@@ -140,8 +140,8 @@ def test_a_fit_over_rates_that_change_neither_refutes_nor_proves(rates, claimed,
     assert verdict != "cannot" or ", ".join(f"{rate:.2f}" for rate in rates) in found.verdict
 
 
-def test_what_herk4_carries_on_a_textbook_problem_is_not_refuted():
-    """Its own z on Hessenberg problem (a), from 1280 to 20480 steps, where the fit of all four halvings is 1.54."""
+def test_multipliers_of_herk4_on_a_textbook_problem_are_not_refuted():
+    """z of the method on problem (a), from 1280 to 20480 steps, where the fit of all four halvings is 1.54."""
     errors = [1.91e-6, 5.80e-7, 2.74e-7, 8.43e-8, 2.40e-8]
     ns = [640 * 2**i for i in range(5)]
     assert np.polyfit(np.log2(ns), -np.log2(errors), 1)[0] < 1.8
@@ -151,7 +151,7 @@ def test_what_herk4_carries_on_a_textbook_problem_is_not_refuted():
     assert (found.verdict, found.observed) == ("holds", pytest.approx(1.86, abs=0.01)), "they rise to the claim"
 
 
-def test_errors_as_large_as_the_motion_refute_nothing():
+def test_errors_as_large_as_the_motion_are_inconclusive():
     """Implicit Euler on the car axis with 10 to 160 steps: each of them damps the whole oscillation away."""
     errors, ns = [0.100, 0.096, 0.089, 0.083, 0.077], [10 * 2**i for i in range(5)]
     assert fit("y", 1, ns, errors, [0.0] * 5, 0.0, 0.0, LARGEST_RUN).verdict == "misses"
@@ -162,7 +162,7 @@ def test_errors_as_large_as_the_motion_refute_nothing():
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("high", [-1e-3, -1e-6, 1e-6, 1e-3])
 def test_an_error_of_two_orders_is_judged_by_the_lower_one_or_not_at_all(p, high):
-    """Error = |h^p high + h^(p+2)| loses its first term to long steps, and passes 0 where the signs differ."""
+    """Error = |h^p high + h^(p+2)|: long steps hide the first term, and the error passes 0 where the signs differ."""
     for claimed in (p, p + 1, p + 2):
         for first in range(12):
             ns = [10 * 2**i for i in range(first, first + 5)]
@@ -216,18 +216,34 @@ def test_the_reason_why_an_order_cannot_be_judged(errors, uncertainty, why):
     assert fit("q", 5, ns, errors, floors, uncertainty, 0.0, LARGEST_RUN).verdict == f"cannot be judged: {why}"
 
 
+def test_runs_at_rest_are_not_refined():
+    """Joints that stick: one pair of coarse runs of each reference shows that steps leave nothing but rounding."""
+    runs = []
+    study = mbdae.order(mbdae.load("stick_slip_slider"), "herk2", T=0.001, steps=10, progress=runs.append)
+    assert runs[:4] == ["pherk6, 10 steps", "pherk6, 20 steps", "herk5, 10 steps", "herk5, 20 steps"]
+    assert all(run.startswith("herk2") for run in runs[4:])
+    q, v, own, lam = study.slopes["herk2"]
+    assert {x.verdict for x in (q, v, lam)} == {"cannot be judged: no error above 100 times rounding"}
+    assert own.verdict == "holds", "own multipliers carry other errors"
+
+
+def test_a_method_whose_runs_fail_says_why():
+    found = fit("q", 5, [], [], [], 0.0, 0.0, LARGEST_RUN, "the step became too small")
+    assert found.verdict == "cannot be judged: no run came to its end, the step became too small"
+
+
 def test_the_gain_of_multipliers_is_found_once(monkeypatch):
     problem = hessenberg_a()
     system = type(problem.system())
     find, found = system.multiplier_gain, []
     monkeypatch.setattr(system, "multiplier_gain", lambda *given: found.append(given) or find(*given))
-    mbdae.check_order(problem, ["herk1", "herk2"], T=0.5)
+    mbdae.order(problem, ["herk1", "herk2"], T=0.5)
     assert len(found) == 1
 
 
-@pytest.mark.parametrize("gradients", [[], ["--gradients"]])
-def test_ctrl_c_keeps_the_methods_that_are_finished(gradients, tmp_path, monkeypatch):
-    where = measurement if not gradients else mbdae.studies.order.gradients
+@pytest.mark.parametrize("study", ["order", "check-gradients"])
+def test_ctrl_c_keeps_the_methods_that_are_finished(study, tmp_path, monkeypatch):
+    where = measurement if study == "order" else mbdae.studies.order.gradients
     real = where.solve
 
     def solve(*args, method, **options):
@@ -235,12 +251,12 @@ def test_ctrl_c_keeps_the_methods_that_are_finished(gradients, tmp_path, monkeyp
         return real(*args, method=method, progress=press, **options)
 
     monkeypatch.setattr(where, "solve", solve)
-    arguments = ["order", "pendulum", "-m", "herk2,herk3,herk4", "-t", "0.2", "-o", "o.json", *gradients]
+    arguments = [study, "pendulum", "-m", "herk2,herk3,herk4", "-t", "0.2", "-o", "o.json"]
     code, out, err = call(*arguments, cwd=tmp_path)
     assert code == 1
     assert err == "mbdae: stopped by the user after 1 of 3 methods; herk3, herk4 are left\n"
     assert "stopped: herk3, herk4 are left" in out
     kept = json.loads((tmp_path / "o.json").read_text())
     assert (list(kept["methods"]), kept["missing"], kept["holds"]) == (["herk2"], ["herk3", "herk4"], False)
-    code, out, err = call(*arguments[:2], "-m", "herk3", *gradients)
+    code, out, err = call(*arguments[:2], "-m", "herk3")
     assert (code, out, err.strip()) == (130, "", "mbdae: stopped by the user")

@@ -1,4 +1,4 @@
-"""A .glb is a file as Khronos' specification has it, and shows the motion of the solution."""
+"""A .glb file follows Khronos' specification, and shows the motion of the solution."""
 
 import json
 
@@ -17,7 +17,7 @@ KIND = {5126: "<f4", 5125: "<u4"}
 
 
 class File:
-    """What a reader of glTF 2.0 sees; refuses what the specification does."""
+    """A reader of glTF 2.0 with the checks of the specification."""
 
     def __init__(self, data):
         magic, version, length = data[:4], *np.frombuffer(data[4:12], "<u4")
@@ -118,7 +118,7 @@ def test_springs_reach_from_end_to_end(shown):
             assert np.ptp(points[:, 2]) == pytest.approx(spring.length, rel=0.05)
 
 
-def test_what_is_closed_and_struck_is_marked(tmp_path):
+def test_closed_contacts_and_impacts_are_marked(tmp_path):
     sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 6))
     file = File(animate(sol, tmp_path / "run.glb", fps=20, speed=0.5).read_bytes())
     names = {n["name"]: k for k, n in enumerate(file.parts["nodes"])}

@@ -1,4 +1,4 @@
-"""What a replay marks of runs with modes is where and when they are stuck, closed or struck."""
+"""The marks of a replay with modes show where and when joints stick, contacts are closed and impacts occur."""
 
 import numpy as np
 import pinocchio as pin
@@ -24,7 +24,7 @@ def during(times, track):
     ("model", "end", "name", "stop", "e"),
     [("pendulum_on_stop", 6.0, "rod", 0.3, 0.7), ("slider_crank_with_stop", 1.0, "slider", 0.43, 0.6)],
 )
-def test_stops_are_marked_while_closed_and_where_they_strike(model, end, name, stop, e):
+def test_stops_are_marked_while_closed_and_at_impacts(model, end, name, stop, e):
     sol, times, q, v, (track,) = marked(model, end)
     at = sol.mechanism.joint_names.index(name)
     closed = during(times, track)

@@ -1,4 +1,4 @@
-"""A still picture of a mechanism: what is nearer covers what is farther, a plane motion has axes in metres."""
+"""A still picture of a mechanism: closer parts cover farther ones, a planar motion has axes in metres."""
 
 from io import BytesIO
 
@@ -10,7 +10,7 @@ from PIL import Image
 from scenes import motion
 
 import mbdae
-from mbdae.mechanism.scene.scene import make_scene
+from mbdae.mechanism.scene.make_scene import make_scene
 from mbdae.studies.replay.figure import posture
 
 RED, BLUE = (0.9, 0.1, 0.1, 1.0), (0.1, 0.1, 0.9, 1.0)

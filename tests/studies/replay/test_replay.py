@@ -1,4 +1,4 @@
-"""The replay is one offline file that holds the motion, the signals and what is drawn with them as numbers."""
+"""The replay is one offline file that contains the motion, the signals and drawn objects as numbers."""
 
 import base64
 import gzip
@@ -20,7 +20,7 @@ from mbdae.errors import InputError
 from mbdae.studies.replay import replay
 from mbdae.studies.replay.replay import animate
 
-PLAIN = {"plots": ()}  # for motions that were not computed
+PLAIN = {"plots": ()}  # for synthetic motions
 
 
 def unpacked(page, block):
@@ -154,7 +154,7 @@ def test_default_plots_are_coordinates_energies_and_drift(sol, tmp_path):
     t, y = curves(data, "q.slider (m)")["slider", -1]
     np.testing.assert_allclose(y[::100], [sol(x).q[at] for x in t[::100]], atol=1e-6)
     t, g = curves(data, "|g| (m, rad)")["|g|", -1]
-    np.testing.assert_array_equal(t, sol.t)  # the drift of the steps, not of what lies between them
+    np.testing.assert_array_equal(t, sol.t)  # the drift at the steps, not between them
     np.testing.assert_allclose(g, [np.abs(mech.residual(q, v)[0]).max() for q, v in zip(sol.q, sol.v, strict=True)])
     energies = curves(data, "energies (J), potential from its start")
     assert energies["potential", -1][1][0] == 0
@@ -258,7 +258,7 @@ def test_arrows_are_forces_in_newton(tmp_path):
     still = mbdae.solve(hung, (0, 0.1), np.zeros(hung.nq), np.zeros(hung.nv))
     (bearing,) = shown(still, tmp_path, arrows="joint2")["arrows"]["forces"]
     weight = 9.81 * hung.model.inertias[2].mass
-    np.testing.assert_allclose(floats(bearing["values"], 3)[3], [0, 0, weight], atol=1e-3)  # it all but rests
+    np.testing.assert_allclose(floats(bearing["values"], 3)[3], [0, 0, weight], atol=1e-3)  # almost at rest
     np.testing.assert_allclose(floats(bearing["points"], 3)[3], hung.frame(still.q[0], "joint2")[0], atol=1e-6)
     with pytest.raises(InputError, match="no closures between frames"):
         shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.1)), tmp_path, arrows=True)

@@ -1,4 +1,4 @@
-"""A browser shows the replay: what is seen, what the clock says, and what keys and pointer do."""
+"""A browser shows the replay: picture, clock, keys and pointer."""
 
 import base64
 from io import BytesIO
@@ -37,7 +37,7 @@ def crank():
 
 
 def centre(picture, colour, near=60):
-    """Mean row and column of the pixels near a colour, shades of it too; fails when there are few."""
+    """Mean row and column of the pixels near a colour, shades of it too; fails if there are few."""
     dark = picture / np.maximum(picture.max(axis=2, keepdims=True), 1)
     alike = np.abs(dark - colour / colour.max()).max(axis=2) < near / 255
     bright = picture.max(axis=2) > 90
@@ -59,7 +59,7 @@ def test_the_mechanism_moves(fourbar, chromium, tmp_path):
     moved = centre(second, ORANGE) - centre(first, ORANGE)
     k = [s.name for s in fourbar.scene.shapes].index("loop a")
     path = [fourbar.scene.placements(fourbar.q(t))[k, :3] for t in (0.0, 0.5)]
-    right, up = (path[1] - path[0])[[0, 2]]  # seen from the side of -y
+    right, up = (path[1] - path[0])[[0, 2]]  # viewed from -y
     assert moved[1] / right == pytest.approx(-moved[0] / up, rel=0.1), "no perspective"
     assert moved[1] / right > 50, "pixels per metre"
 
@@ -146,7 +146,7 @@ def test_it_plays_in_real_time_and_repeats(fourbar, chromium, tmp_path):
     """
     log = chromium.ask(page, script)
     (wall0, t0), (wall1, t1) = log["before"], log["after"]
-    assert (t1 - t0 - 2 * (wall1 - wall0) + 3) % 6 == pytest.approx(3, abs=0.6 * (wall1 - wall0))  # it begins anew
+    assert (t1 - t0 - 2 * (wall1 - wall0) + 3) % 6 == pytest.approx(3, abs=0.6 * (wall1 - wall0))  # it restarts
     assert log["still"] == pytest.approx(8.9)
     assert 3 <= log["again"] < 8
     assert log["end"] == [9, False]
@@ -284,7 +284,7 @@ def test_the_command(crank, tmp_path, monkeypatch):
     def call(text):
         return CliRunner().invoke(cli, ["animate", *text.split()])
 
-    result = call("run.npz other.npz -o run.html --plot q.crank,q.crank_pin --plot lam --trace rod_tip --arrows")
+    result = call("run.npz other.npz -o run.html --plots q.crank,q.crank_pin --plots lam --trace rod_tip --arrows")
     assert result.exit_code == 0, result.exception
     assert result.output == "wrote run.html\n"
     assert len((tmp_path / "run.html").read_bytes()) > 4e5
@@ -292,7 +292,7 @@ def test_the_command(crank, tmp_path, monkeypatch):
         ("run.npz", "-o run.html, a video"),
         ("run.npz -o run.htm", r"must end in \.html"),
         ("run.npz --video run.avi", r"\.mp4 or \.gif"),
-        ("run.npz -o b.html --plot nothing", "unknown signal 'nothing'.*valid: q,"),
+        ("run.npz -o b.html --plots nothing", "unknown signal 'nothing'.*valid: q,"),
         ("run.npz -o b.html --arrow nothing", "unknown closure or driver"),
     ):
         with pytest.raises(InputError, match=words):

@@ -1,4 +1,4 @@
-"""What pixels say of a replay: the mechanism fills the scene, springs stay whole."""
+"""Pixels of a replay: the mechanism fills the scene, springs stay complete."""
 
 import base64
 from functools import partial
@@ -37,7 +37,7 @@ def picture_of(url):
 
 
 def drawn(tab):
-    """Where the mechanism is in the scene: the pixels that change when it is hidden."""
+    """The position of the mechanism in the scene: the pixels that change when it is hidden."""
     full, empty = map(picture_of, tab.evaluate(WITHOUT))
     return np.abs(full - empty).max(axis=2) > 12
 
@@ -87,7 +87,8 @@ def test_in_a_frame_of_slides_the_address_says_how_it_opens_and_nothing_is_fetch
 def test_a_stretched_spring_stays_whole(tmp_path):
     import pinocchio as pin
 
-    from mbdae.mechanism.scene.scene import Strut, make_scene
+    from mbdae.mechanism.scene.make_scene import make_scene
+    from mbdae.mechanism.scene.scene import Strut
 
     model, still = pin.Model(), pin.SE3.Identity()
     model.addJoint(0, pin.JointModelPX(), still, "slide")
@@ -103,8 +104,8 @@ def test_a_stretched_spring_stays_whole(tmp_path):
                 assert np.ptp(columns) / 900 * scale >= 0.99 * (0.1 + t)
 
 
-def test_an_impact_does_not_hide_what_strikes(tmp_path):
-    """Also where the camera follows a body, so that the scene is much smaller than the whole way."""
+def test_the_mark_of_an_impact_does_not_hide_the_bodies(tmp_path):
+    """Also if the camera follows a body, so that the scene is much smaller than the whole path."""
     sol = mbdae.solve(mbdae.load("woodpecker"), (0, 0.5), rtol=1e-5)
     page = animate(sol, tmp_path / "run.html", fps=50, speed=0.2)
     hardest = max(sol.impacts, key=lambda x: max(x.impulse, default=0.0))

@@ -1,4 +1,4 @@
-"""Pages of scenes on paper: a picture of the scene, plots as wide as the page, nothing to click."""
+"""Printed pages of scenes: a picture of the scene, plots as wide as the page, no controls."""
 
 import base64
 import re

@@ -1,4 +1,4 @@
-"""Videos of a replay: frames that a browser draws, and what is said when it or the library is missing."""
+"""Videos of a replay: frames drawn by a browser, and messages when it or the library is missing."""
 
 import sys
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""The report: one page that opens offline, with every part, every figure, the replay, and what repeats it."""
+"""The report: one page that works offline, with every section, every figure, the replay, and how to reproduce it."""
 
 import base64
 import html
@@ -109,17 +109,17 @@ NUMBERS = re.compile(r"t = (\S+) s\n  (\d+ steps, \S+ rejected, \d+ solves)")
 
 @pytest.mark.parametrize("name", model_names())
 def test_the_run_of_a_report_is_that_of_the_command_line_and_of_solve(name, monkeypatch):
-    """The same steps, drift and energy balance, with no settings; and the comparison begins with that method."""
+    """The same steps, drift and energy balance, with default settings; and the comparison begins with that method."""
     compared = []
     monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6",))
-    monkeypatch.setattr("mbdae.studies.report.report.check_order", lambda *_, **__: None)
+    monkeypatch.setattr("mbdae.studies.report.report.order", lambda *_, **__: None)
     monkeypatch.setattr("mbdae.studies.report.report.compare", lambda *_, **o: compared.extend(o["methods"]))
     mech = mbdae.load(name)
     T = min(mech.duration, 0.05)
     sol = mbdae.solve(mech, (0, T))
     assert sol.settings["rtol"] == 1e-8
     found = mbdae.report(mech, T)
-    printed = call("run", name, "-t", T)[1]
+    printed = call("solve", name, "-t", T)[1]
     assert NUMBERS.search(printed)[0] == NUMBERS.search(str(found))[0] == NUMBERS.search(str(sol))[0]
     np.testing.assert_array_equal(found.sol.y, sol.y)
     assert all(str(mbdae.drift(sol)) in text for text in (printed, str(found)))
@@ -136,7 +136,7 @@ def test_the_page_shows_the_numbers_of_the_run(result, page):
 
 
 def test_what_a_file_says_of_runs_is_what_report_and_comparison_begin_with(tmp_path):
-    """A mechanism of its own method, and one with steps of one size: without a projection, as its run."""
+    """A mechanism with its method in the file, and one with fixed steps: without projection, as its run."""
     text = (LIBRARY / "slider_crank" / "mechanism.toml").read_text("utf-8")
     text = text.replace('"slider_crank.urdf"', f'"{LIBRARY}/slider_crank/slider_crank.urdf"')
     for said, words in (('method = "herk5"\nrtol = 1e-5', "project:herk5"), ("step = 1e-2", "pherk6")):
@@ -266,7 +266,7 @@ def test_ctrl_c_writes_what_is_finished(tmp_path, monkeypatch):
         monkeypatch.setattr(f"mbdae.studies.report.page.{figure}", lambda *_, **__: "")
     monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6", "herk2"))
     press = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)  # noqa: E731
-    monkeypatch.setattr("mbdae.studies.report.report.check_order", press)
+    monkeypatch.setattr("mbdae.studies.report.report.order", press)
     code, out, err = call("report", "pendulum", "-t", "0.3", "-o", "r.html", cwd=tmp_path)
     assert (code, err) == (1, "mbdae: stopped by the user without orders; the comparison\n")
     assert out.endswith("without orders; the comparison\n\nwrote r.html\n")

@@ -1,4 +1,4 @@
-"""JSON Schemas of files: what is shipped is valid, what is wrong is not, and editors get the names of methods."""
+"""JSON Schemas of files: shipped files are valid, wrong ones are not, and editors get the names of methods."""
 
 import json
 import tomllib
@@ -19,7 +19,7 @@ SWEEP = {"model": "four_bar", "outputs": ["final q.crank"], "grid": {"gravity.2"
 
 @cache
 def validator(file):
-    schema = mbdae.json_schema(file)
+    schema = mbdae.schema(file)
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
 
@@ -60,6 +60,6 @@ def test_what_stands_for_more_is_taken():
 
 def test_the_command_prints_it():
     out = CliRunner().invoke(cli, ["schema", "sweep"])
-    assert json.loads(out.output) == mbdae.json_schema("sweep")
+    assert json.loads(out.output) == mbdae.schema("sweep")
     with pytest.raises(UnknownNameError, match="kind of file 'motion'; valid: mechanism, sweep"):
-        mbdae.json_schema("motion")
+        mbdae.schema("motion")

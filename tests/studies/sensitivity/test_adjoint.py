@@ -1,4 +1,4 @@
-"""Gradients by the adjoint against tangents, to rounding; costs, and what is refused."""
+"""Gradients by the adjoint against tangents, to rounding; costs, and invalid input."""
 
 import numpy as np
 import pytest
@@ -101,8 +101,8 @@ def test_squares_that_say_nothing_are_refused(data, sigma, words):
         mbdae.Squares(data, sigma)
 
 
-def test_starts_are_told_apart() -> None:
-    """Slopes of a start are remembered for it alone: a run from another one has those of a mechanism read anew."""
+def test_starts_are_distinguished() -> None:
+    """Derivatives of a start are cached for it alone: a run from another one has those of a mechanism read again."""
 
     def found(mech: mbdae.Mechanism, factor: float) -> dict[str, float]:
         q, v = mech.start

@@ -12,7 +12,7 @@ NUMBERS = list(andrews.NUMBERS)
 
 
 def met(machine, q):
-    """G of the closures in the axes of the bodies on which they stand, which turn: off the manifold that counts."""
+    """G of the closures in the axes of their bodies, which rotate: off the manifold that matters."""
     g, G, _ = machine.closures(q, 0 * q)
     out = G.copy()
     for k, (_, _, turned) in enumerate(andrews.OTHERS):
@@ -53,7 +53,7 @@ def run(machine, method, h, n):
 
 
 def moved(names, number, step):
-    """The published numbers side by side, each of the names moved along the imaginary axis."""
+    """The published parameters as columns, each named one with an imaginary step."""
     p = {name: np.array([number(x)] * len(names)) for name, x in andrews.NUMBERS.items()}
     for k, name in enumerate(names):
         p[name][k] += step * number(1j)
@@ -81,7 +81,7 @@ def test_the_same_steps(method, names):
 
 
 def test_thirty_digits():
-    """The same code with 40 digits: what extended precision gives is right to its roundings."""
+    """The same code with 40 digits: the results of extended precision are right to rounding."""
     names = ["ss", "m5", "c0"]
     with mpmath.workdps(40):
         p = moved(names, mpmath.mpc, mpmath.mpf("1e-60"))

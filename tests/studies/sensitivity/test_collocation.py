@@ -1,4 +1,6 @@
-"""Derivatives of runs of Radau IIA: stages by the implicit function theorem, in both forms that keep closures."""
+"""Derivatives of runs of Radau IIA: stages by the implicit function theorem, in both forms that preserve closures."""
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
 
 
 def miss(model, name, T, **options):
-    """The relative error of the tangent beside quotients of runs."""
+    """The relative error of the tangent compared with quotients of runs."""
     template, value, run = runs_of(model, name, T, **options)
     sol = run(value)
     found = mbdae.sensitivity(sol, [name], model=template)
@@ -40,6 +42,7 @@ def test_every_model(model):
     T, step = SHORT.get(model, (0.1, 0.02))
     (q, v), free = mech.start, free_velocity(mech)
 
+    @cache
     def run(x):
         sol = mbdae.solve(mech, (0.0, T), q, v + x * free, step=step, method="radau5")
         assert sol.ended, sol.message
@@ -59,12 +62,13 @@ def test_every_sort_of_parameter(name, options):
 
 
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}])
-def test_multipliers_that_the_iteration_leaves_behind(options):
-    """In a parallelogram those of stages are 1e-7 off when x and x' are at rounding."""
+def test_multipliers_that_converge_after_the_state(options):
+    """In a parallelogram those of stages are 1e-7 off when x and x' have converged to rounding."""
     name = "frame.crank_1_tip.xyz.0"
     make = LoadedModel(mbdae.load("n_four_bar"))
     value = number(make, name)
 
+    @cache
     def run(x):
         return mbdae.solve(make.make({name: x}), (0.0, 0.3), method="radau3", step=0.02, **options)
 

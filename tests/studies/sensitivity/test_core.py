@@ -1,4 +1,4 @@
-"""Tangents and adjoints in the compiled core against those in Python, which are the specification."""
+"""Tangents and adjoints in the compiled core against those in Python, which is the specification."""
 
 from contextlib import contextmanager
 
@@ -18,7 +18,7 @@ STEPS = {"andrews_squeezer": 5e-4, "humanoid_stance": 2e-3, "flyball_governor": 
 
 @contextmanager
 def in_python():
-    """Let Python go along the steps of traces."""
+    """Recompute the steps of trajectories in Python."""
     known = trajectory.native_trajectory
     trajectory.native_trajectory = lambda trace: None
     try:
@@ -36,7 +36,7 @@ def random_cost(sol, seed=0):
 
 
 def compare(sol, names, **options):
-    """Both back ends, and in each the adjoint with the tangent."""
+    """Both back ends, and in each the adjoint against the tangent."""
     cost = random_cost(sol)
     _, weights = cost(sol.signals())
     found = []
@@ -69,7 +69,7 @@ def test_every_model(model):
 
 @pytest.mark.parametrize("method", METHODS_HERE)
 def test_every_method(method):
-    """Not projected; the second one under control, on a manifold that is not flat."""
+    """Not projected; the second one with step-size control, on a curved manifold."""
     sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.12), step=0.03, method=method, project=False)
     compare(sol, ["joint.crank.mass", "start.q.crank"], start=True)
     sol = mbdae.solve(mbdae.load("heavy_top"), (0.0, 0.02), rtol=1e-4, method=method)
@@ -97,8 +97,8 @@ def test_every_sort_of_parameter(model, names, step, project):
     compare(sol, names)
 
 
-def test_places_on_a_tree_that_moves():
-    """Masses and places of a spatial mechanism in motion, with springs, dampers and forces between its frames."""
+def test_placements_on_a_moving_tree():
+    """Masses and placements of a spatial mechanism in motion, with springs, dampers and forces between its frames."""
     mech = mbdae.load("panda_handle")
     joints = mech.joint_names[:3]
     names = [f"joint.{joint}.{key}" for joint in joints for key in ("mass", "com.1", "inertia.3", "xyz.1", "rpy.0")]
@@ -108,7 +108,7 @@ def test_places_on_a_tree_that_moves():
     compare(mbdae.solve(mech, (0.0, 0.03), q, v, step=0.01, project=True), names)
 
 
-def test_rows_that_are_chosen_anew():
+def test_reselected_rows():
     sol = mbdae.solve(mbdae.load("bricard"), (0.0, 3.0), step=0.05, method="pherk5")
     assert len(sol.in_use) > 1
     compare(sol, ["gravity.2"])

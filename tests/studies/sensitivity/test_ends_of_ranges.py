@@ -1,4 +1,4 @@
-"""Derivatives at the end of what a number can be, from one side; fits and designs end there."""
+"""One-sided derivatives at the bounds of parameters; fits and designs that end there."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def path(tmp_path):
 
 @pytest.mark.parametrize("places", FIRST)
 def test_differences_are_of_order_six_on_either_side(places):
-    """Exact for polynomials of degree six, and zero to the bit for what does not change."""
+    """Exact for polynomials of degree six, and zero to the bit for constants."""
     for degree in range(7):
         exact = float(degree == 1)
         assert differences.central_difference({k: float(k) ** degree for k in places}, 1.0) == pytest.approx(
@@ -115,7 +115,7 @@ def test_a_number_bounded_above_has_its_derivative_from_below(path):
 
 
 def test_a_mass_of_zero_has_a_derivative():
-    """Beside runs with other masses, by a one-sided difference of order two of their ends."""
+    """Compared with runs of other masses, by a one-sided difference of order two of their ends."""
     name, h = "joint.crank.mass", 1e-4
     make = Template("four_bar").make
     ends = [mbdae.solve(make({name: k * h}), (0, 0.2), rtol=1e-12).q[-1] for k in range(3)]
@@ -139,7 +139,7 @@ def test_what_can_be_moved_neither_way_is_refused(path):
 
 @pytest.mark.filterwarnings("ignore:parameter .force.damper.damping.:UserWarning")
 def test_a_fit_may_begin_and_end_at_the_end_of_a_range(path):
-    """Free fall measured, fitted with damping: the least misfit is at c = 0, also from there."""
+    """Measured free fall, fitted with damping: the minimum is at c = 0, also from there."""
     t = np.linspace(0, 1, 21)[1:]
     data = {"t": t, "q.slider": t - G * t**2 / 2 - 1e-3 * t}  # a little faster down than without damping
     for start in (0.3, 0.0):
@@ -150,7 +150,7 @@ def test_a_fit_may_begin_and_end_at_the_end_of_a_range(path):
 
 @pytest.mark.filterwarnings("ignore:parameter .force.damper.damping.:UserWarning")
 def test_a_design_may_begin_and_end_at_the_end_of_a_range(path):
-    """Lowest after a second where nothing brakes, c = 0: the cost falls to it, and its derivative is that of theory."""
+    """Lowest after a second without damping, c = 0: the cost decreases to it, and its derivative is that of theory."""
 
     def low(signals):
         last = np.eye(len(signals["t"]))[-1]
@@ -166,13 +166,13 @@ def test_a_design_may_begin_and_end_at_the_end_of_a_range(path):
 
 @pytest.mark.parametrize(("low", "high", "found"), [
     (-3.5, 9.0, (1.0, STENCIL)),
-    (-9.0, 2.5, (1 / 8, STENCIL)),  # not all places of both sides at the full width
+    (-9.0, 2.5, (1 / 8, STENCIL)),  # not all points on both sides at the full width
     (0.0, 9.0, (1.0, ABOVE)),
     (0.0, 2.5, (1 / 8, ABOVE)),
     (-9.0, 0.0, (1.0, BELOW)),
-    (0.0, 0.0, (1.0, STENCIL)),  # neither way: the refusal names the usual width
+    (0.0, 0.0, (1.0, STENCIL)),  # on neither side: the error names the default width
 ])  # fmt: skip
-def test_mechanisms_exist_at_all_places_of_a_width(low, high, found):
+def test_mechanisms_exist_at_all_points_of_a_width(low, high, found):
     def make(by):
         if not low <= by <= high:
             raise InputError("outside")
@@ -185,7 +185,7 @@ def test_mechanisms_exist_at_all_places_of_a_width(low, high, found):
 
 @pytest.mark.filterwarnings("ignore:parameter .force.damper.damping.:UserWarning")
 def test_gradients_are_checked_at_the_end_of_a_range(path):
-    """Tangents beside quotients of runs, which have mechanisms on one side only."""
+    """Tangents compared with quotients of runs, which have mechanisms on one side only."""
     study = mbdae.check_gradients(path, ["herk3"], parameter="force.damper.damping", T=0.5, steps=20)
     assert study.differences["herk3"] < 1e-9
     assert not study.refuted

@@ -1,4 +1,6 @@
-"""Derivatives of runs with friction by the load of closures, which depends on multipliers."""
+"""Derivatives of runs with friction proportional to closure forces, which depends on multipliers."""
+
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -60,9 +62,10 @@ def columns(sol, names):
 
 
 @pytest.mark.parametrize("kind", MADE)
-def test_every_kind_of_place(kind):
+def test_every_kind_of_friction_interface(kind):
     values = {"coefficient": 0.3, "velocity": 0.5}
 
+    @cache
     def run(faster=0.0, **changed):
         mech, q, v = MADE[kind](**(values | changed))
         return mbdae.solve(mech, (0, 0.3), q, v * (1 + faster), step=0.03, method="pherk5")
@@ -94,10 +97,11 @@ NAMES = ("force.coulomb_friction 1.coefficient", "force.coulomb_friction 1.radiu
 
 @pytest.mark.parametrize("name", NAMES)
 def test_closures_that_depend_on_each_other(name):
-    """Five rows of a revolute closure in the plane, two of them independent: the load is that of least norm."""
+    """Five rows of a revolute closure in the plane, two of them independent: the force is that of least norm."""
     friction = CoulombFriction(closure="pin", coefficient=0.4, radius=0.3, velocity=0.5)
     own = mbdae.load("four_bar", forces=[friction])
 
+    @cache
     def run(x):
         made = mechanism_factory(own, None).make({name: x})
         return mbdae.solve(made, (0.0, 0.4), step=0.04, method="pherk5", project=True)

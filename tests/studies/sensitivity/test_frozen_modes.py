@@ -1,4 +1,6 @@
-"""Derivatives of runs with stops, friction that sticks and contacts, in which no mode changes."""
+"""Derivatives of runs with stops, stiction and contacts, in which no mode changes."""
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,12 +11,12 @@ from mbdae.errors import InputError
 from mbdae.mechanism.formats.template import Template
 
 SLIPS = {"start.v.crank": 1.0}
-FROZEN = [  # model, parameters, other numbers, span in s, mode
+FROZEN = [  # model, parameters, other values, span in s, mode
     ("pendulum_on_stop", {"body.rod.mass": 2.0}, {}, 0.2, (0,)),  # open
     ("slider_crank_with_stop", {"body.rod.mass": 0.5}, {}, 0.05, (0,)),
     ("bouncing_chain", {"gravity.2": -9.81}, {}, 0.05, (0,) * 8),
     ("ratchet", {"gravity.2": -9.81, "body.wheel.mass": 1.0}, {}, 0.03, (0, 1)),  # a pawl holds
-    ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "gravity.2": -9.0}, {}, 0.04, (1, 1)),  # both stick: nothing moves
+    ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "gravity.2": -9.0}, {}, 0.04, (1, 1)),  # both stick: no motion
     ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "force.joint_friction 3.friction": 2.0}, SLIPS, 0.04, (2, 3)),
 ]  # fmt: skip
 
@@ -24,6 +26,7 @@ FROZEN = [  # model, parameters, other numbers, span in s, mode
 def test_no_mode_changes(model, values, others, T, mode, project):
     template, given = Template(model), {**values, **others}
 
+    @cache
     def run(**changed):
         return mbdae.solve(template.make(given | changed), (0.0, T), step=T / 4, method="pherk5", project=project)
 

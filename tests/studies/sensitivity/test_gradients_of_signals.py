@@ -1,4 +1,4 @@
-"""Derivatives of every signal of several models beside difference quotients of order six of runs."""
+"""Derivatives of every signal of several models compared with difference quotients of order six of runs."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ WIDTHS = (1e-3, 1e-2)
 
 
 def wrong(model, name, T, **options):
-    """Signals whose derivatives miss the quotients of runs, with the relative error; and how many there are."""
+    """Signals whose derivatives differ from the quotients of runs, with the relative error; and their number."""
     template, value, run = runs_of(model, name, T, step=T / 2, method="pherk5", **options)
     sol = run(value)
     known = [x for x in units(sol.mechanism) if x not in WITHOUT]
@@ -90,8 +90,8 @@ def test_what_has_no_gradient_says_why(name):
         mbdae.sensitivity(sol, ["gravity.2"]).signal(name)
 
 
-def test_a_force_that_nothing_tells_is_named():
-    """Joints keep the height of a wheel: no row presses it."""
+def test_an_undetermined_force_is_named():
+    """Joints keep the height of a wheel: there is no row of its normal force."""
     mech = mbdae.load("differential_drive")
     lost = [name for name, x in mbdae.solve(mech, (0.0, 0.01)).signals().items() if np.isnan(x).all()]
     assert lost
@@ -100,10 +100,10 @@ def test_a_force_that_nothing_tells_is_named():
 
 
 def test_a_force_that_vanishes_has_no_direction():
-    """Symmetry leaves nothing to the slider of the governor: its magnitude has no slope, and not that of rounding."""
+    """By symmetry the slider of the governor has zero force: its magnitude has no derivative, not that of rounding."""
     sol = mbdae.solve(mbdae.load("flyball_governor"), (0.0, 0.005), rtol=1e-4)
     assert np.abs(sol.signals()["force.slider"]).max() < 1e-9
     found = mbdae.sensitivity(sol, ["body.rod_2.mass"], start=True)
     assert not found.signal("force.slider").any()
     assert np.abs(found.signal("force.slider.y")).max() > 1
-    compare(sol, ["body.rod_2.mass"], ["force.slider", "force.shaft"])  # a start that opens loops: forces of 1e5 N/m
+    compare(sol, ["body.rod_2.mass"], ["force.slider", "force.shaft"])  # a start with open loops: forces of 1e5 N/m

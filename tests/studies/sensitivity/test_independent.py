@@ -11,7 +11,7 @@ LINKS = ("crank", "coupler", "rocker")
 
 
 def numbers():
-    """Masses, centres and moments of the links, their lengths, and where the rocker stands, from the model's files."""
+    """Masses, centres and moments of the links, their lengths, and the rocker's pivot, from the model's files."""
     model = mbdae.load("four_bar").model
     at = [model.getJointId(name) for name in LINKS]
     inertias = [model.inertias[j] for j in at]
@@ -48,7 +48,7 @@ def linkage(x):
         return M, f
 
     def closure(q):
-        """G of the gap between the tips in the axes of the coupler, which turn: off the manifold that counts."""
+        """G of the gap between the tips in the axes of the coupler, which rotate: off the manifold that matters."""
         a, sizes = turns @ q, (x["length"][0], x["length"][1], -x["length"][2])
         along, across = (np.array([np.cos(a[1]), np.sin(a[1])]), np.array([-np.sin(a[1]), np.cos(a[1])]))
         gap = sum(size * np.array([np.cos(b), np.sin(b)]) for size, b in zip(sizes, a, strict=True))

@@ -1,4 +1,6 @@
-"""Derivatives of runs whose start is moved: velocities onto the rows of a mode, and the whole of it onto closures."""
+"""Derivatives of runs with a corrected start: velocities projected onto the rows of a mode, or all onto closures."""
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,10 +23,11 @@ ON_ROWS = [(GENEVA, {}, "closure.dwell.coefficients.0"), (GENEVA, SLOT, "frame.p
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("project", [False, True])
 @pytest.mark.parametrize(("template", "values", "name"), ON_ROWS)
-def test_rows_of_a_mode_that_move(template, values, name, project):
-    """Runs beside this one begin with an impact, which brings their velocities onto the rows; a driver works there."""
+def test_rows_of_a_mode_with_perturbed_velocities(template, values, name, project):
+    """Perturbed runs begin with an impact, which projects their velocities onto the rows; a driver does work there."""
     value = number(template, name)
 
+    @cache
     def run(x):
         made = template.make({**values, name: x})
         return mbdae.solve(made, (0.0, 0.03), step=0.01, method="pherk5", project=project)
@@ -40,13 +43,14 @@ def test_rows_of_a_mode_that_move(template, values, name, project):
 @pytest.mark.parametrize("project", [False, True])
 @pytest.mark.parametrize("model", ["slider_crank_with_stop", "four_bar"])
 def test_a_given_start_that_is_open(model, project, tmp_path):
-    """As after a run that let closures drift; also of a run that was saved. Steps are those of loose tolerances."""
+    """As after a run with drift; also of a saved run. Steps are those of loose tolerances."""
     mech = mbdae.load(model)
     q, v = mech.assemble({"crank": -1.2}, {"crank": 2.0})
     open_q, names, n = q + 1e-5 * np.eye(mech.nq)[0], ["gravity.2"], 2 * mech.nv
     options = {"rtol": 1e-2, "atol": 1e-2, "first_step": 0.01, "max_step": 0.01, "method": "pherk5", "project": project}
     along = np.random.default_rng(2).uniform(-1, 1, n)
 
+    @cache
     def run(x):
         at = mech.manifold.integrate(open_q, x * along[: mech.nv])
         return mbdae.solve(mech, (0.0, 0.04), at, v + x * along[mech.nv :], **options)

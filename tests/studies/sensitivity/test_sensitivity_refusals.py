@@ -1,4 +1,4 @@
-"""What sensitivities and gradients are given wrongly, in one line; forces without direction have no slope."""
+"""Invalid input of sensitivities and gradients, in one line; forces without direction have no derivative."""
 
 import numpy as np
 import pytest
@@ -101,7 +101,7 @@ def test_a_cost_that_fails_is_the_cause(sol):
 
 
 def hung(x, more):
-    """The arm without weight, its spring held at (x, 0, 0)."""
+    """The arm without gravity, its spring attached at (x, 0, 0)."""
     return f"gravity = [0.0, 0.0, 0.0]{ARM.replace('[0.0, 0.0, 0.6]', f'[{x}, 0.0, 0.0]')}{more}"
 
 
@@ -110,7 +110,7 @@ LOST = "force 'spring' has no direction where its points coincide, and no slope 
 
 @pytest.mark.parametrize("more", ["length = 0.3", "damping = 1.0", "force = 2.0"])
 @pytest.mark.parametrize("backend", ["python", pytest.param("native", marks=pytest.mark.native)])
-def test_a_spring_between_points_that_coincide_has_no_slope(tmp_path, more, backend):
+def test_a_spring_between_coincident_points_has_no_derivative(tmp_path, more, backend):
     path = tmp_path / "arm.toml"
     path.write_text(hung(0.4, more))
     mech = mbdae.load(path)
@@ -127,7 +127,7 @@ def test_a_spring_between_points_that_coincide_has_no_slope(tmp_path, more, back
     assert np.abs(apart.dy).max() < 100
 
 
-def test_a_spring_without_length_has_a_slope_everywhere(tmp_path):
+def test_a_spring_of_zero_rest_length_has_derivatives_everywhere(tmp_path):
     """F = -k (b - a): its stiffness is k in all directions; other lengths, forces and holding efforts have none."""
     path = tmp_path / "arm.toml"
     path.write_text(hung(0.4, ""))

@@ -1,4 +1,4 @@
-"""Derivatives of half-explicit runs in the stabilised form, which keeps positions by a second multiplier."""
+"""Derivatives of half-explicit runs in the GGL form, which enforces positions by a second multiplier."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ NAMES = ("joint.crank.mass", "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "g
 
 
 def miss(model, name, T, **options):
-    """The relative error of the tangent beside quotients of runs."""
+    """The relative error of the tangent compared with quotients of runs."""
     template, value, run = runs_of(model, name, T, formulation="ggl", **options)
     sol = run(value)
     found = mbdae.sensitivity(sol, [name], model=template)
@@ -41,7 +41,7 @@ def test_every_sort_of_parameter(name):
     ],
 )
 def test_models(model, T, step):
-    """Drivers, rows of velocity alone, states, rows that depend on others."""
+    """Drivers, velocity rows alone, states, redundant rows."""
     assert miss(model, "gravity.2", T, step=step, method="pherk5") < 1e-9
 
 

@@ -47,6 +47,7 @@ def test_every_model(model):
     T, step = SHORT.get(model, (0.2, 0.02))
     (q, v), free = mech.start, free_velocity(mech)
 
+    @cache
     def run(x):
         return mbdae.solve(mech, (0.0, T), q, v + x * free, step=step, method="pherk5", project=mech.ng > 0)
 
@@ -63,7 +64,7 @@ def test_every_model(model):
 
 @pytest.mark.parametrize("method", ["pherk6", "herk4", "herk5"])
 def test_controlled_runs_with_frozen_steps(method):
-    """herk4 steps twice by h/2; rows in use stand."""
+    """herk4 by step doubling; rows in use are fixed."""
     name = "joint.crank.mass"
     template, value, run = runs_of("four_bar", name, 0.7, rtol=1e-5, method=method)
     found = mbdae.sensitivity(run(value), [name], model=template)
@@ -73,7 +74,7 @@ def test_controlled_runs_with_frozen_steps(method):
     assert error < 1e-11
 
 
-def test_rows_that_are_chosen_anew():
+def test_reselected_rows():
     mech = mbdae.load("bricard")
     sol = mbdae.solve(mech, (0.0, 6.0), step=0.05, method="pherk5")
     assert len(sol.in_use) > 1
@@ -81,6 +82,7 @@ def test_rows_that_are_chosen_anew():
     found = mbdae.sensitivity(sol, start=True)
     along = found.dy[:, :, mech.nv : 2 * mech.nv] @ free
 
+    @cache
     def run(x):
         out = mbdae.solve(mech, (0.0, 6.0), q, v + x * free, step=0.05, method="pherk5")
         assert out.in_use == sol.in_use
@@ -112,7 +114,7 @@ def test_signals():
     ],
 )
 def test_forces_and_torques(model, name, T, signals):
-    """In all joints and closures: springs between frames, drivers, and rows that depend on others."""
+    """In all joints and closures: springs between frames, drivers, and redundant rows."""
     template, value, run = runs_of(model, name, T, step=T / 2, method="pherk5")
     sol, values = run(value), cache(lambda x: run(x).signals())
     found, known = mbdae.sensitivity(sol, [name], model=template), sol.signals()
@@ -125,8 +127,8 @@ def test_forces_and_torques(model, name, T, signals):
         assert np.abs(moved).max() > 1e-9, signal
 
 
-def test_a_place_that_cannot_be_moved_far():
-    """Assembly fails where a joint of a small mechanism is moved by centimetres; what is held decides all."""
+def test_a_placement_that_cannot_be_moved_far():
+    """Assembly fails where a joint of a small mechanism is moved by centimetres; the held coordinates determine all."""
     name, template = "joint.beta.xyz.0", Template("andrews_squeezer")
     sol = mbdae.solve(template.make({}), (0.0, 1e-4), step=1e-4)
     found = mbdae.sensitivity(sol, [name], model=template)
@@ -135,7 +137,7 @@ def test_a_place_that_cannot_be_moved_far():
     assert np.abs(expected).max() > 10
 
 
-def test_an_event_moves():
+def test_the_time_of_an_event_is_differentiated():
     name = "start.q.crank"
     event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
     template, value, run = runs_of("four_bar", name, 2.0, step=0.05, method="pherk6", events=event)
@@ -152,8 +154,8 @@ def test_an_event_moves():
     [("q.crank = 1.0", "start.q.crank"), ("position.coupler_tip.z < 1.2", "frame.coupler_tip.xyz.0"),
      ("potential < 33", "joint.rocker.mass"), ("force.pin > 10", "joint.coupler.mass")],
 )  # fmt: skip
-def test_an_event_on_a_signal_moves(text, name):
-    """Signals depend on parameters themselves; forwards and back."""
+def test_the_time_of_an_event_on_a_signal_is_differentiated(text, name):
+    """Signals depend on parameters directly; forwards and back."""
     event = mbdae.Event(text, terminal=True)
     template, value, run = runs_of("four_bar", name, 2.0, step=0.05, method="pherk6", events=event)
     sol = run(value)
@@ -164,12 +166,13 @@ def test_an_event_on_a_signal_moves(text, name):
 
 
 def test_a_sampled_controller():
-    """Its torques jump; q and v just before tell them."""
+    """Its torques jump; they depend on q and v just before."""
     hold = mbdae.Sampled(lambda t, q, v, x: (-5 * v[:1] - np.sin(q[0]) - x, x + 0.1 * q[:1]), rate=10,
                          joints="crank", memory={"sum": 0.2}, name="hold")  # fmt: skip
     mech = mbdae.load("four_bar", forces=[hold])
     q, _ = mech.start
 
+    @cache
     def run(x):
         start = mech.assemble(q, {"crank": x})
         return mbdae.solve(mech, (0.0, 0.55), *start, step=0.02, method="pherk5")
@@ -193,10 +196,11 @@ def _controlled(ki, integral=0.2):
 @pytest.mark.parametrize("T", [0.02, 0.08, 0.55])
 @pytest.mark.parametrize("given", [(), ([0.0, 0.3, 0.1],)])
 def test_a_sampled_controller_with_its_gains(T, given):
-    """At the first instant it sees the integral that the start has, and not the one that it leaves behind."""
+    """At the first instant it uses the integral of the start, and not the updated one."""
     own = _controlled(40.0)
     start = (*own.start, *given) if given else ()
 
+    @cache
     def run(**values):
         return mbdae.solve(_controlled(**{"ki": 40.0} | values), (0.0, T), *start, step=0.02, method="pherk5")
 
@@ -254,7 +258,7 @@ def test_what_has_no_derivative_is_refused_by_name():
 
 @pytest.mark.usefixtures("back_end")
 def test_runs_that_share_a_workspace_keep_their_rows():
-    """Multipliers are found when they are asked for: here after another run, which solves for other rows."""
+    """Multipliers are computed on demand: here after another run, with other rows in use."""
     sol = mbdae.solve(mbdae.load("bricard"), (0.0, 0.1), step=0.02, method="pherk5")
     (_, rows), other = sol.in_use[0], (0, 1, 2, 3)
     assert len(sol.in_use) == 1

@@ -1,4 +1,4 @@
-"""Parameters that change more than numbers are refused by name; what they open is closed again by projections."""
+"""Parameters that change more than values are rejected by name; constraint violations are removed by projections."""
 
 import numpy as np
 import pinocchio as pin
@@ -44,7 +44,7 @@ def test_values_of_another_run_are_refused():
 
 
 @pytest.mark.parametrize("method", ["herk1", "herk2", "pherk5"])
-def test_a_projection_counts_where_nothing_was_amiss(method):
+def test_a_projection_is_differentiated_even_without_a_violation(method):
     """Steps of a parallelogram end on the closures; those of one whose coupler is longer do not."""
     name = "frame.coupler_2_tip.xyz.0"
     make = LoadedModel(mbdae.load("n_four_bar", N=2))
@@ -60,8 +60,8 @@ def test_a_projection_counts_where_nothing_was_amiss(method):
 
 
 @pytest.mark.native
-def test_slopes_keep_their_digits_far_from_the_origin():
-    """The same tree at the origin and a kilometre away: M, and slopes of M v' + nle that do not hang on the place."""
+def test_partials_keep_their_digits_far_from_the_origin():
+    """The same tree at the origin and a kilometre away: M, and partials of M v' + nle, do not depend on it."""
     found = []
     for where in (0.0, 1000.0):
         rng, model, joint = np.random.default_rng(3), pin.Model(), 0

@@ -1,4 +1,6 @@
-"""Derivatives by numbers of which differences are taken: frequencies late in a run, starts that jump, small bodies."""
+"""Derivatives by parameters that are differenced: frequencies late in a run, starts that jump, small bodies."""
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -57,7 +59,7 @@ def slides(tmp_path):
 
 @pytest.mark.usefixtures("back_end")
 def test_a_frequency_acts_with_the_time(slides):
-    """The motion's own derivative: x = a sin(w t), and v = (cos w t_0 - cos w t) 3/(2 w)."""
+    """The derivative of the motion itself: x = a sin(w t), and v = (cos w t_0 - cos w t) 3/(2 w)."""
     model, (t0, t) = slides(), (30.0, 30.4)
     driven = [0.1 * np.sin(OMEGA * t0), 0.1 * OMEGA * np.cos(OMEGA * t0)]
     mech = model.make({})
@@ -70,10 +72,11 @@ def test_a_frequency_acts_with_the_time(slides):
 
 
 def test_a_start_that_its_guess_does_not_decide(tmp_path):
-    """The way from the guess jumps between poses where the socket turns by some hundredths."""
+    """The path from the initial estimate jumps between poses where the socket rotates by some hundredths."""
     (tmp_path / "loose.toml").write_text(LOOSE)
     model, name = Template(str(tmp_path / "loose.toml")), "frame.socket.rpy.2"
 
+    @cache
     def run(x):
         return mbdae.solve(model.make({name: x}), (0.0, 0.02), step=0.01, method="pherk5")
 
@@ -95,6 +98,7 @@ def test_times_between_pieces_of_a_curve(slides):
     model = slides('{kind = "table", points = [[0.0, 0.0], [0.5, 3.0], [0.52, -3.0], [3.0, 0.0]]}')
     name = "force.push.torque.points.2.0"
 
+    @cache
     def run(x):
         return mbdae.solve(model.make({name: x}), (0.0, 1.0), step=0.05)
 
@@ -104,9 +108,10 @@ def test_times_between_pieces_of_a_curve(slides):
 
 
 def test_inertias_of_small_bodies():
-    """Products of inertia are 0, and stay below what is possible."""
+    """Products of inertia are 0, and stay within the valid range."""
     model, name = Template("delta_robot"), "body.arm_1.inertia.3"
 
+    @cache
     def run(x):
         return mbdae.solve(model.make({name: x}), (0.0, 0.04), step=0.01, method="pherk5")
 
@@ -118,7 +123,7 @@ def test_inertias_of_small_bodies():
 @pytest.mark.parametrize(("model", "ends"), [("four_bar", ["coupler_tip"]), ("andrews_squeezer", ["P2", "P3", "P4"])])
 @pytest.mark.usefixtures("back_end")
 def test_what_opens_nothing_is_not_refused(model, ends):
-    """Closures in a point do not feel how their frames turn."""
+    """Point closures are invariant under rotations of their frames."""
     sol = mbdae.solve(mbdae.load(model), (0.0, 1e-3), step=5e-4, method="pherk5")
     names = [f"frame.{end}.rpy.{k}" for end in ends for k in range(3)]
     assert np.abs(mbdae.sensitivity(sol, names).dy).max() < 1e-9
@@ -143,8 +148,8 @@ def test_widths_shrink_until_differences_agree():
         converged_difference(lambda h: values(edge, h), 1e9)
 
 
-def test_what_assembly_tolerates_is_no_start():
-    """Where wheels are tilted the start slips by 3 % of that: below some 1e-7 assembly does not see it."""
+def test_widths_exceed_the_tolerance_of_assembly():
+    """Where wheels are tilted the start slips by 3 % of that: below some 1e-7 assembly ignores it."""
     model = Template("mecanum_platform")
     sol = mbdae.solve(model.make({}), (0.0, 0.1), step=0.05, method="pherk5")
     with pytest.raises(InputError, match="start cannot be assembled beside this value"):
@@ -154,6 +159,6 @@ def test_what_assembly_tolerates_is_no_start():
 
 
 def test_rows_that_a_mode_leaves_out_do_not_count():
-    """The free pawl's gap jumps by a tooth where the run begins."""
+    """The free pawl's gap jumps by a tooth at the start of the run."""
     sol = mbdae.solve(mbdae.load("ratchet"), (0.0, 0.03), step=0.01, method="pherk5")
     assert not mbdae.sensitivity(sol, ["clutch.driving pawl.pitch", "clutch.driving pawl.tooth"]).dy.any()

@@ -1,4 +1,4 @@
-"""Equilibria with neutral directions, and those beside a singular configuration, where closures nearly lose rank."""
+"""Equilibria with neutral directions, and those close to a singular configuration, where closures nearly lose rank."""
 
 import numpy as np
 import pinocchio as pin
@@ -9,11 +9,11 @@ import mbdae
 from mbdae import JointDamping, JointPID, JointSpring, Mechanism
 from mbdae.errors import InputError
 
-STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupler that does not turn
+STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupler that does not rotate
 
 
 def sliders(n, damping=0.0):
-    """A pendulum that a controller holds, and n carts beside it on level rails."""
+    """A pendulum held by a controller, and n carts on level rails."""
     model, names = empty(), [f"cart_{k}" for k in range(n)]
     carried(model, 0, pin.JointModelRY(), "arm", 1.0, (0, 0, -0.5), (0.1, 0.1, 0.1))
     for k, name in enumerate(names):
@@ -24,14 +24,14 @@ def sliders(n, damping=0.0):
 
 @pytest.mark.parametrize(("n", "damping"), [(n, d) for n in range(4) for d in (0.0, 0.7)])
 def test_each_neutral_direction_counts_once(n, damping):
-    """Without damping each has two eigenvalues 0, of a double root: a place and a drift along it; with damping one."""
+    """Without damping each has two eigenvalues 0, of a double root: a shift and a drift along it; with damping one."""
     found = mbdae.equilibrium(sliders(n, damping)).verdict
     assert found.by == "eigenvalues"
     assert (found.stability, found.neutral, found.unstable) == ("neutral" if n else "stable", n, 0)
 
 
 def sprung(angle):
-    """A parallelogram without weight, whose crank a spring holds at an angle; at 0 its bars lie in a line."""
+    """A parallelogram without gravity, whose crank a spring holds at an angle; at 0 its bars are in line."""
     mech = mbdae.load("n_four_bar", N=1)
     model = mech.model.copy()
     model.gravity.linear = np.zeros(3)
@@ -40,8 +40,8 @@ def sprung(angle):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-8, 1e-7])
-def test_beside_a_singular_configuration_there_is_no_verdict(angle):
-    """The cranks may turn against each other there, which takes a ten-millionth of a radian."""
+def test_close_to_a_singular_configuration_there_is_no_verdict(angle):
+    """The cranks can rotate against each other there, for a perturbation of a ten-millionth of a radian."""
     found = mbdae.equilibrium(*sprung(angle))
     assert found.stability == "singular"
     np.testing.assert_allclose(found.q, [angle, -angle, angle], atol=1e-9)

@@ -1,4 +1,4 @@
-"""Equilibria: published and closed numbers, starts from anywhere, verdicts, what holds, and refusals by name."""
+"""Equilibria: published and closed-form values, starts from anywhere, verdicts, holding torques, and errors by name."""
 
 import json
 import re
@@ -15,14 +15,16 @@ from mbdae import JointSpring, JointTorque, Sampled
 from mbdae.__main__ import cli
 from mbdae.errors import EquilibriumError, InputError, UnknownNameError
 from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.formulations.equilibrium_equations import Statics
 
 COMMANDS = (
-    "statics double_pendulum",
-    "statics snap_toggle --at pin=-0.5",
-    "statics snap_toggle --load press --to 2 --plot snap.png",
+    "equilibrium double_pendulum",
+    "equilibrium snap_toggle --q pin=-0.5",
+    "equilibria four_bar --drive crank",
+    "load-path snap_toggle --load press --to 2 --plot snap.png",
 )
 NAMES = SMOOTH
-CRANK = -1.82338478542147607  # rad, four_bar: root of the potential's slope in 30 digits
+CRANK = -1.82338478542147607  # rad, four_bar: root of the potential's derivative in 30 digits
 
 
 def disturbed(mech, rng, width=0.6):
@@ -49,7 +51,7 @@ def test_a_governor_turns_steadily():
     assert abs(found.q[names.index("slider")] - 0.69216470264792956) < 1e-13
     np.testing.assert_allclose(found.q[[names.index("rod_1"), names.index("rod_2")]], 0.31271309431474218, atol=1e-13)
     assert found.stability == "stable"
-    assert abs(found.holding["shaft"]) < 1e-12  # it turns by itself
+    assert abs(found.holding["shaft"]) < 1e-12  # it turns freely
 
 
 def test_the_benchmark_with_a_diagonal_spring():
@@ -68,7 +70,7 @@ def test_disturbed_starts_all_come_to_rest(name):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "panda_handle", "stewart_platform"])
-def test_a_run_that_starts_there_stays(name):
+def test_a_run_from_an_equilibrium_stays_there(name):
     mech = frozen(mbdae.load(name))
     found = mbdae.equilibrium(mech)
     sol = mbdae.solve(mech, (0, 10), found.q, found.v, s=found.s, rtol=1e-10)
@@ -76,16 +78,16 @@ def test_a_run_that_starts_there_stays(name):
     np.testing.assert_allclose(sol.lam[0], found.lam, atol=1e-9 * (1 + np.abs(found.lam).max()))
 
 
-def test_unstable_poses_are_left_or_told():
+def test_unstable_poses_are_left_or_reported():
     mech = mbdae.load("four_bar")
     found = mbdae.equilibrium(mech, {"crank": 1.5}, find="any")
     assert (found.stability, found.verdict.unstable) == ("unstable", 1)
     assert abs(found.q[0] - 1.5432) < 1e-4
     assert mbdae.equilibrium(mech, found.q).stability == "stable"
-    assert CliRunner().invoke(cli, ["statics", "four_bar", "--at", "crank=1.5", "--find", "any"]).exit_code == 1
+    assert CliRunner().invoke(cli, ["equilibrium", "four_bar", "--q", "crank=1.5", "--find", "any"]).exit_code == 1
     hanging = mbdae.equilibrium(mbdae.load("heavy_top"))
     assert (hanging.stability, hanging.verdict.neutral) == ("neutral", 1)
-    assert CliRunner().invoke(cli, ["statics", "heavy_top"]).exit_code == 3
+    assert CliRunner().invoke(cli, ["equilibrium", "heavy_top"]).exit_code == 3
 
 
 def test_all_equilibria_of_a_branch():
@@ -94,13 +96,21 @@ def test_all_equilibria_of_a_branch():
     cranks = {e.stability: e.q[0] % (2 * np.pi) for e in found[:2]}  # the circuit of the start comes first
     assert abs(cranks["stable"] - (CRANK + 2 * np.pi)) < 1e-13
     assert abs(cranks["unstable"] - 1.5432) < 1e-4
-    said = CliRunner().invoke(cli, ["statics", "four_bar", "--all", "crank", "--json"])
+    said = CliRunner().invoke(cli, ["equilibria", "four_bar", "--drive", "crank", "--json"])
     assert len(json.loads(said.stdout)) == 4
+
+
+def test_derivatives_of_forces_are_taken_at_equilibria_alone(monkeypatch):
+    """Of each circuit 361 poses are compared by the sign of the force along it."""
+    taken, slopes = [], Statics.slopes
+    monkeypatch.setattr(Statics, "slopes", lambda *given: taken.append(given) or slopes(*given))
+    assert len(mbdae.equilibria(mbdae.load("four_bar"), "crank")) == 4
+    assert len(taken) < 100
 
 
 @pytest.mark.parametrize("name", ["double_pendulum", "flyball_governor", "snap_toggle", "panda_handle", "heavy_top"])
 def test_an_equilibrium_is_found_again_from_itself(name):
-    """Where no closure carries load the forces themselves vanish there: what is left of them is rounding."""
+    """Where no closure carries load the forces themselves vanish there: their residual is rounding."""
     mech = mbdae.load(name)
     first = mbdae.equilibrium(mech)
     for away in (0.0, 1e-13):
@@ -110,8 +120,8 @@ def test_an_equilibrium_is_found_again_from_itself(name):
         assert np.abs(mech.manifold.difference(first.q, again.q)).max() < 1e-9 or first.stability == "neutral"
 
 
-def test_a_branch_of_equilibria_needs_what_nobody_holds():
-    """The delta robot's integrators say where its arms are; and what holds a joint is told."""
+def test_a_branch_of_equilibria_needs_a_free_joint():
+    """The integrators of the delta robot determine its arm angles; and the holding torque of a joint is reported."""
     with pytest.raises(InputError, match="an integrator says where 'arm_1' is"):
         mbdae.equilibria(mbdae.load("delta_robot"), "arm_1", hold=["arm_2", "arm_3"])
     mech = mbdae.load("double_pendulum")
@@ -119,6 +129,17 @@ def test_a_branch_of_equilibria_needs_what_nobody_holds():
     alone = [mbdae.equilibrium(mech, e.q, hold="joint1", find="any").holding["joint1"] for e in found]
     assert len(found) == 2
     np.testing.assert_allclose([e.holding["joint1"] for e in found], alone, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "drive", "reason"), [
+    ("jansen_walker", "crank", "a driver says where 'crank' is"),
+    ("cam_follower", "cam", "a driver says where 'cam' is"),
+    ("delta_robot", "arm_1", "2 of them besides 'arm_1'"),
+])  # fmt: skip
+def test_what_is_driven_is_refused_before_any_pose_is_followed(name, drive, reason, monkeypatch):
+    monkeypatch.setattr("mbdae.studies.statics.equilibria.kinematics", None)
+    with pytest.raises(InputError, match=reason):
+        mbdae.equilibria(mbdae.load(name), drive, span=(-0.5, 0.5))
 
 
 def test_a_follower_force_flutters(tmp_path):
@@ -138,7 +159,7 @@ def test_a_follower_force_flutters(tmp_path):
     assert not [e for e in path.critical if e.kind == "limit"]
 
 
-def test_what_holds_a_joint_is_its_share_of_the_weight():
+def test_the_holding_torque_balances_the_weight():
     mech = mbdae.load("double_pendulum")
     free = mbdae.equilibrium(mech)
     first = mech.joint_names[0]
@@ -153,7 +174,7 @@ def test_what_holds_a_joint_is_its_share_of_the_weight():
 
 
 def test_reactions_carry_the_weight():
-    """Nothing accelerates, and the multipliers are those of the run's own solve: of least norm."""
+    """No acceleration, and the multipliers are those of the run's solve: of least norm."""
     mech = mbdae.load("four_bar")
     found = mbdae.equilibrium(mech)
     rates, lam = mech.system().derivative(0.0, np.concatenate([found.q, found.v, found.s, [0.0]]))
@@ -211,7 +232,7 @@ def test_what_falls_has_no_equilibrium():
 
 
 def test_a_disc_falls_flat_where_its_contact_is_none():
-    """No equilibrium lies beyond the edge on which the contact is singular, and none is found by leaping over it."""
+    """No equilibrium exists beyond the edge on which the contact is singular, and none is found by stepping over it."""
     mech, rng = mbdae.load("rolling_disc"), np.random.default_rng(1)
     for _ in range(10):
         with pytest.raises(EquilibriumError, match="most at joint 'lean'") as e:
@@ -262,7 +283,7 @@ def test_it_is_a_table_by_the_names_of_signals(tmp_path):
     frame = held.to_pandas()
     assert frame.attrs["units"]["holding.left"] == "N m"
     assert frame["holding.left"][0] == held.holding["left"]
-    done = CliRunner().invoke(cli, ["statics", "spring_four_bar", "--hold", "left", "-o", str(tmp_path / "e.csv")])
+    done = CliRunner().invoke(cli, ["equilibrium", "spring_four_bar", "--hold", "left", "-o", str(tmp_path / "e.csv")])
     assert f"wrote {tmp_path / 'e.csv'}" in done.output
     pandas.testing.assert_frame_equal(pandas.read_csv(tmp_path / "e.csv"), frame, rtol=1e-12)
     assert "force.pin & " in held.to_latex()

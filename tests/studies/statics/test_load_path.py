@@ -1,4 +1,4 @@
-"""Paths of equilibria under a load that grows: closed forms of a truss and of a buckling column."""
+"""Paths of equilibria under a growing load: closed forms of a truss and of a buckling column."""
 
 import json
 
@@ -36,7 +36,7 @@ def test_the_toggle_snaps_through_where_its_force_is_largest():
 
 
 def test_a_column_buckles(tmp_path):
-    """A bar of 2 m with a spring at its foot stands until P l = k."""
+    """A bar of 2 m with a spring at its foot is upright until P l = k."""
     (tmp_path / "column.toml").write_text(column({"bar": 1.0}, stiffness=6.0, tip=2.0))
     path = mbdae.load_path(mbdae.load(tmp_path / "column.toml"), "load", (0, 5))
     assert [e.kind for e in path.critical] == ["branch"]
@@ -46,14 +46,14 @@ def test_a_column_buckles(tmp_path):
 
 
 def test_a_path_is_plain_data():
-    """A path that comes to its end by Newton's corrections has numbers of numpy in it."""
+    """A path that ends after Newton's corrections contains numpy numbers."""
     path = mbdae.load_path(mbdae.load("four_bar"), "gravity", (1.0, 1.1))
     assert path.complete is True
     assert json.loads(json.dumps(path.to_dict()))["complete"] is True
 
 
 def test_weight_is_a_load_too():
-    """Turned upwards, gravity takes the four-bar over: the same poses stand at every share of it."""
+    """With reversed gravity the four-bar is inverted: the poses are equal at every load factor."""
     path = mbdae.load_path(mbdae.load("four_bar"), "gravity", (1.0, 0.1))
     np.testing.assert_allclose(path.coordinates["q.crank"], -1.82338478542147607, atol=1e-13)
 
@@ -70,14 +70,19 @@ def test_wrong_loads_are_named(load, span, error, text):
         mbdae.load_path(mbdae.load("snap_toggle"), load, span)
 
 
-def test_a_load_and_its_end_belong_together():
-    said = CliRunner().invoke(cli, ["statics", "snap_toggle", "--load", "press"])
-    assert "takes --load and --to" in str(said.exception)
+def test_the_command_follows_a_load_to_its_full_size_and_names_unknown_ones():
+    """One Newton path, two calls: --to is 1 when left out, as the end of ``span``."""
+    said = CliRunner().invoke(cli, ["load-path", "snap_toggle", "--load", "press", "--json"], catch_exceptions=False)
+    path = mbdae.load_path(mbdae.load("snap_toggle"), "press")
+    assert json.loads(said.stdout)["factor"] == path.to_dict()["factor"]
+    assert path.factor[-1] == pytest.approx(1.0)
+    with pytest.raises(UnknownNameError, match="unknown force 'presss'"):
+        CliRunner().invoke(cli, ["load-path", "snap_toggle", "--load", "presss"], catch_exceptions=False)
 
 
 @pytest.mark.parametrize("name", ["heavy_top", "cart_pole", "double_pendulum", "panda_handle"])
-def test_what_hangs_goes_on_hanging_in_a_stronger_field(name):
-    """Motions without force are left alone, forces that vanish in the equilibrium balance, and nothing buckles."""
+def test_a_hanging_equilibrium_persists_in_a_stronger_field(name):
+    """Motions without stiffness are ignored, forces that vanish in the equilibrium balance, and nothing buckles."""
     mech = mbdae.load(name)
     path = mbdae.load_path(mech, "gravity", (1.0, 3.0))
     assert path.complete
@@ -92,12 +97,13 @@ def test_a_path_cannot_begin_where_anything_is_an_equilibrium(name):
         mbdae.load_path(mbdae.load(name), "gravity", (0.0, 1.0))
 
 
-def test_what_slides_without_end_needs_a_range():
-    """Under less than its snapping load the toggle has three equilibria; 0.2 of 100 N is z (1 / l - 1 / L0) = 0.2."""
+def test_an_unbounded_slider_needs_a_range():
+    """Below its snapping load the toggle has three equilibria; 0.2 of 100 N is z (1 / l - 1 / L0) = 0.2."""
     mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, -20.0]})
     with pytest.raises(InputError, match="'pin' slides on without end"):
         mbdae.equilibria(mech, "pin")
     found = mbdae.equilibria(mech, "pin", span=(-1.0, 1.0))
     assert [e.stability for e in found] == ["stable", "unstable", "stable"]
-    said = CliRunner().invoke(cli, ["statics", "snap_toggle", "--all", "pin", "--from", "-1", "--to", "1", "--json"])
+    words = ["equilibria", "snap_toggle", "--drive", "pin", "--from", "-1", "--to", "1", "--json"]
+    said = CliRunner().invoke(cli, words)
     assert [e["stability"] for e in json.loads(said.stdout)] == ["stable"]

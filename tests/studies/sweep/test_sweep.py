@@ -1,5 +1,4 @@
-"""Sweeps: what a run computes, values and seeds of runs, failures as rows, and what is refused."""
-
+"""Sweeps: results of runs, values and seeds, failures as rows, and invalid input."""
 
 import numpy as np
 import pinocchio as pin
@@ -89,7 +88,8 @@ def test_outputs_are_those_of_the_solution():
     signals, reaction = sol.signals(), sol.reaction("wrist pin")
     assert result["final q.slider"][0] == signals["q.slider"][-1]
     found = sol.statistics(["v.crank", "energy"])
-    assert result["max v.crank"][0] == found.maximum["v.crank"].value >= signals["v.crank"].max()
+    assert result["max v.crank"][0] == pytest.approx(found.maximum["v.crank"].value, rel=1e-14)
+    assert found.maximum["v.crank"].value >= signals["v.crank"].max()
     assert result["min energy"][0] == pytest.approx(found.minimum["energy"].value, rel=1e-14)
     assert result["mean t"][0] == pytest.approx(0.5, abs=1e-12)
     assert result["peak torque.wrist pin"][0] == pytest.approx(np.linalg.norm(reaction.torque, axis=1).max(), abs=1e-9)
@@ -128,7 +128,7 @@ def test_joints_of_a_urdf_are_those_of_an_edited_urdf(tmp_path):
 
 
 def test_joints_of_a_source_are_turned():
-    """Roll, pitch and yaw one after another, in addition to the turn that the source has."""
+    """Roll, pitch and yaw one after another, in addition to the rotation in the source."""
     plain, turned = (Template("slider_crank").make(c).model for c in ({}, {"joint.crank_pin.rpy": [0.3, -0.2, 0.5]}))
     at = plain.getJointId("crank_pin")
     roll, pitch, yaw = (pin.exp3(x * e) for x, e in zip((0.3, -0.2, 0.5), np.eye(3), strict=True))

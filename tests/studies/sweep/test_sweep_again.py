@@ -1,4 +1,4 @@
-"""Sweeps that go on from a file, or do not, and what is refused before anything runs."""
+"""Sweeps resumed from a file, or not, and errors before any run."""
 
 from contextlib import contextmanager
 
@@ -45,8 +45,8 @@ def test_a_table_has_what_was_computed_when_the_user_stopped(tmp_path, monkeypat
     assert f"stopped by the user after {len(rows) - 1} of 6 runs" in out.output
 
 
-def test_functions_are_told_apart_by_what_they_hold(tmp_path):
-    """Not by their names or their text: a resume would return the results of another sweep."""
+def test_functions_are_distinguished_by_their_captured_values(tmp_path):
+    """Not by their names or their text: resuming would return the results of another sweep."""
     options = {"path": tmp_path / "runs.parquet", "executor": "threads"}
     count = [lambda s: {"n": s.q.shape[1]}]
     first = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=count, **options)
@@ -59,7 +59,7 @@ def test_functions_are_told_apart_by_what_they_hold(tmp_path):
         mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": 2.0 * s.q.shape[1]}], **options)
 
 
-def test_a_fresh_sweep_that_stops_goes_on_where_an_older_file_stood(tmp_path):
+def test_an_interrupted_fresh_sweep_resumes_from_its_file(tmp_path):
     path = tmp_path / "runs.parquet"
     mbdae.sweep("pendulum", {"solve.rtol": [1e-3]}, 0.05, path=path)
 
@@ -123,7 +123,7 @@ def test_numbers_of_stops_are_swept():
 
 
 def test_outputs_have_the_units_of_their_signals(tmp_path):
-    """A reduction has that of its signal, in the table and in one that is read again."""
+    """A reduction has that of its signal, in the table and after reading it."""
     pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
     outputs = ["max v.joint1", "peak force.joint1", "q.joint2", "final energy"]

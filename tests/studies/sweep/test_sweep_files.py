@@ -58,7 +58,7 @@ def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
 
 
 class Bounded(ThreadPoolExecutor):
-    """Counts the runs that are given away and not finished."""
+    """Counts the submitted and unfinished runs."""
 
     most = 0
 
@@ -88,7 +88,7 @@ def test_executors_of_the_user(tmp_path):
         result = mbdae.sweep("slider_crank", {"start.v.crank": list(np.linspace(5, 7, 30))}, 0.05, executor=executor)
         assert result.complete
         assert executor.most <= 2 * AHEAD
-        assert executor.submit(int).result() == 0  # it is left open
+        assert executor.submit(int).result() == 0  # it stays open
     path = tmp_path / "runs.parquet"
     with pytest.raises(MbdaeError, match=r"run 2 was lost by its worker.*the machine is gone"):
         mbdae.sweep("slider_crank", LINKS, 0.05, path=path, **{**QUICK, "executor": Lossy(), "workers": 1})
@@ -146,7 +146,7 @@ parameters.frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 
 
 
 def begun(folder, how, *options):
-    """Start the sweep as a process, send it and its workers a signal when a few runs are done, return what it says."""
+    """Start the sweep as a process, signal it and its workers after a few runs, return its output."""
     command = [sys.executable, "-m", "mbdae", "sweep", "sweep.toml", "-o", "runs.parquet", *options]
     pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     process = subprocess.Popen(command, cwd=folder, start_new_session=True, **pipes)
@@ -219,7 +219,7 @@ def test_command(tmp_path):
 
 @pytest.mark.parametrize("own", ["rtol = 1e-4", "step = 0.01", "project = true"])
 def test_command_keeps_what_the_model_says(own, tmp_path):
-    """The tolerance or step of the file's own table stands; runs are those of Python, and pandas reads the table."""
+    """The tolerance or step of the file's table is used; runs are those of Python, and pandas reads the table."""
     (tmp_path / "pendulum.toml").write_text(
         f'[solve]\n{own}\n[[body]]\nname = "bob"\nparent = "world"\naxis = [0, 1, 0]\nmass = 1.0\n'
         "com = [0.0, 0.0, -1.0]\n"

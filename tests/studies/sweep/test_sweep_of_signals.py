@@ -1,4 +1,4 @@
-"""Sweeps over numbers that may be functions of time in a file."""
+"""Sweeps over values that may be functions of time in a file."""
 
 import numpy as np
 import pytest

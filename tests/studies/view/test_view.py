@@ -1,4 +1,4 @@
-"""Poses over free coordinates: closed along the whole way, dead points where geometry says, shown by a page."""
+"""Poses over free coordinates: closed over the whole range, dead points of the geometry, shown by a page."""
 
 import json
 
@@ -10,8 +10,8 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
-from mbdae.mechanism.assembly import close_position
 from mbdae.mechanism.frames import find_joint
+from mbdae.mechanism.position_search import close_position
 
 COMMANDS = ("view four_bar -o out.html",)
 
@@ -33,7 +33,7 @@ def test_a_crank_goes_round_with_its_loop_closed(four_bar):
     np.testing.assert_allclose(crank.q[crank.start], four_bar.q, atol=1e-9)
 
 
-def test_arms_turn_back_at_dead_points_and_the_others_stand_still():
+def test_arms_reverse_at_dead_points_and_the_others_rest():
     found = mbdae.view(mbdae.load("delta_robot"))
     for s in found.sliders:
         assert len(s.dead_points) == 2
@@ -66,7 +66,7 @@ MOVE = """
 
 
 def page_of(found, folder):
-    """The page of a view, and the script with which it is moved."""
+    """The page of a view, and the script that moves it."""
     found.save(folder / "view.html")
     shapes = found.mechanism.scene.shapes
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in shapes]

@@ -1,1 +1,1 @@
-"""MJCF files, compiled by MuJoCo: bodies, equalities, actuators, keyframes, and what is left out."""
+"""MJCF files, compiled by MuJoCo: bodies, equalities, actuators, keyframes, and unsupported features."""

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 class MjcfActuators(NamedTuple):
-    """What an MJCF file moves joints by.
+    """Actuators of an MJCF file.
 
     Attributes:
         motors: by the index of their control.
-        others: names of actuators of another kind.
+        others: names of unsupported actuators.
         limited: names of those whose limits or delays are not carried over.
     """
 
@@ -29,7 +29,7 @@ class MjcfActuators(NamedTuple):
 
 
 def actuators_of(c: "MjcfModel") -> MjcfActuators:
-    """MjcfActuators on hinges and slides whose force is gain u + b_0 + b_1 length + b_2 velocity of the transmission.
+    """Return actuators on hinges and slides with force gain u + b_0 + b_1 length + b_2 velocity of the transmission.
 
     That is motor, position, velocity, and general with affine bias. With length = gear q the torque on the joint is
     gear times that force, gear gain u + gear b_0 + gear^2 (b_1 q + b_2 v): gear of the motor is gear gain.
@@ -65,18 +65,18 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
 
 
 def actuator_name(c: "MjcfModel", i: int) -> str:
-    """The name of an actuator, or its number where it has none."""
+    """Return the name of an actuator, or its index if it has none."""
     return c.name("ACTUATOR", i) or f"actuator{i}"
 
 
 def _active(c: "MjcfModel", i: int) -> bool:
-    """Whether the file's options leave an actuator switched on."""
+    """Return whether the file's options leave an actuator enabled."""
     group = int(c.m.actuator_group[i])
     return not disabled(c, "ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
 
 
 def _is_limited(c: "MjcfModel", i: int, control: int, joint: int) -> bool:
-    """Whether MuJoCo clips the control of a motor, its force, or what all actuators of its joint give, or delays it."""
+    """Return whether MuJoCo limits the control of a motor, its force, or the total of its joint, or delays it."""
     m = c.m
     clipped = m.actuator_ctrllimited[control] and not disabled(c, "CLAMPCTRL")
     delayed = hasattr(m, "actuator_delay") and np.any(m.actuator_delay[i])
@@ -84,7 +84,7 @@ def _is_limited(c: "MjcfModel", i: int, control: int, joint: int) -> bool:
 
 
 def _scalar_joint(c: "MjcfModel", i: int) -> int | None:
-    """The hinge or slide that an actuator acts on."""
+    """Return the hinge or slide of an actuator."""
     transmission, joint = c.lib.mjtTrn(c.m.actuator_trntype[i]), int(c.m.actuator_trnid[i, 0])
     if transmission not in (c.lib.mjtTrn.mjTRN_JOINT, c.lib.mjtTrn.mjTRN_JOINTINPARENT):
         return None
@@ -92,12 +92,12 @@ def _scalar_joint(c: "MjcfModel", i: int) -> int | None:
 
 
 def _address(m: Any, array: str, i: int) -> int:
-    """Where an actuator's numbers stand: MuJoCo 4 knows actuators of several controls."""
+    """Return the index of an actuator's values: MuJoCo 4 has actuators with several controls."""
     return int(getattr(m, array)[i]) if hasattr(m, array) else i
 
 
 def _reflected(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
-    """Armature and damping that an actuator adds to its joint (MuJoCo 4)."""
+    """Add armature and damping of an actuator to its joint (MuJoCo 4)."""
     m = c.m
     if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
         at = c.model.joints[c.model.getJointId(c.joints[joint])].idx_v
@@ -107,7 +107,7 @@ def _reflected(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
 
 
 def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
-    """Springs of hinges and slides, and of ball and free joints as bushings of equal stiffnesses."""
+    """Return springs of hinges and slides; of ball and free joints as bushings of equal stiffnesses."""
     m = c.m
     out: list[JointSpring | Bushing] = []
     for j in np.flatnonzero(m.jnt_stiffness).tolist() if not disabled(c, "SPRING") else ():
@@ -127,7 +127,7 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
 
 
 def weightless(c: "MjcfModel") -> dict[str, float]:
-    """Frames with the masses that stand for armature of free joints: those have inertia and no weight."""
+    """Return frames and masses that represent armature of free joints: with inertia, but without weight."""
     m, out = c.m, {}
     for j in range(m.njnt):
         mass = float(m.dof_armature[m.jnt_dofadr[j]])
@@ -137,7 +137,7 @@ def weightless(c: "MjcfModel") -> dict[str, float]:
 
 
 def disabled(c: "MjcfModel", flag: str) -> bool:
-    """Whether the file's option disables a part of the dynamics."""
+    """Return whether the file's option disables a term of the dynamics."""
     bits = c.lib.mjtDisableBit
     bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE
     return bool(c.m.opt.disableflags & bit)

@@ -1,4 +1,4 @@
-"""Equalities of an MJCF file as closures and drivers: connect, weld and joint; others are named as left out."""
+"""Equalities of an MJCF file as closures and drivers: connect, weld and joint; others are reported."""
 
 from math import comb
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
     """Return closures and drivers of the active equalities, and the names of those left out with the reason.
 
-    A joint that is held at a value becomes a driver that stands still.
+    A joint that is fixed at a value becomes a constant driver.
     """
     m, kinds, flags = c.m, c.lib.mjtEq, c.lib.mjtDisableBit
     off = bool(m.opt.disableflags & (flags.mjDSBL_EQUALITY | flags.mjDSBL_CONSTRAINT))
@@ -44,7 +44,7 @@ def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
 
 
 def _same_carrier(c: "MjcfModel", i: int) -> bool:
-    """Whether both sides of an equality are carried by the same joint."""
+    """Return whether both sides of an equality are carried by the same joint."""
     sides = int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     sites = c.lib.mjtObj(c.m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE
     one, two = (c.home[c.m.site_bodyid[x] if sites else x][0] for x in sides)
@@ -71,7 +71,7 @@ def _held(c: "MjcfModel", i: int) -> Constant:
 
 
 def _coupling(c: "MjcfModel", i: int, name: str) -> Closure:
-    """q1 - ref1 = polynomial of (q2 - ref2), written as a polynomial of q2."""
+    """Return q1 - ref1 = polynomial of (q2 - ref2) as a polynomial of q2."""
     m, one, two = c.m, int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     poly, ref1, ref2 = m.eq_data[i, :5], *(float(m.qpos0[m.jnt_qposadr[j]]) for j in (one, two))
     powers = [sum(poly[n] * comb(n, k) * (-ref2) ** (n - k) for n in range(k, 5)) for k in range(5)]

@@ -1,7 +1,7 @@
-"""What an MJCF file makes MuJoCo read and make: other files, which must stand in its places, and numbers of things.
+"""Checks before MuJoCo reads an MJCF file: files must be on allowed paths, and counts must be limited.
 
-MuJoCo follows file names and counts without a question, so both are looked at before it is asked. The text is searched
-and not parsed: whatever MuJoCo takes for an attribute is found, and perhaps more, in comments for instance.
+MuJoCo follows file names and counts without checks, so both are checked first. The text is searched and not parsed:
+everything that MuJoCo takes for an attribute is found, and possibly more, for instance in comments.
 """
 
 import os
@@ -27,12 +27,13 @@ REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")
 
 
 class XmlFiles(NamedTuple):
-    """The XML files of a model.
+    """XML files of a model.
 
     Attributes:
         main: the model's own.
         texts: of this one and of those that it names.
         named: the file that each name means.
+    named: the file of each name.
     """
 
     main: Path
@@ -41,10 +42,10 @@ class XmlFiles(NamedTuple):
 
 
 def check_files(path: Path, places: AllowedPaths) -> XmlFiles:
-    """Check what an MJCF file names, and the files that it includes, and return those.
+    """Check the files that an MJCF file names, read its includes, and return those.
 
     Raises:
-        InputError: names a file outside of the places, or a number that is too large.
+        InputError: names a file that is not allowed, or a number that is too large.
     """
     folders, names, counts = {""}, set[tuple[Path, str]](), dict[Path, int]()
     waiting, files = [path.resolve()], XmlFiles(path.resolve(), {}, {})
@@ -69,13 +70,13 @@ def check_files(path: Path, places: AllowedPaths) -> XmlFiles:
 
 
 def _attributes(text: bytes) -> list[tuple[str, str]]:
-    """Names and values, as they stand and without their escapes."""
+    """Return names and values, as written and with escapes resolved."""
     pairs = [(key.decode(), os.fsdecode(value[1:-1])) for key, value in ATTRIBUTE.findall(text)]
     return [*pairs, *((key, unescape(value)) for key, value in pairs if "&" in value)]
 
 
 def _found(name: str, bases: set[Path], folders: set[str], places: AllowedPaths) -> list[Path]:
-    """The files that a name may mean to MuJoCo, which may drop its folders."""
+    """Return the files that a name may mean to MuJoCo, which may ignore its folders."""
     plain = name.rpartition("://")[2]
     out = []
     for place in (base / folder / n for base in bases for folder in folders for n in {plain, Path(plain).name}):
@@ -94,7 +95,7 @@ def _found(name: str, bases: set[Path], folders: set[str], places: AllowedPaths)
 
 
 def _is_text(file: Path) -> bool:
-    """Whether a file is XML."""
+    """Return whether a file is XML."""
     with file.open("rb") as stream:
         return stream.read(200).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
@@ -109,7 +110,7 @@ def _refuse_many(key: str, value: str, name: str) -> None:
 
 
 def _replicated(text: bytes, name: str) -> int:
-    """How often the innermost of nested replications is made."""
+    """Return the number of copies of the innermost of nested replications."""
     most, nested = 1, [1]
     for tag in REPLICATE.findall(text):
         if tag.startswith(b"</"):

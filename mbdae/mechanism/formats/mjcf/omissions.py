@@ -1,4 +1,4 @@
-"""What an MJCF file shows, and what it says that is not carried over."""
+"""Visuals of an MJCF file, and features that are not supported."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ SHOWN_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
 
 
 def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
-    """The geoms that MuJoCo's own viewer shows, and the names of those that have no shape here."""
+    """Return the geoms that MuJoCo's viewer shows, and the names of those without a supported shape."""
     out, missing = pin.GeometryModel(), []
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
     for g in np.flatnonzero(c.m.geom_group < SHOWN_GROUPS).tolist():
@@ -52,7 +52,7 @@ def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS], level
             return coal.Box(2 * a, 2 * b, 2 * h)
         case kinds.mjGEOM_PLANE if level:
             return ground()
-        case kinds.mjGEOM_PLANE:  # a size of 0 means without end
+        case kinds.mjGEOM_PLANE:  # a size of 0 means infinite
             wide = 2 * float(m.stat.extent)
             return coal.Box(2 * a or wide, 2 * b or wide, wide * 1e-4)
         case kinds.mjGEOM_MESH:
@@ -68,35 +68,50 @@ def left_out(
     c: "MjcfModel", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
     """Everything that moves or shows the file's model and is not carried over, each with its names."""
-    m = c.m
     found: list[tuple[str, Iterable[str]]] = [
         ("contact between geoms", [""] if _touching(c) else []),
-        (LIMITS, (c.joints[j] for j in np.flatnonzero(m.jnt_limited))),
-        (FRICTION, _joints(c, m.dof_frictionloss)),
-        ("nonlinear stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_stiffnesspoly"))),
-        ("plastic stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_springyield"))),
-        ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),
+        *_of_joints(c),
         ("equalities", equalities),
         ("actuators that are no motors, positions or velocities of a hinge or slide", actuators),
         ("limits and delays of motors", limited),
-        ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(m, "actuator_dampingpoly"))),
-        ("tendons", (c.name("TENDON", t) or f"tendon{t}" for t in range(m.ntendon))),
-        ("gravity compensation of bodies", (c.name("BODY", b) or f"body{b}" for b in _rows(m, "body_gravcomp"))),
-        ("motion of mocap bodies", (c.name("BODY", int(b)) for b in np.flatnonzero(m.body_mocapid >= 0))),
-        ("flexes", (c.name("FLEX", f) or f"flex{f}" for f in range(m.nflex))),
-        ("skins", (c.name("SKIN", s) or f"skin{s}" for s in range(m.nskin))),
-        ("plugins", (c.name("PLUGIN", p) or f"plugin{p}" for p in range(m.nplugin))),
-        ("adhesion of geoms", (c.name("GEOM", g) or f"geom{g}" for g in _rows(m, "geom_adhesion"))),
-        ("adhesion of pairs of geoms", (f"pair{p}" for p in _rows(m, "pair_adhesion"))),
+        ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(c.m, "actuator_dampingpoly"))),
+        *_objects(c),
         ("sleep of bodies", _sleepers(c)),
-        ("forces of a fluid", [""] if m.opt.density or m.opt.viscosity else []),
+        ("forces of a fluid", [""] if c.m.opt.density or c.m.opt.viscosity else []),
         ("shapes", shapes),
     ]
     return [name_list(what, names) for what, values in found if (names := list(values))]
 
 
+def _of_joints(c: "MjcfModel") -> list[tuple[str, list[str]]]:
+    m = c.m
+    return [
+        (LIMITS, [c.joints[j] for j in np.flatnonzero(m.jnt_limited)]),
+        (FRICTION, _joints(c, m.dof_frictionloss)),
+        ("nonlinear stiffness of joints", [c.joints[j] for j in _rows(m, "jnt_stiffnesspoly")]),
+        ("plastic stiffness of joints", [c.joints[j] for j in _rows(m, "jnt_springyield")]),
+        ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),
+    ]
+
+
+def _objects(c: "MjcfModel") -> list[tuple[str, list[str]]]:
+    """Objects of MuJoCo, by its word for their kind; nameless ones by the word that follows, and their number."""
+    m = c.m
+    found: list[tuple[str, str, str, Iterable[int]]] = [
+        ("tendons", "TENDON", "tendon", range(m.ntendon)),
+        ("gravity compensation of bodies", "BODY", "body", _rows(m, "body_gravcomp")),
+        ("motion of mocap bodies", "BODY", "body", np.flatnonzero(m.body_mocapid >= 0).tolist()),
+        ("flexes", "FLEX", "flex", range(m.nflex)),
+        ("skins", "SKIN", "skin", range(m.nskin)),
+        ("plugins", "PLUGIN", "plugin", range(m.nplugin)),
+        ("adhesion of geoms", "GEOM", "geom", _rows(m, "geom_adhesion")),
+        ("adhesion of pairs of geoms", "PAIR", "pair", _rows(m, "pair_adhesion")),
+    ]
+    return [(what, [c.name(kind, i) or f"{word}{i}" for i in numbers]) for what, kind, word, numbers in found]
+
+
 def _array(m: Any, name: str, rows: int) -> np.ndarray:
-    """An array of the compiled model, nothing where this version of MuJoCo does not know it."""
+    """Return an array of the compiled model, empty if this version of MuJoCo does not have it."""
     return np.array(getattr(m, name, np.zeros((rows, 1))))
 
 
@@ -111,7 +126,7 @@ def _joints(c: "MjcfModel", per_dof: np.ndarray) -> list[str]:
 
 
 def _sleepers(c: "MjcfModel") -> list[str]:
-    """Bodies whose trees sleep or do not as the file says; a nameless one where it only switches sleeping on."""
+    """Return bodies whose trees have a sleep setting; a nameless one if the file only enables sleeping."""
     m, own = c.m, getattr(c.lib, "mjtSleepPolicy", None)
     if own is None:
         return []
@@ -122,7 +137,7 @@ def _sleepers(c: "MjcfModel") -> list[str]:
 
 
 def _touching(c: "MjcfModel") -> bool:
-    """Whether two geoms on bodies that move against each other may touch, as far as their bit masks say."""
+    """Return whether two geoms on bodies in relative motion may collide, according to their bit masks."""
     m = c.m
     if c.m.opt.disableflags & (c.lib.mjtDisableBit.mjDSBL_CONTACT | c.lib.mjtDisableBit.mjDSBL_CONSTRAINT):
         return False

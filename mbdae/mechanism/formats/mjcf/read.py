@@ -1,9 +1,9 @@
-"""MJCF: compiled by MuJoCo itself, then written down as a Pinocchio model with closures, forces and a start state.
+"""MJCF: compiled by MuJoCo itself, then converted to a Pinocchio model with closures, forces and a start state.
 
-MuJoCo's compiler resolves defaults, includes, angles and inertias, so what is converted here are the numbers that
-MuJoCo would simulate with. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of
-free joints change as `mbdae.mechanism.formats.mjcf.states` says. A body with several joints becomes a chain of joints
-whose inner links have no mass. Equalities become exact closures: their softness (solref, solimp) is not carried over.
+MuJoCo's compiler resolves defaults, includes, angles and inertias, so the converted values are those that MuJoCo would
+simulate with. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of free joints
+change according to `mbdae.mechanism.formats.mjcf.states`. A body with several joints becomes a chain of joints with
+massless intermediate links. Equalities become exact closures: their softness (solref, solimp) is not carried over.
 """
 
 import warnings
@@ -22,6 +22,8 @@ from ...imported_model import ImportedModel
 from ...model_serialization import model_to_data
 from ...model_settings import Start
 from ...scene.shapes import pack
+from ..reader import Reader
+from ..schema import Source
 from .actuators import actuators_of, disabled, springs_of, weightless
 from .equalities import loops_of
 from .file_checks import check_files
@@ -30,7 +32,7 @@ from .said import unread
 from .states import from_mujoco, pose
 
 REFERENCE = "qpos0"
-ONE_AT_A_TIME = Lock()  # MuJoCo has one place for all threads where it says what it finds odd
+ONE_AT_A_TIME = Lock()  # MuJoCo has one global warning handler for all threads
 NUMBERS = (
     "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis",
     "jnt_stiffness", "dof_armature", "dof_damping", "qpos0", "qpos_spring", "key_qpos", "key_qvel", "eq_data",
@@ -40,14 +42,14 @@ NUMBERS = (
 
 
 class MjcfModel:
-    """A compiled MuJoCo model with names for everything, and the Pinocchio model that grows from it.
+    """A compiled MuJoCo model with names for all objects, and the Pinocchio model built from it.
 
     Attributes:
         lib: the mujoco package.
         m: the mujoco.MjModel.
         model: the Pinocchio model.
-        home: for each MuJoCo body the joint that carries it and its place there.
-        before: for each MuJoCo joint the joint that carries it and its place there.
+        home: for each MuJoCo body the joint that carries it and its placement there.
+        before: for each MuJoCo joint the joint that carries it and its placement there.
         joints: Pinocchio's name of each MuJoCo joint.
         sites: name of the frame of each MuJoCo site.
     """
@@ -69,16 +71,16 @@ class MjcfModel:
             self.add_frame(site, m.site_bodyid[s], m.site_pos[s], m.site_quat[s])
 
     def name(self, kind: str, i: int) -> str:
-        """The name that the file gives, or an empty one."""
+        """Return the name from the file, or an empty one."""
         return self.lib.mj_id2name(self.m, getattr(self.lib.mjtObj, f"mjOBJ_{kind}"), i) or ""
 
     def is_scalar(self, j: int) -> bool:
-        """Whether a MuJoCo joint is a hinge or a slide."""
+        """Return whether a MuJoCo joint is a hinge or a slide."""
         kinds = self.lib.mjtJoint
         return kinds(self.m.jnt_type[j]) in (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)
 
     def unique(self, name: str) -> str:
-        """A frame name that is not taken yet."""
+        """Return a frame name that is not used yet."""
         new, k = name, 2
         while new in self._taken:
             new, k = f"{name}_{k}", k + 1
@@ -107,7 +109,7 @@ class MjcfModel:
         self.model.addFrame(pin.Frame(name, joint, place, pin.FrameType.BODY))
 
     def _add_joint(self, j: int, parent: int, place: pin.SE3) -> tuple[int, pin.SE3]:
-        """Add a joint; ``place`` is the body in the parent joint's frame before it moves, returned is that after."""
+        """Add a joint; ``place`` is the body in the parent joint's frame before the joint, the result is that after."""
         m, kinds = self.m, self.lib.mjtJoint
         at, axis = pose(m.jnt_pos[j]), np.array(m.jnt_axis[j])
         ref, after = float(m.qpos0[m.jnt_qposadr[j]]), at.inverse()
@@ -127,7 +129,7 @@ class MjcfModel:
         new = self.model.joints[number]
         ours, theirs = slice(new.idx_v, new.idx_v + new.nv), slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + new.nv)
         self.model.armature[ours] = m.dof_armature[theirs]
-        if new.nv == 6:  # in space, as a weightless mass at the origin: Pinocchio's would turn with the body
+        if new.nv == 6:  # in space, as a weightless mass at the origin: Pinocchio's would rotate with the body
             self.model.armature[ours.start : ours.start + 3] = 0
             origin = pin.Inertia(m.dof_armature[theirs.start], np.zeros(3), np.zeros((3, 3)))
             self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
@@ -140,18 +142,18 @@ class MjcfModel:
         return number, after
 
 
-def read_mjcf(path: Path, places: AllowedPaths, key: str = "") -> ImportedModel:
+def read_mjcf(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
     """Read an MJCF file.
 
     Args:
         path: the file; what it includes is found as MuJoCo finds it.
         places: where that may stand.
-        key: name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first keyframe, if
-            there is one, when left out.
+        source: with the name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first
+            keyframe, if there is one, when left out.
 
     Raises:
-        InputError: where MuJoCo is missing, or does not compile the file, or for a file that stands elsewhere.
-        UnknownNameError: for a keyframe that does not exist.
+        InputError: if MuJoCo is missing, or cannot compile the file, or for a file that is not allowed.
+        UnknownNameError: for an unknown keyframe.
     """
     try:
         import mujoco
@@ -162,7 +164,7 @@ def read_mjcf(path: Path, places: AllowedPaths, key: str = "") -> ImportedModel:
     _refuse_wild(m, path.name)
     c = MjcfModel(mujoco, m, path.stem)
     acting = actuators_of(c)
-    frame = _key(c, key)
+    frame = _key(c, source.key)
     start = _start(c, frame)
     control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
     gravity = (0.0, 0.0, 0.0) if disabled(c, "GRAVITY") else tuple(m.opt.gravity.tolist())
@@ -188,7 +190,7 @@ def _compile(lib: ModuleType, path: Path) -> Any:
     said: list[str] = []
     with ONE_AT_A_TIME:
         before = lib.get_mju_user_warning()
-        lib.set_mju_user_warning(said.append)  # else MuJoCo writes them to a file of its own in the working directory
+        lib.set_mju_user_warning(said.append)  # otherwise MuJoCo writes them to a file in the working directory
         try:
             m = lib.MjModel.from_xml_path(str(path))
         except (ValueError, RuntimeError, lib.FatalError) as e:
@@ -202,7 +204,7 @@ def _compile(lib: ModuleType, path: Path) -> Any:
 
 
 def _refuse_wild(m: Any, name: str) -> None:
-    """Refuse numbers that are not finite, or whose products would overflow."""
+    """Reject numbers that are not finite, or whose products would overflow."""
     for array in NUMBERS:
         if not np.abs(getattr(m, array)).max(initial=0) <= HUGE:
             raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")
@@ -230,3 +232,11 @@ def _start(c: MjcfModel, key: int | None) -> Start:
 
 def _value(x: np.ndarray) -> float | tuple[float, ...]:
     return float(x[0]) if len(x) == 1 else tuple(x.tolist())
+
+
+mjcf = Reader(
+    "mjcf",
+    (".xml", ".mjcf"),
+    read_mjcf,
+    refused={"free_flyer": "does not belong to an MJCF source: {} has free joints of its own"},
+)

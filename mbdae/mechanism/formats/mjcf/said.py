@@ -1,7 +1,7 @@
-"""What an MJCF file says and nobody reads: everything but what MuJoCo compiles into what is carried over.
+"""Contents of an MJCF file that are not read: all but what MuJoCo compiles into the imported model.
 
-The tables say which attributes act on bodies, joints, closures, forces, shapes or the start, or are named by
-`mbdae.mechanism.formats.mjcf.omissions` where they act. All else is named by its path in the file.
+The tables list the attributes that affect bodies, joints, closures, forces, shapes or the start, or are reported by
+`mbdae.mechanism.formats.mjcf.omissions` if they have an effect. All others are reported by their path in the file.
 """
 
 import xml.etree.ElementTree as ET
@@ -18,7 +18,7 @@ JOINT = """class type pos axis springdamper springref springyield stiffness damp
     frictionloss actuatorfrclimited actuatorfrcrange"""
 ACTUATOR = """class joint jointinparent tendon slidersite cranksite site refsite gear cranklength group ctrllimited
     ctrlrange forcelimited forcerange armature damping delay"""
-OTHER = 2 * ALL  # actuators that are named as a whole
+OTHER = 2 * ALL  # actuators that are reported as a whole
 READ = {
     "compiler": ALL,
     "option": "gravity density viscosity actuatorgroupdisable",
@@ -39,7 +39,7 @@ READ = {
     "freejoint": "align",
     "geom": GEOM,
     "site": f"class pos {TURN} fromto",
-    "equality": "active",  # in a class of defaults, too
+    "equality": "active",  # also in a class of defaults
     "equality/connect": "active class anchor body1 body2 site1 site2",
     "equality/weld": "active class anchor body1 body2 site1 site2 relpose torquescale",
     "equality/joint": "active class joint1 joint2 polycoef",
@@ -66,13 +66,13 @@ READ = {
 
 
 def unread(files: XmlFiles) -> list[str]:
-    """Phrases for what is not read in an MJCF file and the files that belong to it."""
+    """Return phrases for unread contents of an MJCF file and its included files."""
     trees: dict[Path, ET.Element] = {}
     out: list[str] = []
     for file, text in files.texts.items():
         try:
             trees[file] = ET.fromstring(text)
-        except (ET.ParseError, ValueError, LookupError):  # MuJoCo is more lenient
+        except (ET.ParseError, ValueError, LookupError):  # MuJoCo is more tolerant
             out.append(f"what else {file.name} says, which is no well-formed XML")
     used = {files.main}
     if files.main in trees:
@@ -87,7 +87,7 @@ def unread(files: XmlFiles) -> list[str]:
 
 
 def _include(element: ET.Element, trees: Mapping[Path, ET.Element], named: Mapping[str, Path], used: set[Path]) -> None:
-    """Put what is included in the place of ``<include>``, as MuJoCo does."""
+    """Replace ``<include>`` by the included elements, as MuJoCo does."""
     waiting = [element]
     while waiting:
         at = waiting.pop()

@@ -1,4 +1,4 @@
-"""States in MuJoCo's conventions and in Pinocchio's.
+"""Conversion of states between the conventions of MuJoCo and Pinocchio.
 
 ============  ==========================================  =======================================
 joint         MuJoCo                                      Pinocchio
@@ -9,7 +9,7 @@ free          position, quaternion w x y z;               position, quaternion x
               v of the origin in the world, w in the body  v of the origin and w in the body
 ============  ==========================================  =======================================
 
-Both number joints depth first, so nothing else changes places.
+Both number joints depth first, so the order is the same.
 """
 
 import numpy as np
@@ -53,7 +53,7 @@ def to_mujoco(model: pin.Model, q: np.ndarray, v: np.ndarray | None = None) -> t
 
 
 def pose(position: np.ndarray, quaternion: np.ndarray | None = None) -> pin.SE3:
-    """A placement from MuJoCo's position (3,) and quaternion w x y z."""
+    """Return a placement from MuJoCo's position (3,) and quaternion w x y z."""
     w, x, y, z = (1.0, 0.0, 0.0, 0.0) if quaternion is None else quaternion
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(position, float))
 
@@ -64,7 +64,7 @@ def _turning(model: pin.Model) -> list[tuple[pin.JointModel, str]]:
 
 
 def _unit(quaternion: np.ndarray) -> np.ndarray:
-    """A unit quaternion; MuJoCo reads a vanishing one as no rotation at all, here the real part is last."""
+    """Return a unit quaternion; like MuJoCo, the identity for a zero one (here the real part is last)."""
     size = np.linalg.norm(quaternion)
     return quaternion / size if size > 0 else np.array([0.0, 0.0, 0.0, 1.0])
 

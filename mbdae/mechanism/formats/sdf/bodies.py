@@ -20,10 +20,10 @@ ENTRIES = (("ixx", 1.0), ("ixy", 0.0), ("iyy", 1.0), ("ixz", 0.0), ("iyz", 0.0),
 
 
 def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
-    """The inertia of a link in its own frame: as the file says, or of its collision shapes where that is asked for.
+    """Return the inertia of a link in its frame: from the file, or from its collision shapes where requested.
 
     Raises:
-        InputError: for numbers that are none, masses and tensors that no body has, and shapes of unknown inertia.
+        InputError: for invalid numbers, masses and tensors that are not physical, and shapes of unknown inertia.
     """
     e, what = of.by_name[link].first("inertial"), f"the inertial of {link!r}"
     if e is not None and e.get("auto").lower() in YES:
@@ -39,10 +39,10 @@ def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
 
 
 def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
-    """The sum over collision shapes of their densities times their volumes' inertias, scaled to the mass if it is said.
+    """Return the sum over collision shapes of density times volume inertia, scaled to the mass if that is given.
 
     Raises:
-        InputError: for a shape that is no solid of the format.
+        InputError: for a shape that is not a solid of the format.
     """
     what, here, total = f"the inertial of {link!r}", of.links[link], pin.Inertia.Zero()
     usual = of.number(e, "density", WATER, what)
@@ -63,7 +63,7 @@ def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
 
 
 def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
-    """The solid of a geometry; None for other shapes."""
+    """Return the solid of a geometry; None for other shapes."""
 
     def sizes(shape: Recorded, *keys: str) -> list[float]:
         return [of.number(shape, key, 1.0, name) for key in keys]
@@ -85,15 +85,15 @@ def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
 def visuals_of(
     of: SdfElements, places: AllowedPaths, carried: Callable[[str], tuple[int, pin.SE3]]
 ) -> tuple[pin.GeometryModel, list[str], str]:
-    """What is to be seen of the links.
+    """Return the visuals of the links.
 
     Args:
         of: the elements.
-        places: where meshes may be.
-        carried: the joint that carries a link, and where that is in the world.
+        places: allowed paths of meshes.
+        carried: the joint that carries a link, and its placement in the world.
 
     Returns:
-        Solids and meshes; the names of shapes of other kinds and of meshes that are not found; and why not, of the
+        Solids and meshes; the names of unsupported shapes and of meshes that are not found; and the reason for the
         first.
     """
     out, missing, reason = pin.GeometryModel(), list[str](), ""

@@ -1,4 +1,4 @@
-"""The elements of an SDF model: numbers, poses relative to each other, and which link carries what."""
+"""Elements of an SDF model: numbers, relative poses, and the links that carry frames."""
 
 import re
 
@@ -12,7 +12,7 @@ from ..recorded import Recorded
 
 MODEL, OWN = "__model__", "the model"
 YES = ("1", "true")
-AXES_IN_MODEL = (1, 4)  # up to this version axes are given in the model's frame
+AXES_IN_MODEL = (1, 4)  # up to this version axes are in the model frame
 
 
 class SdfElements:
@@ -20,13 +20,13 @@ class SdfElements:
 
     Attributes:
         file: name of the file, for messages.
-        version: of the format, two numbers; without end where the file says none.
+        version: of the format, two numbers; infinite if the file has none.
         model: the element.
         by_name: links, joints and frames.
-        links: where each link is in the world.
+        links: placement of each link in the world.
 
     Raises:
-        InputError: for models in the model, names that are missing or used twice, and poses that are none.
+        InputError: for nested models, missing or duplicate names, and invalid poses.
     """
 
     def __init__(self, model: Recorded, version: str, file: str) -> None:
@@ -51,7 +51,7 @@ class SdfElements:
         return default if text is None else text.lower() in YES
 
     def place(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
-        """Where a link, joint or frame is in the world."""
+        """Return the placement of a link, joint or frame in the world."""
         if name in ("", MODEL):
             return self.pose(self.model, OWN)
         if name == WORLD:
@@ -63,13 +63,13 @@ class SdfElements:
         return self.placed(e, name, lambda: self.place(base, (*seen, name)), (*seen, name))
 
     def placed(self, e: Recorded, name: str, base: "pin.SE3 | object", seen: tuple[str, ...] = ()) -> pin.SE3:
-        """Where an element is in the world: its pose relative to the frame that it names, or else to ``base``.
+        """Return the world placement of an element: its pose relative to the frame that it names, or else ``base``.
 
         Args:
-            e: with a pose or none.
+            e: element with or without a pose.
             name: for messages.
-            base: a placement, or a function without arguments that gives it.
-            seen: names on the way here.
+            base: a placement, or a function without arguments that returns it.
+            seen: names resolved so far.
         """
         pose = e.first("pose")
         other = pose.get("relative_to") if pose else ""
@@ -77,7 +77,7 @@ class SdfElements:
         return above * self.pose(e, name)
 
     def pose(self, e: Recorded, name: str) -> pin.SE3:
-        """The pose of an element, as it is written."""
+        """Return the pose of an element, as written."""
         pose = e.first("pose")
         text = pose.text() if pose else ""
         if pose is None or not text:
@@ -94,10 +94,10 @@ class SdfElements:
         return pin.SE3(pin.rpy.rpyToMatrix(np.radians(x[3:]) if degrees else x[3:]), x[:3])
 
     def numbers(self, text: str | None, n: int, what: str) -> list[float]:
-        """``n`` finite numbers.
+        """Return ``n`` finite numbers.
 
         Raises:
-            InputError: for another text.
+            InputError: for any other text.
         """
         try:
             out = [float(x) for x in (text or "").split()]
@@ -108,12 +108,12 @@ class SdfElements:
         return out
 
     def number(self, e: Recorded | None, path: str, default: float, what: str) -> float:
-        """The number along a path; ``default`` where there is none."""
+        """Return the number along a path; ``default`` if there is none."""
         text = None if e is None else e.text(path)
         return default if text is None else self.numbers(text, 1, what)[0]
 
     def link_of(self, name: str) -> str | None:
-        """The link, or the world, that carries a link, frame or joint; None where there is none."""
+        """Return the link, or the world, that carries a link, frame or joint; None if there is none."""
         seen = set[str]()
         while name not in (WORLD, *self.links):
             if name in ("", MODEL):

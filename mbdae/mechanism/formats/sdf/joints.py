@@ -1,4 +1,4 @@
-"""Joints of an SDF model: kind, place, axes, and what acts along each axis."""
+"""Joints of an SDF model: kind, placement, axes, and forces along each axis."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -20,20 +20,20 @@ MOVING: dict[str, Callable[..., Any]] = {
     "ball": pin.JointModelSpherical,
 }
 AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "ball": 0, "fixed": 0}
-PERPENDICULAR = 1e-6  # cosine of the angle between axes, as accurate as files say them
-BOUNDLESS = 1e16  # what the format says for a joint without a limit
+PERPENDICULAR = 1e-6  # cosine of the angle between axes, at the accuracy of files
+BOUNDLESS = 1e16  # value of the format for a joint without a limit
 
 
 @dataclass(frozen=True)
 class SdfAxis:
-    """What an SDF file says of an axis.
+    """An axis of a joint in an SDF file.
 
     Attributes:
         xyz: unit vector in the joint's frame.
         damping: in N m s/rad or N s/m.
         friction: in N m or N.
         stiffness: in N m/rad or N/m.
-        rest: where the spring is free, in rad or m.
+        rest: zero of the spring, in rad or m.
         ends: lower and upper limit in rad or m.
         bounds: of effort and of velocity.
     """
@@ -48,7 +48,7 @@ class SdfAxis:
 
     @property
     def limited(self) -> bool:
-        """Whether the axis has an end."""
+        """Whether the axis has a limit."""
         return bool(np.isfinite(self.ends).any())
 
     @property
@@ -59,17 +59,17 @@ class SdfAxis:
 
 @dataclass(frozen=True)
 class SdfJoint:
-    """A joint: its kind, the links that it joins, its place in the world, and its axes.
+    """A joint: its kind, the links that it connects, its placement in the world, and its axes.
 
     Attributes:
-        name: of the joint.
-        kind: as the file calls it.
+        name: name of the joint.
+        kind: kind in the file.
         parent: link, or the world.
         child: link, or the world.
-        place: in the world.
+        place: placement in the world.
         axes: one for each coordinate, none for balls.
         mimic: how it follows another joint.
-        follows: what it should follow, in words, where it cannot.
+        follows: description of its leader, if that cannot be followed.
     """
 
     name: str
@@ -88,11 +88,11 @@ class SdfJoint:
 
     @property
     def acts(self) -> bool:
-        """Whether something acts along its axes."""
+        """Whether a force acts along its axes."""
         return any(a.damping or a.stiffness for a in self.axes)
 
     def model(self) -> Any:
-        """The joint of Pinocchio."""
+        """Pinocchio's joint."""
         return MOVING[self.kind](*(np.array(a.xyz) for a in self.axes))
 
     def copy_to(self, model: pin.Model, number: int) -> None:
@@ -112,7 +112,7 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
     """Read a joint.
 
     Raises:
-        InputError: for a kind that is not read, links that are none, or an axis without a direction.
+        InputError: for an unsupported kind, unknown links, or an axis without a direction.
     """
     kind, ends = e.get("type"), [e.text(key) or "" for key in ("parent", "child")]
     if kind not in AXES:
@@ -171,7 +171,7 @@ def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, place: pin
 
 
 def _mimic(of: SdfElements, joint: str, e: Recorded | None) -> tuple[Mimic | None, str]:
-    """The law q = multiplier (q_leader - reference) + offset, or the name of a leader without such a coordinate."""
+    """Return q = multiplier (q_leader - reference) + offset, or the name of a leader without such a coordinate."""
     if e is None:
         return None, ""
     leader, keys = e.get("joint"), ("multiplier", "offset", "reference")
@@ -184,5 +184,5 @@ def _mimic(of: SdfElements, joint: str, e: Recorded | None) -> tuple[Mimic | Non
 
 
 def leaders(joints: Iterable[SdfJoint]) -> set[str]:
-    """Names of the joints that others follow."""
+    """Return names of the joints that others follow."""
     return {j.mimic.other for j in joints if j.mimic}

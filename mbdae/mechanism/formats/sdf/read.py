@@ -1,22 +1,24 @@
 """SDF: links, joints and loops of one model, see sdformat.org.
 
-SDF is a graph of links. From the world, and from links that no joint carries, joints are followed from parent to
-child; a joint to a link that is there already is cut and becomes a closure. Where something acts along the axis of such
-a joint, the link is cut instead: the joint carries one half of it, and a weld holds both halves together. Links that
-nothing carries fly freely; those of a static model do not move.
+SDF is a graph of links. From the world, and from links without a parent joint, joints are followed from parent to
+child; a joint to a link that is already in the tree is cut and becomes a closure. If forces act along the axis of such
+a joint, the link is cut instead: the joint carries one half of it, and a weld connects both halves. Links without a
+parent joint fly freely; those of a static model do not move.
 """
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
+from ....file_io import text_of
 from ...allowed_paths import AllowedPaths
 from ...checked_table import Table
 from ...closures.closure import Closure
@@ -24,7 +26,9 @@ from ...forces.joint_spring import JointSpring
 from ...frames import WORLD
 from ...imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, name_list
 from ...joints import subspace
+from ..reader import KEY, Reader
 from ..recorded import Recorded, unread_phrases
+from ..schema import Source
 from .bodies import inertia_of, visuals_of
 from .elements import SdfElements
 from .joints import SdfAxis, SdfJoint, leaders, read_joint
@@ -34,7 +38,7 @@ CLOSED = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prisma
 
 
 class SdfRecord(Table):
-    """What a part remembers of itself, see `read_sdf`."""
+    """Record of an imported model, see `read_sdf`."""
 
     sdf: str
     folder: str
@@ -46,11 +50,11 @@ def read_sdf(text: str, name: str, places: AllowedPaths) -> ImportedModel:
 
     Args:
         text: the SDF.
-        name: of the file, for messages.
-        places: where meshes are looked up.
+        name: name of the file, for messages.
+        places: allowed paths of meshes.
 
     Raises:
-        InputError: for a text that is no SDF of one model, or for what it says and is not read: names it.
+        InputError: for a text that is not SDF with one model, or for unsupported contents, which it names.
     """
     root = Recorded.parse(text, name)
     worlds = root.all("world")
@@ -64,7 +68,7 @@ def read_sdf(text: str, name: str, places: AllowedPaths) -> ImportedModel:
 
 
 class SdfModel:
-    """The Pinocchio model that grows from the elements of an SDF file."""
+    """The Pinocchio model built from the elements of an SDF file."""
 
     def __init__(self, elements: SdfElements) -> None:
         self.of = elements
@@ -82,7 +86,7 @@ class SdfModel:
         self.shares = Counter(j.child for j in self.halved)
 
     def part(self, gravity: str | None, places: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
-        """What the file says, as a part of a mechanism."""
+        """Return the imported model of the file."""
         self._grow(WORLD)
         for link in self.roots:
             place = self.of.links[link]
@@ -131,7 +135,7 @@ class SdfModel:
         return roots
 
     def _halves(self, j: SdfJoint) -> bool:
-        """Whether a joint that closes a loop needs coordinates, and can have them: half of its child moves along."""
+        """Return whether a loop-closing joint needs coordinates, and can have them: it carries half of its child."""
         if not (j.acts or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
             return False
         place, axes = j.place.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
@@ -139,7 +143,7 @@ class SdfModel:
         return bool(np.linalg.eigvalsh(axes.T @ inertia @ axes).min() > 0)
 
     def _grow(self, link: str) -> None:
-        """Add what a link carries, depth first."""
+        """Add the subtree of a link, depth first."""
         for j in [j for j in self.tree if j.parent == link]:
             self.home[j.child] = self._add_joint(j)
             self._carry(j.child)
@@ -159,7 +163,7 @@ class SdfModel:
         return number
 
     def _carry(self, link: str) -> None:
-        """Put a link's frame and its inertia, or what other joints leave of it, on the joint that carries it."""
+        """Add a link's frame and its inertia, or the remainder of it, to the joint that carries it."""
         self._frame(link, self.home[link], self.of.links[link], pin.FrameType.BODY)
         self._append(link, self.home[link])
 
@@ -184,7 +188,7 @@ class SdfModel:
         return Closure(kind=kind, frames=names, name=j.name, **axes)  # type: ignore[arg-type]
 
     def _weightless(self, link: str) -> tuple[str, float] | None:
-        """The frame and mass of a link without weight."""
+        """Return the frame and mass of a link without weight."""
         if self.of.is_set(self.of.by_name[link], "gravity", True) or not self.home[link]:
             return None
         name, inertia = f"{link} centre of mass", self.inertias[link]
@@ -193,7 +197,7 @@ class SdfModel:
 
     @property
     def moving(self) -> list[SdfJoint]:
-        """The joints that have coordinates."""
+        """Return the joints that have coordinates."""
         return [j for j in (*self.tree, *self.halved) if j.kind != "fixed"]
 
     def _springs(self) -> list[JointSpring]:
@@ -209,7 +213,7 @@ class SdfModel:
         return [j.mimic for j in self.moving if j.mimic and j.mimic.other in names]
 
     def _said_only(self, shapeless: list[str]) -> list[tuple[str, list[str]]]:
-        """What is read and does not act, with its names."""
+        """Return contents that are read, but have no effect, with their names."""
         moving, cut = self.moving, [j for j in self.joints if j not in (*self.tree, *self.halved)]
         led, links = {m.joint for m in self._mimics()}, self.of.by_name
 
@@ -230,3 +234,21 @@ class SdfModel:
             ("kinematic motion of links", [n for n in self.of.links if self.of.is_set(links[n], "kinematic")]),
             ("shapes", shapeless),
         ]
+
+
+def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
+    return read_sdf(text_of(path), path.name, places)
+
+
+def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
+    of = SdfRecord.model_validate(record)
+    return read_sdf(of.sdf, "SDF", AllowedPaths(Path(of.folder), tuple(map(Path, of.packages))))
+
+
+sdf = Reader(
+    "sdf",
+    (".sdf",),
+    _read,
+    refused={**KEY, "free_flyer": "does not belong to an SDF source: free links of {} fly anyway"},
+    restore=_restored,
+)

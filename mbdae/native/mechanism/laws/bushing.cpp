@@ -1,4 +1,4 @@
-// An elastic joint between two frames; a: stiffness (6,), damping (6,), largest turn in rad.
+// An elastic joint between two frames; a: stiffness (6,), damping (6,), largest rotation in rad.
 #include <algorithm>
 #include <cmath>
 
@@ -85,7 +85,7 @@ static void at_point(double* D, const double* A, const double* P, double factor)
   block(D, 0, 0, A, factor), block(D, 0, 3, AP, -factor), block(D, 3, 0, PA, factor), block(D, 3, 3, PAP, -factor);
 }
 
-// A motion d of both frames with all velocities turns a wrench to d x* F, which gives Da.
+// A motion d of both frames with all velocities changes a wrench by d x* F, which gives Da.
 static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double gap[3], theta[3], scaled[3], force[3], moment[3], ad[9], P[9], A[9];
   Pair& pair = *law.pair;
@@ -96,7 +96,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) 
   skew(theta, ad), skew(pair.pb, P);
   for (int i = 0; i < 3; ++i) scaled[i] = k[3 + i] * theta[i], force[i] = -k[i] * gap[i];
   inverse_jacobian(p.m.limits, 3, ad, scaled, moment);
-  double by_theta[9], left[9], back[9];  // slopes of J_r^-1 K theta, and theta' = left omega in axes of a
+  double by_theta[9], left[9], back[9];  // partials of J_r^-1 K theta, and theta' = left omega in axes of a
   for (int j = 0; j < 3; ++j) {
     double e[3] = {0, 0, 0}, dad[9], rate[3], column[3], minus[9];
     e[j] = 1;

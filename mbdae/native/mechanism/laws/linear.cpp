@@ -5,7 +5,7 @@
 
 namespace mbdae::laws {
 
-// Which of several blocks of these sizes, one behind the other, an index lies in; -1 for none. It then counts there.
+// Which of several consecutive blocks of these sizes contains an index, made relative to it; -1 for none.
 static int block(const std::vector<int>& sizes, int& i) {
   if (i < 0) return -1;
   for (size_t k = 0; k < sizes.size(); i -= sizes[k++])
@@ -41,7 +41,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
 static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double* const to[] = {out.conservative, out.other, out.ds};
   for (const Law::Term& x : law.terms) {
-    if (x.from > 2) continue;  // no function of q, v, s
+    if (x.from > 2) continue;  // not a function of q, v, s
     const int column = x.from == 0 ? p.m.tangent[x.column] : x.from == 1 ? p.m.nv + x.column : out.states + x.column;
     to[x.to][x.row * out.width + column] += x.value;
   }

@@ -1,4 +1,4 @@
-"""What `mbdae run` says of a motion."""
+"""What `mbdae solve` says of a motion."""
 
 import json
 
@@ -9,9 +9,9 @@ import mbdae
 from mbdae.__main__ import cli
 
 
-def test_impacts_are_told():
+def test_impacts_are_reported():
     sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 2), rtol=1e-8)
-    words = ["run", "pendulum_on_stop", "-t", "2"]
+    words = ["solve", "pendulum_on_stop", "-t", "2"]
     text = CliRunner().invoke(cli, words).output
     assert "impacts on rod stop: t = 0.464927724, 1.27497619, 1.97549149 s (3)" in text
     told = json.loads(CliRunner().invoke(cli, [*words, "--json"]).output)["impacts"]
@@ -19,7 +19,7 @@ def test_impacts_are_told():
     assert told[0]["where"] == ["rod stop"]
 
 
-def test_info_tells_what_comes_and_goes():
+def test_info_reports_mode_switches():
     text = CliRunner().invoke(cli, ["info", "stick_slip_slider"]).output
     assert "closure rows 7 (rank 2, 3 rows depend on others, 2 come and go)" in text
     assert "closure   crank friction: brake crank, 1 rows\n" in text

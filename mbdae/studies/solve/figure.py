@@ -1,4 +1,4 @@
-"""The motion of a run over time."""
+"""Figure of the motion of a run over time."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LABELLED = 24  # curves that a legend tells apart
+LABELLED = 24  # largest number of curves in a legend
 RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 
 
 @settled
 def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
-    """Draw signals by unit over time; without names coordinates, velocities, residuals and the energy balance.
+    """Draw signals over time by unit; by default coordinates, velocities, residuals and the energy balance.
 
-    Of a textbook problem y and z.
+    For a textbook problem y and z.
 
     Raises:
-        UnknownNameError: for a signal that does not exist.
+        UnknownNameError: for an unknown signal.
     """
     if not isinstance(sol.problem, Mechanism):
         return _textbook(sol, names)
@@ -78,7 +78,7 @@ def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
 
 
 def _balance(axes: "Sequence[Axes]", sol: Solution, columns: Mapping[str, np.ndarray]) -> None:
-    """Residuals, and the error of the energy balance."""
+    """Draw residuals, and the error of the energy balance."""
     for name, label, style in RESIDUALS:
         axes[0].plot(sol.t, positive(columns[name]), style, color=COLOURS[0], label=label)
     logarithmic(axes[0].yaxis, 5)

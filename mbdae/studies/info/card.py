@@ -1,7 +1,6 @@
-"""The model card: what a mechanism consists of, its degrees of freedom, and what is not modelled."""
+"""Model card: components of a mechanism, its degrees of freedom, and unsupported features."""
 
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,7 @@ from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import kind_of
 from ...mechanism.reactions import rank, scaled
-from ...solution.problem import mechanism_of
 from ...tabular import Tabular
-
-__all__ = ["card"]
 
 NOT_MODELLED = (
     "contact of shapes",
@@ -26,33 +22,33 @@ NOT_MODELLED = (
 
 @dataclass(frozen=True)
 class Card(Tabular):
-    """Result of `card`.
+    """Result of `mbdae.info` for a mechanism.
 
     Attributes:
         title: of the mechanism.
         nq: length of a configuration.
         nv: length of a velocity.
         ng: rows of all closures.
-        switched: how many of them are there in some modes only.
+        switched: number of rows that are active in some modes only.
         rank: independent rows at the start, without these.
         freedom: degrees of freedom, nv - rank.
-        position_freedom: nv - rank of the rows that have a g: more where rows of velocity are among them.
+        position_freedom: nv - rank of the rows that have a g: larger if there are velocity rows.
         joints: name and kind of each joint, in the order of q.
-        closures: name, kind, frames or joints, and rows of each closure and driver, and how many of these rows the
-            others keep as well.
+        closures: name, kind, frames or joints, and rows of each closure and driver, and the number of its redundant
+            rows.
         forces: names of the forces.
         gravity: in m/s^2.
         q: start configuration.
         v: start velocity.
-        g_loaded: max |g| of the file's own start values, before assembly.
+        g_loaded: max |g| of the file's start values, before assembly.
         g: max |g| at the assembled start.
         Gv: max |G v| at the assembled start.
-        open: which closure the file's own start values leave open, and by how much, in words.
+        open: closure that the file's start values violate, and its violation, in words.
         motors: names of the inputs that take controls.
-        parameters: name and value of each parameter of the model, and which values it takes, in words.
-        solve: settings of runs that the file says.
-        not_modelled: what the motion ignores.
-        fixed: links that no joint carries: their base is fixed to the world.
+        parameters: name and value of each parameter of the model, and its valid values, in words.
+        solve: settings of runs in the file.
+        not_modelled: features that the motion ignores.
+        fixed: links without a parent joint: their base is fixed to the world.
     """
 
     title: str
@@ -80,7 +76,7 @@ class Card(Tabular):
     fixed: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, str]:
-        """What there is to say, by headings; several lines where there are several things."""
+        """The facts by headings; several lines for lists."""
         closures = [
             f"{x['name']}: {x['kind']} {' - '.join(x['joins'])}, {x['rows']} rows"
             + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
@@ -105,30 +101,16 @@ class Card(Tabular):
         return [["", self.title], *([name, text.replace("\n", "; ")] for name, text in self.facts().items())]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return asdict(self)
 
     def __str__(self) -> str:
-        dependent = self.ng - self.switched - self.rank
-        counts = [f"rank {self.rank}", f"{dependent} rows depend on others" if dependent else ""]
-        counts.append(f"{self.switched} come and go" if self.switched else "")
-        lines = [
-            self.title,
-            f"  nq {self.nq}, nv {self.nv}, closure rows {self.ng} ({', '.join(filter(None, counts))}), "
-            f"degrees of freedom {self.freedom}"
-            + (f", {self.position_freedom} of positions" if self.position_freedom != self.freedom else ""),
-            "  joints    " + ", ".join(f"{n} ({k})" for n, k in self.joints),
-            *([f"  fixed base {', '.join(self.fixed)}"] if self.fixed else []),
-        ]
-        for c in self.closures:
-            also = f", {c['dependent']} dependent" if c["dependent"] else ""
-            lines.append(f"  closure   {c['name']}: {c['kind']} {' - '.join(c['joins'])}, {c['rows']} rows{also}")
-        if dependent:
-            names = ", ".join(c["name"] for c in self.closures if c["dependent"])
-            lines.append(f"            reactions of {names} are not unique: lam is the one of minimum norm")
+        lines = [self.title, self._sizes(), "  joints    " + ", ".join(f"{n} ({k})" for n, k in self.joints)]
+        if self.fixed:
+            lines.append(f"  fixed base {', '.join(self.fixed)}")
+        lines += self._closures()
         lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
-        for p in self.parameters:
-            lines.append(f"  parameter {p['name']} = {p['value']}: {p['takes']}")
+        lines += [f"  parameter {p['name']} = {p['value']}: {p['takes']}" for p in self.parameters]
         if self.solve:
             lines.append(f"  solve     {', '.join(f'{name} = {x}' for name, x in self.solve.items())}")
         if self.motors:
@@ -139,22 +121,43 @@ class Card(Tabular):
         lines.append(f"  not modelled: {', '.join(self.not_modelled)}")
         return "\n".join(lines)
 
+    @property
+    def _dependent(self) -> int:
+        """How many rows depend on others."""
+        return self.ng - self.switched - self.rank
 
-def card(mech: Mechanism | str | Path) -> Card:
+    def _sizes(self) -> str:
+        counts = [f"rank {self.rank}", f"{self._dependent} rows depend on others" if self._dependent else ""]
+        counts.append(f"{self.switched} come and go" if self.switched else "")
+        rows = f"closure rows {self.ng} ({', '.join(filter(None, counts))})"
+        line = f"  nq {self.nq}, nv {self.nv}, {rows}, degrees of freedom {self.freedom}"
+        return line + (f", {self.position_freedom} of positions" if self.position_freedom != self.freedom else "")
+
+    def _closures(self) -> list[str]:
+        """A line for each closure, and one where their reactions are not unique."""
+        lines = []
+        for c in self.closures:
+            also = f", {c['dependent']} dependent" if c["dependent"] else ""
+            lines.append(f"  closure   {c['name']}: {c['kind']} {' - '.join(c['joins'])}, {c['rows']} rows{also}")
+        if self._dependent:
+            names = ", ".join(c["name"] for c in self.closures if c["dependent"])
+            lines.append(f"            reactions of {names} are not unique: lam is the one of minimum norm")
+        return lines
+
+
+def card(mech: Mechanism) -> Card:
     """Describe a mechanism at its start state.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
+        mech: the mechanism.
 
     Returns:
-        Sizes, rank r of G and degrees of freedom nv - r, joints, closures, forces, and what is not modelled.
+        Sizes, rank r of G and degrees of freedom nv - r, joints, closures, forces, and unsupported features.
 
     Raises:
         AssemblyError: if the start cannot be assembled.
-        InputError: for anything but a mechanism.
         UnknownNameError: for a method of its file that there is not.
     """
-    mech = mechanism_of(mech, "card")
     completed(mech, {})
     q, v = mech.start
     system = mech.system()

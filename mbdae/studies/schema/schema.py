@@ -1,4 +1,4 @@
-"""The JSON Schema of mechanism files and of sweep files, made from the classes that check them."""
+"""JSON Schema of mechanism files and of sweep files, from the classes that validate them."""
 
 from typing import Any
 
@@ -11,21 +11,21 @@ from ...mechanism.formats.schema import MechanismFile
 from ...methods import EXPLICIT, METHODS
 from ..sweep.toml_file import SweepTable
 
-__all__ = ["json_schema"]
+__all__ = ["schema"]
 
 FILES = {"mechanism": MechanismFile, "sweep": SweepTable}
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class FileSchema(GenerateJsonSchema):
-    """What may stand in a file: no Python functions, numbers for constant signals, one source for several."""
+    """Schema of a file: no Python functions, numbers for constant signals, one source for several."""
 
     def callable_schema(self, schema: core_schema.CallableSchema) -> JsonSchemaValue:
         """Leave Python functions out."""
         raise PydanticOmit
 
     def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
-        """Say what is taken besides, where a value is made of another one first."""
+        """Add further accepted types, where a value is converted first."""
         inner, name = super().function_before_schema(schema), getattr(schema["function"]["function"], "__name__", "")
         if name == "_coerce":  # of signals
             return {"anyOf": [{"type": "number"}, inner]}
@@ -34,14 +34,14 @@ class FileSchema(GenerateJsonSchema):
         return inner
 
 
-def json_schema(file: str = "mechanism") -> dict[str, Any]:
+def schema(file: str = "mechanism") -> dict[str, Any]:
     """Return the JSON Schema of a kind of file.
 
     Args:
         file: ``"mechanism"`` or ``"sweep"``.
 
     Raises:
-        UnknownNameError: for another kind.
+        UnknownNameError: for an unknown kind.
     """
     if file not in FILES:
         raise UnknownNameError("kind of file", file, FILES)

@@ -1,4 +1,4 @@
-"""The sub-command ``run``."""
+"""The sub-command ``solve``."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ from ...errors import InputError
 if TYPE_CHECKING:
     from ...solution.solution import Solution
 
-SHOWN = 5  # times of an event
+SHOWN = 5  # printed times of an event
 
 
 @click.command()
@@ -42,10 +42,10 @@ SHOWN = 5  # times of an event
 @click.option("--plots", multiple=True, help="A signal in the replay, or several on common axes: q.crank,q.rod.")
 @replay_options
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
-@click.option("--signal", "names", multiple=True,
+@click.option("--signal", "signals", multiple=True,
               help="Print extrema, mean and RMS of these, and plot them: force.crank, power.motor, q.")  # fmt: skip
 @as_json
-def run(
+def solve(
     model: ChosenModel,
     events: tuple[str, ...],
     until: tuple[str, ...],
@@ -55,10 +55,10 @@ def run(
     glb: str | None,
     plots: tuple[str, ...],
     plot: str | None,
-    names: tuple[str, ...],
+    signals: tuple[str, ...],
     speed: float | None,
     traces: tuple[str, ...],
-    arrow: tuple[str, ...],
+    arrows: tuple[str, ...],
     every: bool,
     camera: str | None,
     follow: str | None,
@@ -68,7 +68,7 @@ def run(
 ) -> None:
     """Simulate a model, and save, replay or plot the motion.
 
-    Events are signals of `mbdae run MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
+    Events are signals of `mbdae solve MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
     with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
     """
     from ...integrate.events import Event
@@ -79,14 +79,14 @@ def run(
 
     replays = (html, PAGES), (video, tuple(VIDEO)), (glb, (".glb",))
     written = writable((output, (".npz", ".csv")), *replays, (plot, PICTURES))
-    if not (html or video) and (plots or traces or arrow or every or camera or follow or closures):
+    if not (html or video) and (plots or traces or arrows or every or camera or follow or closures):
         wanted = "--plots, --trace, --arrows, --camera, --follow and --closures"
         raise InputError(f"{wanted} belong to a replay: --html run.html, or --video run.mp4")
     watched = [*events, *(Event(text, terminal=True) for text in until)]
     mech = model.problem()
     if (html or video or glb) and not isinstance(mech, Mechanism):
         raise InputError(f"{mech.title!r} has no bodies to replay: --plot run.png draws y and z over time")
-    names = tuple(find(mech, listed(names)) if isinstance(mech, Mechanism) else listed(names))
+    names = tuple(find(mech, listed(signals)) if isinstance(mech, Mechanism) else listed(signals))
     if names and not plot and not isinstance(mech, Mechanism):
         raise InputError(f"{mech.title!r} has no bodies: --signal names what --plot run.png draws, y and z")
     sol = simulate(mech, events=watched, **options)
@@ -95,7 +95,7 @@ def run(
     for path in filter(None, (html, video, glb)):
         from ..replay.replay import animate
 
-        animate(sol, path, speed=speed, plots=panels(plots), traces=traces, arrows=every or arrow,
+        animate(sol, path, speed=speed, plots=panels(plots), traces=traces, arrows=every or arrows,
                 camera=camera, follow=follow, closures=closures)  # fmt: skip
     if plot:
         sol.plot(names, path=plot)
@@ -126,13 +126,13 @@ def run(
 
 
 def _impacts(sol: "Solution") -> str:
-    """What was struck, when, and what it cost."""
+    """Return the impacts in words: participants, times, and energy loss."""
     struck = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
     times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
     return f"  impacts on {struck}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drives'}"
 
 
 def _times(times: Any) -> str:
-    """Times of an event, the first of many."""
+    """Return the times of an event, the first of many."""
     some = ", ".join(f"{t:.9g}" for t in times[:SHOWN])
     return f"t = {some}{', ...' if len(times) > SHOWN else ''} s ({len(times)})" if len(times) else "never"

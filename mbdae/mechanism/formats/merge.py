@@ -1,0 +1,116 @@
+"""What the sources of a mechanism say, put into the mechanism file."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+from ...errors import InputError, UnknownNameError
+from ..forces.joint_friction import JointFriction
+from ..forces.joint_torque import JointTorque
+from ..forces.wrench import Wrench
+from ..frames import joint_names
+from ..imported_model import FRICTION, LIMITS, ImportedModel, mimic_couplings
+from ..model_settings import Motor, Start
+from ..time_functions import Constant
+from .schema import MechanismFile
+
+
+def merged(
+    file: MechanismFile, parts: Sequence[ImportedModel]
+) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...], tuple[str, ...]]:
+    """Put what the sources say into the mechanism file, which has the last word.
+
+    Returns:
+        The file, the named inputs, what the sources say that is left out, and what of it is worth a warning.
+
+    Raises:
+        UnknownNameError: for a motor that does not exist.
+        InputError: for a joint that is locked while the one that it follows is not, or gravities that differ.
+    """
+    named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
+    joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
+    couplings, lock = mimic_couplings(tuple(chain.from_iterable(p.mimics for p in named)), file.lock, joints)
+    gravity = _gravity(file, named)
+    motors = {m.name: m for m in chain.from_iterable(p.motors for p in named)}
+    brought: dict[str, Iterable[Any]] = {
+        "frame": chain.from_iterable(p.frames for p in named),
+        "closure": (*chain.from_iterable(p.closures for p in named), *couplings),
+        "driver": chain.from_iterable(p.drivers for p in named),
+        "force": (*_forces(named, gravity), *_driven(motors, _controls(file, named))),
+    }
+    update = {
+        **{table: (*entries, *getattr(file, table)) for table, entries in brought.items()},
+        "lock": lock,
+        "gravity": gravity,
+        "start": _start(file, named, {*lock, *file.joint_type}),
+        "motor": {},
+    }
+    return file.model_copy(update=update), tuple(motors.values()), *_left_out(file, named)
+
+
+def _start(file: MechanismFile, parts: Sequence[ImportedModel], changed: Collection[str]) -> Start:
+    """The start of the sources, as far as joints are not changed, and then that of the file."""
+    tables = {}
+    for key, table in file.start.tables.items():
+        old = {n: x for p in parts for n, x in p.start.tables[key].items() if n not in changed}
+        tables[key] = {**old, **table}
+    return file.start.model_copy(update=tables)
+
+
+def _forces(parts: Sequence[ImportedModel], gravity: Sequence[float]) -> Iterator[Any]:
+    for part in parts:
+        yield from part.forces
+        yield from _carried(part.weightless, gravity)
+
+
+def _controls(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, Any]:
+    return {**dict(chain.from_iterable(p.controls.items() for p in parts)), **file.motor}
+
+
+def _left_out(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What the sources say and the mechanism will not have, and what of it is worth a warning."""
+    taken = {LIMITS: {s.joint for s in file.stop if s.limits}, FRICTION: set(_with_friction(file))}
+    phrases = [(s, _untaken(text, taken)) for s, p in zip(file.source, parts, strict=True) for text in p.left_out]
+    return tuple(x for _, x in phrases if x), tuple(x for s, x in phrases if x and not s.quiet)
+
+
+def _with_friction(file: MechanismFile) -> Iterator[str | None]:
+    """The joints whose friction is taken up; None means all."""
+    for force in file.force:
+        if isinstance(force, JointFriction):
+            yield from [force.joint] if isinstance(force.joint, str) else force.joint or [None]
+
+
+def _untaken(text: str, taken: Mapping[str, Collection[str | None]]) -> str:
+    """What is left out without the joints whose limits are stops or whose friction acts; None among them means all."""
+    for what, joints in taken.items():
+        before, found, names = text.partition(f"{what} ")
+        prefix = before.removesuffix(": ")
+        if found and before in ("", f"{prefix}: "):
+            left = [n for n in names.split(", ") if None not in joints and prefix + n not in joints]
+            return before + found + ", ".join(left) if left else ""
+    return text
+
+
+def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:
+    for name in controls:
+        if name not in motors:
+            raise UnknownNameError("motor", name, motors)
+    acting = [m for m in motors.values() if m.name in controls or any(m.bias)]
+    return [JointTorque(torque=controls.get(m.name, 0.0), **m._asdict()) for m in acting]
+
+
+def _gravity(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[float, ...]:
+    said = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
+    if "gravity" in file.model_fields_set or not said:
+        return file.gravity
+    if len(said) > 1:
+        differing = " and ".join(str(list(g)) for g in said)
+        raise InputError(f"sources say gravity {differing}: the mechanism file must say it")
+    return said[0]
+
+
+def _carried(weightless: Mapping[str, float], gravity: Sequence[float]) -> list[Wrench]:
+    """Forces that carry the weight of masses which have none."""
+    forces = {n: tuple(Constant(value=-mass * g) for g in gravity) for n, mass in weightless.items()}
+    return [Wrench(name=n, frame=n, force=force) for n, force in forces.items() if any(gravity)]

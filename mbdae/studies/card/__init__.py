@@ -1,1 +1,0 @@
-"""What a mechanism is, on one card."""

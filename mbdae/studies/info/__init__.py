@@ -1,0 +1,1 @@
+"""Versions, the card of a mechanism, sizes of a textbook problem."""

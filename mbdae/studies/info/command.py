@@ -1,0 +1,54 @@
+"""Sub-commands ``info`` and ``models``."""
+
+import click
+
+from ... import backend
+from ...cli.completion import completed, problems
+from ...cli.model import chosen_model, set_option, start_option
+from ...cli.options import as_json, emit, show
+from ...discovery import model_names
+
+
+@click.command()
+@click.argument("model", required=False, shell_complete=completed(problems))
+@start_option
+@set_option
+@as_json
+def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
+    """Show versions and the back end, or a model's card.
+
+    The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled; of a textbook problem
+    its equations.
+    """
+    from .info import info as study
+
+    found = study(chosen_model(model, started, chosen).problem() if model else None)
+    used = backend.status()
+    emit({**found.to_dict(), "backend": used}, f"{found}\nback end: {used}" if model else str(found), as_json)
+
+
+@click.command()
+@click.option("--textbook", is_flag=True, help="List textbook problems instead, for solve, order and drift.")
+@as_json
+def models(textbook: bool, as_json: bool) -> None:
+    """List the models that come with mbdae."""
+    from ...mechanism import load
+    from ...textbook.problems import TEXTBOOK
+
+    if textbook:
+        problems = [(name, make()) for name, make in TEXTBOOK.items()]
+        show([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
+        return
+    rows = [(name, load(name)) for name in model_names()]
+    data = [
+        {
+            "name": n,
+            "title": m.title,
+            "nq": m.nq,
+            "nv": m.nv,
+            "ng": m.ng,
+            "parameters": "; ".join(f"{p['name']}: {p['takes']}" for p in (m.source or {})["parameters"]) or None,
+        }
+        for n, m in rows
+    ]
+    show(data, as_json)
