@@ -114,8 +114,11 @@ def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: i
         sigma = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-9)
     else:
         sigma = _inverse(a, b, u, 1e-12 * curve.unit)
-    near = curve.at(i, sigma, roughly=True)
-    return curve.landed(near, u) or _by_arclength(curve, i, low, high, u)
+    for aside in (0.0, CLOSE, -CLOSE):  # a singular pose has no tangent: one beside it
+        near = curve.at(i, min(max(sigma + aside * (b.s - a.s), low), high), roughly=True)
+        if (landed := curve.landed(near, near.u if aside else u)) is not None:
+            return landed
+    return _by_arclength(curve, i, low, high, u)
 
 
 def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -> CurvePoint:

@@ -136,6 +136,15 @@ def test_a_pose_of_lost_rank_on_the_grid_is_the_branch_point():
     assert np.isnan(found.transmission[1])
 
 
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_a_pose_where_several_branches_cross_on_the_grid(n):
+    """All loops are flat at u = 0, where no tangent exists: the sample there lies at most 1e-5 of a step beside it."""
+    found = kinematics(mbdae.load(f"n_four_bar?N={n}"), "crank_0", span=(-0.5, 0.5), points=51)
+    i = int(np.abs(found.u).argmin())
+    assert abs(found.u[i]) < 1e-5
+    np.testing.assert_allclose(found.q[i], found.u[i] * (-1.0) ** np.arange(found.q.shape[1]), rtol=0, atol=1e-9)
+
+
 def test_stewart_platform_by_one_leg():
     mech = mbdae.load("stewart_platform")
     found = kinematics(mech, "piston_1", hold=LEGS)
