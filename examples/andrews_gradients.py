@@ -225,8 +225,8 @@ def computed(names: Sequence[str] = tuple(NUMBERS), end: float = 0.03, **options
     found = sensitivity(sol, parts)
     order = [mech.joint_names.index(name) for name in ANGLES]
     chain = np.array([[MODEL[name].get(part, 0.0) for name in names] for part in parts])
-    slopes = np.concatenate([found.q[-1][order], found.v[-1][order]]) @ chain
-    return np.concatenate([sol.q[-1][order], sol.v[-1][order]]), slopes
+    derivatives = np.concatenate([found.q[-1][order], found.v[-1][order]]) @ chain
+    return np.concatenate([sol.q[-1][order], sol.v[-1][order]]), derivatives
 
 
 def markdown(found: Array) -> str:
@@ -243,16 +243,16 @@ def markdown(found: Array) -> str:
 def main(steps: int = 250, names: Sequence[str] = tuple(NUMBERS), **options: float | str) -> dict[str, Array]:
     """Compute the derivatives twice, and print the number of common digits."""
     options = options or {"method": "pherk6", "step": 1.5e-5}
-    (y, slopes), (own_y, own) = published(steps, names), computed(names, **options)
-    off = np.abs(own / slopes - 1)
+    (y, derivatives), (own_y, own) = published(steps, names), computed(names, **options)
+    off = np.abs(own / derivatives - 1)
     print(f"(q, v) at 0.03 s differ by {np.abs(y - own_y).max():.1e}")
     print(f"derivatives differ by {off.max():.1e} of their size, in the median by {np.median(off):.1e}")
-    return {"y": y, "slopes": slopes, "off": off}
+    return {"y": y, "derivatives": derivatives, "off": off}
 
 
 if __name__ == "__main__":
     result = main()
     if "--page" in sys.argv:
-        PAGE.write_text(TABLE.sub(lambda _: markdown(result["slopes"]), PAGE.read_text()))
+        PAGE.write_text(TABLE.sub(lambda _: markdown(result["derivatives"]), PAGE.read_text()))
     else:
-        print(markdown(result["slopes"]))
+        print(markdown(result["derivatives"]))

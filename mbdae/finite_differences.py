@@ -57,7 +57,7 @@ def numerical_jacobian(value: Callable[[Array], Any], n: int, h: float) -> Array
 class ConvergedDifference(NamedTuple):
     """Derivative (n, ...), the width of its differences, and its relative difference from that of another width."""
 
-    slope: Array
+    derivative: Array
     h: float
     discrepancy: float
 
@@ -84,17 +84,18 @@ def converged_difference(
             if i == times and last is None:
                 raise
         else:
-            slope = np.asarray(central_difference(found, h))
+            derivative = np.asarray(central_difference(found, h))
             if last:
-                gap, size, value = _rows(slope - last.slope), _rows(slope), np.abs([*found.values()]).max(initial=0.0)
+                gap, size = _rows(derivative - last.derivative), _rows(derivative)
+                value = np.abs([*found.values()]).max(initial=0.0)
                 excess = gap - (noise + ROUNDING * value) / h
                 miss = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
                 apart = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
                 if miss <= AGREEMENT:
                     return last._replace(discrepancy=apart)
                 if miss < least:
-                    best, least = ConvergedDifference(slope, h, apart), miss
-            last = ConvergedDifference(slope, h, np.inf)
+                    best, least = ConvergedDifference(derivative, h, apart), miss
+            last = ConvergedDifference(derivative, h, np.inf)
         h /= NARROWER
     assert last
     return best or last

@@ -136,6 +136,6 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     assert lines[3] == "2 finished True"
     assert lines[4] == "18 c: not carried over: paint"
     assert "the reader of .chain files fails on" in lines[5]
-    assert lines[6].startswith("force 'joint_drag 1' has no slopes: implicit methods")
+    assert lines[6].startswith("force 'joint_drag 1' has no partials: implicit methods")
     assert lines[7] == "free_flyer does not belong to c.dumb"
     assert lines[8].startswith("cannot read d.other: expected a .toml, .py, .dumb, .mjcf, ")

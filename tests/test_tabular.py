@@ -118,7 +118,7 @@ def test_cells_of_latex():
 
 def test_rates_of_convergence(results):
     study = results["order"]
-    slope = study.slopes["herk3"][0]
+    slope = study.orders["herk3"][0]
     expected = [np.log2(a / b) for a, b in zip(slope.errors, slope.errors[1:], strict=False)]
     assert slope.rates[1:] == pytest.approx(expected)
     heads, *rows = study.convergence("herk3")

@@ -110,7 +110,7 @@ def with_solve_dae(problem: Problem) -> Runner | None:
     y0, yp0 = np.concatenate([q0, np.zeros(n), none, none]), np.concatenate([np.zeros(n), vdot, none, lam])
 
     def run(rtol: float) -> Run | None:
-        settings = {"method": "Radau", "rtol": rtol, "atol": rtol, "jac": eq.ggl_slopes}
+        settings = {"method": "Radau", "rtol": rtol, "atol": rtol, "jac": eq.ggl_partials}
         started = perf_counter()
         sol = package.solve_dae(eq.ggl, (0, problem.end), y0, yp0, **settings)
         seconds = perf_counter() - started

@@ -191,7 +191,7 @@ class Equations:
         out = np.concatenate(rows)
         return out[:, 0] if flat else out
 
-    def ggl_slopes(self, t: float, y: Array, yp: Array) -> tuple[Array, Array]:
+    def ggl_partials(self, t: float, y: Array, yp: Array) -> tuple[Array, Array]:
         """Return dF/dy and dF/dy' of `ggl`, square matrices of size 2 n + 4 nc."""
         n, nc = self.n, self.nc
         q, v, vdot = y[:n, None], y[n : 2 * n, None], yp[n : 2 * n, None]
@@ -205,14 +205,14 @@ class Equations:
         ddde = np.where(self.angle, -de, 0)
         own = (C @ (de * vdot + dde * v * v) - self.weight)[:, 0] - BH @ lam
         dF[x, x], dF[x, w] = -np.diag((bend * (BH @ mu)).real), -np.eye(n)
-        dF[w, x] = (bar * C * (dde * vdot + ddde * v * v).T).real + np.diag((bend * own).real) - self._spring_slope(q)
+        dF[w, x] = (bar * C * (dde * vdot + ddde * v * v).T).real + np.diag((bend * own).real) - self._stiffness(q)
         dF[w, w] = 2 * (bar * C * (dde * v).T).real
         dF[m, x], dF[z, x], dF[z, w] = G, H, G
         dFp[x, x], dFp[x, m] = np.eye(n), -G.T
         dFp[w, w], dFp[w, z] = (bar * C * de.T).real + np.diag(self.inertia[:, 0]), -G.T
         return dF, dFp
 
-    def _spring_slope(self, q: Array) -> Array:
+    def _stiffness(self, q: Array) -> Array:
         """Derivative (n, n) of the spring's generalised force."""
         if not self.problem.spring:
             return np.zeros((self.n, self.n))

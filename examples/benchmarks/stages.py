@@ -3,7 +3,7 @@
 A stage solves M v' = f + G^T lam, Ghat v' = rhs. Measured are whole runs of pherk5 with fixed steps: their seconds over
 their linear solves, everything included. The bare calls, timed in the same run at the model's start: crba,
 nonLinearEffects, the Cholesky factorization of M, M^-1 [G^T f], the factorization of G M^-1 G^T and the solution with
-it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core. "slopes" are all first
+it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core. "partials" are all first
 partial derivatives at a point, which an iteration of Radau IIA, statics and modes need.
 
 Run: python examples/benchmarks/stages.py [--brief]
@@ -66,7 +66,7 @@ def in_core(mech: mbdae.Mechanism) -> dict[str, Callable[[], float]]:
     system.expand()
     return {
         "bare native": lambda: system.core.bare(*mech.start, 10 * CALLS),
-        "slopes": lambda: native.slopes_seconds(system.core, *mech.start, 10 * CALLS),
+        "partials": lambda: native.partials_seconds(system.core, *mech.start, 10 * CALLS),
     }
 
 
@@ -81,18 +81,18 @@ def measure(name: str, h: float, steps: int, repeats: int) -> dict[str, float]:
 def main(argv: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
     """Print the table and return seconds by model and name."""
     steps, repeats = (10, 1) if brief(argv, __doc__) else (200, 7)
-    columns = ("python", "native", "bare python", "bare native", "slopes")
+    columns = ("python", "native", "bare python", "bare native", "partials")
     measured, rows = {}, []
     for name, h in MODELS.items():
         found = measured[name] = measure(name, h, steps, repeats)
         times = [found.get(c) for c in columns]
-        python, native, bare, core, slopes = times
+        python, native, bare, core, partials = times
         cells = [microseconds(t) for t in times]
-        ratios = (python, native), (python, bare), (native, core), (slopes, core)
+        ratios = (python, native), (python, bare), (native, core), (partials, core)
         rows.append([name, *cells, *(ratio(*pair) for pair in ratios)])
     print(machine() + "\n")
-    header = ["microseconds per stage", "Python", "native", "bare calls, Python", "bare calls, C++", "slopes"]
-    print(table([*header, "Python / native", "Python / bare", "native / bare", "slopes / bare"], rows))
+    header = ["microseconds per stage", "Python", "native", "bare calls, Python", "bare calls, C++", "partials"]
+    print(table([*header, "Python / native", "Python / bare", "native / bare", "partials / bare"], rows))
     return measured
 
 

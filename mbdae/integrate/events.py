@@ -216,15 +216,15 @@ class EventDetector:
         """
         low, high = max(0.0, theta - BESIDE), min(1.0, theta + BESIDE)
         rise = self.evaluate(event, t + high * h, at(high)) - self.evaluate(event, t + low * h, at(low))
-        slope, step = rise / (high - low), take(theta)
+        derivative, step = rise / (high - low), take(theta)
         miss = self.evaluate(event, t + theta * h, step.state.y)
         for _ in range(TRIALS):
-            nearer = theta - miss / slope if slope else theta
+            nearer = theta - miss / derivative if derivative else theta
             if nearer == theta or not 0 < nearer <= 1:
                 break
             trial = take(nearer)
             left = self.evaluate(event, t + nearer * h, trial.state.y)
             if not abs(left) < abs(miss):
                 break
-            slope, theta, miss, step = (left - miss) / (nearer - theta), nearer, left, trial
+            derivative, theta, miss, step = (left - miss) / (nearer - theta), nearer, left, trial
         return theta, step

@@ -47,7 +47,7 @@ class NativeTrajectory:
 
     def __init__(self, trace: "Trajectory", system: CompiledSystem) -> None:
         self.trace, self.core = trace, system.core
-        self.parameters = bind_parameters(system, trace.slopes.parameters)
+        self.parameters = bind_parameters(system, trace.sensitivity.parameters)
         self.method = system.method(trace.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED

@@ -66,8 +66,8 @@ class ContinuationPolynomial:
         x, degree = (ts - ts[0]) / self.unit, 2 * len(ts) - 1
         powers = np.arange(degree + 1)
         values = x[:, None] ** powers
-        slopes = powers * x[:, None] ** np.maximum(powers - 1, 0)
-        self.c = np.linalg.solve(np.vstack([values, slopes]), np.vstack([us, self.unit * rates]))
+        derivatives = powers * x[:, None] ** np.maximum(powers - 1, 0)
+        self.c = np.linalg.solve(np.vstack([values, derivatives]), np.vstack([us, self.unit * rates]))
         if not system.manifold.flat:
             zero, rtol = np.zeros(system.nv), 1e-13
             span = (0.0, reach)

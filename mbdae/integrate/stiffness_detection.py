@@ -130,13 +130,13 @@ def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
     for _ in range(ITERATIONS):
         x[-1] = 0.0  # the work has no effect
         x *= size / np.linalg.norm(x)
-        slope = system.derivative(t, system.add(y, x))[0] - F
-        slope[-1] = 0.0
-        if not slope.any():
+        derivative = system.derivative(t, system.add(y, x))[0] - F
+        derivative[-1] = 0.0
+        if not derivative.any():
             return 0j
-        iterates = [*iterates[-1:], (x, slope)]
-        x = slope.copy()
-    (x0, slope0), (x1, slope1) = iterates
-    a, b = np.linalg.lstsq(np.column_stack([x1, x0]), slope1, rcond=1e-6)[0]
-    roots = np.roots([1.0, -a, -b * np.linalg.norm(slope0) / size])
+        iterates = [*iterates[-1:], (x, derivative)]
+        x = derivative.copy()
+    (x0, derivative0), (x1, derivative1) = iterates
+    a, b = np.linalg.lstsq(np.column_stack([x1, x0]), derivative1, rcond=1e-6)[0]
+    roots = np.roots([1.0, -a, -b * np.linalg.norm(derivative0) / size])
     return complex(max(roots, key=abs))

@@ -74,7 +74,7 @@ class Trajectory:
         ys: points there, (n, ...).
         given: the first point before controllers, modes and projections changed it.
         system: a workspace, shared by runs with the same parameters: each `hold` prepares it for this run.
-        slopes: discrete sensitivity of the maps.
+        sensitivity: discrete sensitivity of the maps.
         n_carry: length of the carry.
         core: many steps at once in the compiled core, if supported.
 
@@ -100,7 +100,7 @@ class Trajectory:
             self.system.sliding.refuse(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
         if self.system.sliding.grips:
             self.system.sliding.refuse("a gradient of wheels that slide")
-        self.slopes = (GGLSensitivity if stabilised else Index2Sensitivity)(self.system, parameters)
+        self.sensitivity = (GGLSensitivity if stabilised else Index2Sensitivity)(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -109,7 +109,7 @@ class Trajectory:
         self.changes = {i: rows for i, rows in sol.in_use}
         self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
-        self.n_carry = self.slopes.width - self.system.nv if self.tableau.carries else 0
+        self.n_carry = self.sensitivity.width - self.system.nv if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
         self.checkpoints: Checkpoints | RecordedStates | None = None
         self.core = native_trajectory(self)
@@ -124,7 +124,7 @@ class Trajectory:
 
     def hold(self, i: int) -> None:
         """Use the rows that were in use at node i."""
-        self._enter(self.slopes.parameters)
+        self._enter(self.sensitivity.parameters)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.hold(rows)
@@ -144,43 +144,43 @@ class Trajectory:
         self.hold(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
-            yield LinearMap(self.slopes.jumped(t, y), False)
+            yield LinearMap(self.sensitivity.jumped(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
-            y, struck = self.at_start("struck", lambda: self.slopes.struck(t, y))
+            y, struck = self.at_start("struck", lambda: self.sensitivity.struck(t, y))
             yield LinearMap(struck, False)
         if self.project:
-            yield LinearMap(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
+            yield LinearMap(self.at_start("restored", lambda: self.sensitivity.restored(t, y)), False)
         if self.project and (y != self.ys[0]).any():  # runs from a perturbed start may take another Gauss-Newton step
-            yield LinearMap(self.at_start("closed", lambda: self.slopes.restored(t, self.ys[0])), False)
+            yield LinearMap(self.at_start("closed", lambda: self.sensitivity.restored(t, self.ys[0])), False)
         if self.n_carry:
-            yield LinearMap(self.at_start("renewal", lambda: self.slopes.renewed(t, self.ys[0])), True)
+            yield LinearMap(self.at_start("renewal", lambda: self.sensitivity.renewed(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
         """Return partials at the first node, computed once for runs from one start with the same parameters."""
         s = self.system
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
-        return self.slopes.parameters.once(name, key, find)
+        return self.sensitivity.parameters.once(name, key, find)
 
     def parts(self, i: int) -> Iterator[TrajectoryPart]:
         """Yield the maps from node i to the next one, each with its partial derivatives."""
         self.hold(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
         if self.jumped[i]:
-            yield LinearMap(self.slopes.jumped(t1, y), False)
+            yield LinearMap(self.sensitivity.jumped(t1, y), False)
             y = self.system.jump(t1, y)
         else:
             for part in self.steps(i, t1 - t):
                 yield part
                 y = part.state.y
             if self.project:
-                yield LinearMap(self.slopes.restored(t1, y), False)
+                yield LinearMap(self.sensitivity.restored(t1, y), False)
                 y = self.system.restore(t1, y)
                 if self.renewed[i + 1]:
                     yield from self._renewal(t1, y)
         if i + 1 in self.changes:
             self.hold(i + 1)
-            yield LinearMap(self.slopes.settled(t1, y), False)
+            yield LinearMap(self.sensitivity.settled(t1, y), False)
         if i + 1 in self.changes or self.jumped[i]:
             yield from self._renewal(t1, y1)
 
@@ -193,13 +193,13 @@ class Trajectory:
     def steps(self, i: int, h: float) -> list[StepSensitivityPart]:
         """Return the step of size h from node i; two half steps if the method has no error estimate."""
         t, state = float(self.ts[i]), self.state(i)
-        at = self.system, self.slopes
+        at = self.system, self.sensitivity
         self.hold(i)  # recomputing a segment may have changed them
         try:
             if not self.halved:
-                return [self.tableau.slopes(*at, t, h, state)]
-            first = self.tableau.slopes(*at, t, h / 2, state)
-            return [first, self.tableau.slopes(*at, t + h / 2, h / 2, first.state)]
+                return [self.tableau.sensitivity(*at, t, h, state)]
+            first = self.tableau.sensitivity(*at, t, h / 2, state)
+            return [first, self.tableau.sensitivity(*at, t + h / 2, h / 2, first.state)]
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
@@ -209,7 +209,7 @@ class Trajectory:
         y, t = steps[-1].state.y, float(self.ts[i]) + h
         if not self.project:
             return y, list(steps)
-        return self.system.restore(t, y), [*steps, LinearMap(self.slopes.restored(t, y), False)]
+        return self.system.restore(t, y), [*steps, LinearMap(self.sensitivity.restored(t, y), False)]
 
     def between(self, i: int, t: float) -> Array:
         """Return the point (n,) after a shorter step from node i."""
@@ -225,7 +225,7 @@ class Trajectory:
 
     def _renewal(self, t: float, y: Array) -> Iterator[TrajectoryPart]:
         if self.n_carry:
-            yield LinearMap(self.slopes.renewed(t, y), True)
+            yield LinearMap(self.sensitivity.renewed(t, y), True)
 
     def _walk(self, i: int, j: int, state: State) -> list[State]:
         """Return the states at nodes i, ..., j."""

@@ -28,7 +28,7 @@ def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, 
     squares has no minimum there.
     """
     g, G = closures(system, q, t)
-    values, slopes = [g], [G]
+    values, partials = [g], [G]
     for closure in system.mechanism.closures:
         part = system.constraints.frame_parts.get(closure.name)
         if part is None:
@@ -36,8 +36,8 @@ def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, 
         cosines, W = DotProduct1(*closure.agreeing()).value(part.pair)
         values.append(cosines - 1)
         by_q = np.array([part.pair.torque(w) for w in W.T]).reshape(-1, system.nv)
-        slopes.append(by_q * system.mechanism.coordinate_scales)
-    return np.concatenate(values), np.vstack(slopes)
+        partials.append(by_q * system.mechanism.coordinate_scales)
+    return np.concatenate(values), np.vstack(partials)
 
 
 def flipped_closures(system: "Index2System") -> str:

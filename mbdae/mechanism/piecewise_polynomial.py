@@ -63,7 +63,7 @@ class PiecewisePolynomial:
             value = value * x + row[j]
         return value if k else value + turns * self.rise
 
-    def slope(self, t: float, k: int = 0) -> float:
+    def derivative(self, t: float, k: int = 0) -> float:
         """Return the derivative of the k-th derivative, k = 0, 1, 2."""
         return self.at(t, k + 1)
 

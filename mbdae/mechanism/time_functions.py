@@ -29,7 +29,7 @@ class _TimeFunction(Table):
     def at(self, t: float, k: int = 0) -> float:
         """Return the k-th derivative with respect to time, k = 0, 1, 2."""
 
-    def slope(self, t: float, k: int = 0) -> float:
+    def derivative(self, t: float, k: int = 0) -> float:
         """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
         if k < 2 and self.known(k + 1):
             return self.at(t, k + 1)
@@ -84,8 +84,8 @@ class _Piecewise(_TimeFunction):
     def meets(self, t0: float, t1: float) -> Sequence[float]:
         return self.pieces.meets(t0, t1)
 
-    def slope(self, t: float, k: int = 0) -> float:
-        return self.pieces.slope(t, k)
+    def derivative(self, t: float, k: int = 0) -> float:
+        return self.pieces.derivative(t, k)
 
     def plain(self) -> dict[str, Any]:
         return self.pieces.plain()

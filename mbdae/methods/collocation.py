@@ -45,7 +45,7 @@ class StageMemory(NamedTuple):
     h: float
     K: Array
     Z: Array
-    slopes: Linearization
+    partials: Linearization
     solvers: list[Solver]
     rate: float
 
@@ -88,7 +88,7 @@ def collocation_step(
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE:
         with suppress(StepError):
-            found = stages.solve(K, Z, memory.slopes, memory.solvers)
+            found = stages.solve(K, Z, memory.partials, memory.solvers)
     if found is None:
         # the caller may retry with a shorter step
         found = stages.simplified_newton(K, Z) if estimate else stages.found(K, Z)
@@ -121,8 +121,8 @@ def repeated_step(
     return chart, stages.found(onward @ half.K, onward @ half.Z)
 
 
-def _factorize(slopes: Linearization, a: RadauArrays, h: float) -> list[Solver]:
-    return [slopes.factorize(h * mode.value) for mode in a.modes]
+def _factorize(partials: Linearization, a: RadauArrays, h: float) -> list[Solver]:
+    return [partials.factorize(h * mode.value) for mode in a.modes]
 
 
 def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
@@ -135,9 +135,9 @@ def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
     in y'_n has no effect. A second vector, for s >= 3, omits the first stage from u' and is one order lower.
     """
     h, none = found.h, np.zeros(found.Z.shape[1])
-    filtered = found.slopes.factorize(h * a.gamma) if a.real is None else found.solvers[a.real]
+    filtered = found.partials.factorize(h * a.gamma) if a.real is None else found.solvers[a.real]
     misses = [h * a.gamma * (F - row @ found.K) for row in a.start]
-    return np.array([filtered(found.slopes.weigh(miss), none)[0] for miss in misses])
+    return np.array([filtered(found.partials.weigh(miss), none)[0] for miss in misses])
 
 
 def _left(size: float, rate: float) -> int:
@@ -160,7 +160,7 @@ class _Stages:
         self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
         self.counts, self.measured, self.size = system.counts, system.measured, size
 
-    def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> StageMemory:
+    def solve(self, K: Array, Z: Array, partials: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
         Changes of X shrink by ``rate`` (Hairer, Wanner II, section IV.8), measured over pairs of iterations: errors of
@@ -187,7 +187,7 @@ class _Stages:
             else:
                 left -= 1
             if size <= NEAR_ROUNDING and (left <= 0 or k == self.patience - 1):
-                return StageMemory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
+                return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
             if k > 1 and last > NEAR_ROUNDING and (rate >= 1 or rate ** (self.patience - 1 - k) * size > NEAR_ROUNDING):
                 break
             last = size
@@ -196,8 +196,8 @@ class _Stages:
     def simplified_newton(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the partial derivatives at its middle stage."""
         i, X = self.a.middle, self.h * (self.a.A @ K)
-        slopes = self.chart.linearize(X[i], K[i], Z[i])
-        return self.solve(K, Z, slopes, _factorize(slopes, self.a, self.h))
+        partials = self.chart.linearize(X[i], K[i], Z[i])
+        return self.solve(K, Z, partials, _factorize(partials, self.a, self.h))
 
     def found(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with partial derivatives at its middle; if that does not converge, use `anderson`."""
@@ -219,8 +219,8 @@ class _Stages:
             StepError: if this does not converge either.
         """
         i, X, n = self.a.middle, self.h * (self.a.A @ K), K.size
-        slopes = self.chart.linearize(X[i], K[i], Z[i])
-        solvers, scale, last = _factorize(slopes, self.a, self.h), self._scale(K), np.inf
+        partials = self.chart.linearize(X[i], K[i], Z[i])
+        solvers, scale, last = _factorize(partials, self.a, self.h), self._scale(K), np.inf
         weight = 1 / (1 + np.abs(np.concatenate([K.ravel(), Z.ravel()])))
         points, changes = np.empty((0, len(weight))), np.empty((0, len(weight)))
         for _ in range(self.patience):
@@ -233,7 +233,7 @@ class _Stages:
             if not size < (FAR if known else np.inf):
                 break
             if size <= TOLERANCE or last <= size <= NEAR_ROUNDING:
-                return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, slopes, solvers, np.inf)
+                return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, partials, solvers, np.inf)
             change = np.concatenate([dK.ravel(), dZ.ravel()])
             points = np.vstack([points, np.concatenate([K.ravel(), Z.ravel()])])[-ANDERSON_DEPTH - 1 :]
             changes, last = np.vstack([changes, change])[-ANDERSON_DEPTH - 1 :], size

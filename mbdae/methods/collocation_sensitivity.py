@@ -35,19 +35,19 @@ class CollocationSensitivity:
     """
 
     def __init__(
-        self, system: System, slopes: DiscreteSensitivity, method: "RadauIIA", t: float, h: float, state: State
+        self, system: System, sensitivity: DiscreteSensitivity, method: "RadauIIA", t: float, h: float, state: State
     ) -> None:
-        self.slopes, self.h, self.a = slopes, h, (a := method.arrays)
+        self.sensitivity, self.h, self.a = sensitivity, h, (a := method.arrays)
         chart, found = repeated_step(system, a, t, h, state.y, method.patience)
         self.K, Z, self.ny = found.K, found.Z, system.ny
         xs = h * (a.A @ self.K)
         self.stages = []
         for at in zip(t + a.c * h, xs, self.K, Z, strict=True):
-            stage, z = slopes.implicit(chart, *at), at[-1]
+            stage, z = sensitivity.implicit(chart, *at), at[-1]
             dz = np.linalg.lstsq(stage.z[: self.ny], chart.residual(*at)[0])[0]
             if np.abs(dz).max(initial=0.0) > BEHIND * (1 + np.abs(z).max(initial=0.0)):
                 z += dz
-                stage = slopes.implicit(chart, *at)
+                stage = sensitivity.implicit(chart, *at)
             self.stages.append(stage)
         s, m = len(a.c), system.ny + Z.shape[1]
         matrix = np.zeros((s, m, s, m))
@@ -59,7 +59,7 @@ class CollocationSensitivity:
         self.lu, self.pivots, info = dgetrf(self.matrix)
         if info:
             raise StepError("singular", f"the equations of the step from t = {t:.17g} are singular")
-        self.Y, self.X = slopes.end(xs[-1])
+        self.Y, self.X = sensitivity.end(xs[-1])
         self.state = State(chart.end(t + h, xs[-1].copy(), self.K[-1], Z[-1])[0])
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
@@ -79,7 +79,7 @@ class CollocationSensitivity:
         """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), from those after the step."""
         right = np.zeros((len(self.stages), len(self.stages[0].F), y.shape[1]))
         right[:, : self.ny] = -self.h * self.a.A[-1][:, None, None] * (self.X.T @ y)
-        out, p = self.Y.T @ y, np.zeros((self.slopes.k, y.shape[1]))
+        out, p = self.Y.T @ y, np.zeros((self.sensitivity.k, y.shape[1]))
         for stage, mu in zip(self.stages, self._solve(right, transposed=1), strict=True):
             out, p = out + stage.y.T @ mu, p + stage.p.T @ mu
         return out, carry, p

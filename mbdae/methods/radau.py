@@ -167,11 +167,11 @@ class RadauIIA:
             system, self.arrays, t, h, state, PATIENCE, estimate=False
         )
 
-    def slopes(
-        self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State
+    def sensitivity(
+        self, system: System, sensitivity: DiscreteSensitivity, t: float, h: float, state: State
     ) -> CollocationSensitivity:
         """The partial derivatives of a step."""
-        return CollocationSensitivity(system, slopes, self, t, h, state)
+        return CollocationSensitivity(system, sensitivity, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate; fail if the iteration converges slowly."""

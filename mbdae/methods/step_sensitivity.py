@@ -26,7 +26,7 @@ class StepSensitivity:
 
     Args:
         system: as for `mbdae.methods.half_explicit_step.half_explicit_step`.
-        slopes: discrete sensitivity of the same system.
+        sensitivity: discrete sensitivity of the same system.
         tableau: a method.
         t: time.
         h: step, signed.
@@ -41,9 +41,9 @@ class StepSensitivity:
     """
 
     def __init__(
-        self, system: System, slopes: DiscreteSensitivity, tableau: "Tableau", t: float, h: float, state: State
+        self, system: System, sensitivity: DiscreteSensitivity, tableau: "Tableau", t: float, h: float, state: State
     ) -> None:
-        self.slopes, self.h, self.carries, self.a = slopes, h, tableau.explicit_first, tableau.arrays
+        self.sensitivity, self.h, self.carries, self.a = sensitivity, h, tableau.explicit_first, tableau.arrays
         a, first = self.a, int(tableau.explicit_first)
         chart, n = system.chart(t, state.y), len(a.c)
         self.F, self.stages, z = np.zeros((n, system.ny)), [], np.empty(0)
@@ -53,9 +53,9 @@ class StepSensitivity:
             x, xhat, factor = h * a.A[i].dot(self.F), h * a.Ahat[i].dot(self.F), h * a.Ahat[i, i]
             times = t + a.c[i] * h, t + a.chat[i] * h
             self.F[i], z = chart.stage(times[0], x, times[1], xhat, factor)
-            self.stages.append(slopes.stage(chart, times, x, xhat, factor, self.F[i], z))
+            self.stages.append(sensitivity.stage(chart, times, x, xhat, factor, self.F[i], z))
         x = h * a.b.dot(self.F)
-        self.Y, self.X = slopes.end(x)
+        self.Y, self.X = sensitivity.end(x)
         self.state = State(chart.point(x), system.carry(self.F[-1], z) if first else None)
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
@@ -69,9 +69,9 @@ class StepSensitivity:
         """
         a, h, first = self.a, self.h, int(self.carries)
         n = len(dy)
-        dF = np.zeros((len(a.c), self.slopes.width, dy.shape[1]))
+        dF = np.zeros((len(a.c), self.sensitivity.width, dy.shape[1]))
         if first:
-            dF[0] = self.slopes.first(dy, carry)
+            dF[0] = self.sensitivity.first(dy, carry)
         for i, stage in enumerate(self.stages, first):
             dx, dxhat = (h * np.tensordot(row[:i], dF[:i, :n], 1) for row in (a.A[i], a.Ahat[i]))
             clock = None
@@ -82,22 +82,22 @@ class StepSensitivity:
         dx = h * np.tensordot(a.b, dF[:, :n], 1)
         if dh is not None:
             dx += np.outer(a.b @ self.F, dh)
-        return self.Y @ dy + self.X @ dx, self.slopes.carried(dF[-1]) if first else carry
+        return self.Y @ dy + self.X @ dx, self.sensitivity.carried(dF[-1]) if first else carry
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), from those after the step."""
         a, h, first = self.a, self.h, int(self.carries)
         n = len(y)
-        F = np.zeros((len(a.c), self.slopes.width, y.shape[1]))
+        F = np.zeros((len(a.c), self.sensitivity.width, y.shape[1]))
         F[:, :n] = h * a.b[:, None, None] * (self.X.T @ y)
         if first:
-            F[-1] += self.slopes.carried_reverse(carry)
-        out, p = self.Y.T @ y, np.zeros((self.slopes.k, y.shape[1]))
+            F[-1] += self.sensitivity.carried_reverse(carry)
+        out, p = self.Y.T @ y, np.zeros((self.sensitivity.k, y.shape[1]))
         for i in range(len(a.c) - 1, first - 1, -1):
             x, xhat, own, numbers = self.stages[i - first].reverse(F[i])
             out, p = out + own, p + numbers
             F[:i, :n] += h * (a.A[i, :i, None, None] * x + a.Ahat[i, :i, None, None] * xhat)
         if not first:
             return out, carry, p
-        own, carry = self.slopes.first_reverse(F[0])
+        own, carry = self.sensitivity.first_reverse(F[0])
         return out + own, carry, p

@@ -179,9 +179,11 @@ class Tableau:
         """Take one step; see `mbdae.methods.half_explicit_step.half_explicit_step`."""
         return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
-    def slopes(self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State) -> StepSensitivity:
+    def sensitivity(
+        self, system: System, sensitivity: DiscreteSensitivity, t: float, h: float, state: State
+    ) -> StepSensitivity:
         """The partial derivatives of a step, see `mbdae.methods.step_sensitivity`."""
-        return StepSensitivity(system, slopes, self, t, h, state)
+        return StepSensitivity(system, sensitivity, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate: from the embedded formula, or from two half steps."""

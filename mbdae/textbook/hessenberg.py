@@ -165,12 +165,12 @@ class HessenbergSystem(System):
             raise StepError("nonfinite", f"f of {self.problem.title!r} is not finite at t = {t:.17g}")
         return F
 
-    def solve(self, t: float, y: Array, residual: Function, slope: Function, factor: float, start: Array) -> Array:
-        """Solve 0 = residual(f(t, y, z)) for z by Newton's method, d residual/dF = slope, from a start to rounding."""
+    def solve(self, t: float, y: Array, residual: Function, derivative: Function, factor: float, start: Array) -> Array:
+        """Solve 0 = residual(f(t, y, z)) for z by Newton's method to rounding, with derivative = d residual/dF."""
         z, last = start.copy(), np.inf
         for _ in range(30):
             F = self.f(t, y, z)
-            r, rate = residual(F), slope(F)
+            r, rate = residual(F), derivative(F)
             self.counts.solves += 1
             self.counts.factorizations += 1
             try:

@@ -56,7 +56,7 @@ def test_studies_take_it(ralston, tmp_path):
     mech = mbdae.load("four_bar")
     study = mbdae.order(mech, [ralston])
     assert study.holds
-    assert list(study.slopes) == ["ralston3"]
+    assert list(study.orders) == ["ralston3"]
     options = {"steps": [100, 200], "repeats": 0}
     one = mbdae.compare(mech, (0, 0.2), methods=[ralston, "herk2"], **options)
     two = mbdae.compare(mech, (0, 0.2), methods=[str(tmp_path / "mine.toml"), "herk2"], workers=2, **options)

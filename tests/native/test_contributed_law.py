@@ -36,7 +36,7 @@ int main() {
   for (double v2 : {-3.0, -0.2, 0.5, 4.0}) {
     double q[4] = {}, v[4] = {1, 2, v2, 3}, out[8] = {}, by[80] = {};
     kind.add(law, {m, 0, q, v, nullptr}, {out, out + 4, nullptr});
-    kind.slopes(law, {m, 0, q, v, nullptr}, {by, by + 40, nullptr, 10, 8});
+    kind.partials(law, {m, 0, q, v, nullptr}, {by, by + 40, nullptr, 10, 8});
     for (double x : out) std::printf("%.17g ", x);
     for (double x : by) std::printf("%.17g ", x);
     std::puts("");
@@ -73,7 +73,8 @@ def test_the_law_has_the_derivatives_of_its_force(tmp_path):
 @compiler
 @pytest.mark.parametrize("kind", ["{fits, add}", "{fits, add, nullptr}"])
 def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
-    done = compiled(tmp_path, LAW.replace("{fits, add, slopes}", kind).replace("static void slopes", "void slopes"))
+    law = LAW.replace("{fits, add, partials}", kind).replace("static void partials", "void partials")
+    done = compiled(tmp_path, law)
     assert done.returncode
     assert re.search(r"(use of|call to) deleted", done.stderr), done.stderr
     assert "LawKind" in done.stderr

@@ -6,7 +6,7 @@ from chains import JOINTS, random_q, tree
 from driven import DRIVEN
 from in_core import IN_CORE
 from mechanism.forces import test_force_runs
-from mechanism.forces.test_law_slopes import kinds_of_forces, samples
+from mechanism.forces.test_law_partials import kinds_of_forces, samples
 from mechanism.formulations.test_derivatives import CLOSURES, DRIVERS
 
 from mbdae import Mechanism, backend, load
@@ -32,7 +32,7 @@ def compare(mech, tolerance=1e-12, states=4):
         lam = np.zeros(native.ng)
         lam[rows] = rng.uniform(-3, 3, len(rows))
         expected = equation_partials(native, t, q, y[mech.model.nq :], vdot, lam[rows], rows)
-        M, K, D, G, B, g_t = native.core.slopes(t, q, y[mech.model.nq :], vdot, lam)
+        M, K, D, G, B, g_t = native.core.partials(t, q, y[mech.model.nq :], vdot, lam)
         compared += 1
         nv = mech.nv
         pairs = {"K": (K, expected.K), "D": (D, expected.D), "B": (B, expected.B), "G": (G, expected.G)}

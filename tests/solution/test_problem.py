@@ -90,7 +90,7 @@ def test_what_makes_mechanisms_is_a_name_or_a_path_too(name):
 def test_textbook_problems_have_names_too():
     sol = mbdae.solve("circle", (0, 1), rtol=1e-10)
     np.testing.assert_allclose(sol.y[-1], [np.cos(1), np.sin(1)], atol=1e-9)
-    assert mbdae.order("circle", "herk2", T=1.0).slopes["herk2"][0].observed == pytest.approx(2, abs=0.2)
+    assert mbdae.order("circle", "herk2", T=1.0).orders["herk2"][0].observed == pytest.approx(2, abs=0.2)
     with pytest.raises(UnknownNameError, match="hessenberg_a"):
         mbdae.solve("hessenberg_b", (0, 1))
     with pytest.raises(UnknownNameError, match="unknown model 'circle'"):

@@ -144,12 +144,12 @@ def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> flo
         for _ in range(NEWTON):
             if not (ROOT * high if struck else 0.0) < theta < high:
                 break
-            f, slope = followed.value(at(theta)), h * guard.rate(at(theta))
-            if not slope < 0 or not abs(f) < best:
+            f, derivative = followed.value(at(theta)), h * guard.rate(at(theta))
+            if not derivative < 0 or not abs(f) < best:
                 if best <= followed.band and not struck:
                     return nearest
                 break
-            nearest, best, move = theta, abs(f), f / slope
+            nearest, best, move = theta, abs(f), f / derivative
             if abs(move) <= sharp + SHARE * theta:
                 return theta
             theta -= move

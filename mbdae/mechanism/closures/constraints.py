@@ -151,31 +151,31 @@ class Constraints:
         out[self.off] = 0.0
         return out
 
-    def slopes(self, v: Array, lam: Array) -> tuple[Array, Array]:
+    def partials(self, v: Array, lam: Array) -> tuple[Array, Array]:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
             here, at, F, turning = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
             for s, r, w in rows:
-                Da, Db = r.slopes(pair)
+                Da, Db = r.partials(pair)
                 B[s, at] = here.power(w, Da, Db)
                 F += w.dot(lam[s])
                 turning += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
             K[at[:, None], at] += here.torque(F, *turning.reshape(2, 6, 6))
         for part in self.joint_parts:
-            part.slopes(v, float(lam[part.at]), K, B[part.at])
+            part.partials(v, float(lam[part.at]), K, B[part.at])
         B[self.off] = 0.0
         return K, B
 
-    def bias_slopes(self, v: Array) -> tuple[Array, Array]:
+    def bias_partials(self, v: Array) -> tuple[Array, Array]:
         """Return the partial derivatives of Gdot v with respect to q and v, (ng, nv) each, after `jacobian`."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
             here, at = PairPartials(pair, v), pair.branches.at
             for s, r, w in rows:
-                by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.slopes(pair))
+                by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.partials(pair))
         for part in self.joint_parts:
-            part.bias_slopes(v, by_q[part.at], by_v[part.at])
+            part.bias_partials(v, by_q[part.at], by_v[part.at])
         by_q[self.off] = by_v[self.off] = 0.0
         return by_q, by_v
 

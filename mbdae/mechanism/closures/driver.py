@@ -142,7 +142,7 @@ class Driver(Table):
 
     def third(self, t: float) -> float:
         """Return the third derivative of u at time t."""
-        return float(self.path.slope(t, 2 if self.speed is None else 1))
+        return float(self.path.derivative(t, 2 if self.speed is None else 1))
 
     def check(self, t: float) -> None:
         """Compare the derivatives of Python functions with difference quotients just after t.
@@ -177,7 +177,7 @@ class Driver(Table):
             if abs(quotient - here[k + 1]) > 1e-3 * (1 + abs(quotient)):
                 return (
                     f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {t:g} s, "
-                    f"but its function's slope is {quotient:.6g}"
+                    f"but its function's derivative is {quotient:.6g}"
                 )
         return ""
 

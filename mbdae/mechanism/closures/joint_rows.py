@@ -65,11 +65,11 @@ class BoundJointRow:
         """Return Gdot v."""
         raise NotImplementedError
 
-    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
         """Add d(G^T lam)/dq to K (nv, nv) and d(G v)/dq to B (nv,)."""
         raise NotImplementedError
 
-    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         """Add the partial derivatives of Gdot v to by_q and by_v, (nv,) each."""
         raise NotImplementedError
 
@@ -91,18 +91,18 @@ class BoundCoordinateRow(BoundJointRow):
         x, *other = (_coordinate(j.joint_q) for j in self._live)
         if not other:
             return x - sum(self.polynomial), [1.0]
-        p, slope, *_ = _horner(self.polynomial, other[0])
-        return x - p, [1.0, -slope]
+        p, first, *_ = _horner(self.polynomial, other[0])
+        return x - p, [1.0, -first]
 
     def bias(self, v: Array) -> float:  # noqa: D102
         return -self._curvature()[0] * float(v[self.columns[-1]]) ** 2
 
-    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
         j, curve = self.columns[-1], self._curvature()[0]
         K[j, j] -= lam * curve
         B[j] -= curve * v[j]
 
-    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
         j, (second, third) = self.columns[-1], self._curvature()
         by_q[j] -= third * v[j] ** 2
         by_v[j] -= 2 * second * v[j]
@@ -180,10 +180,10 @@ class BoundSumRow(BoundJointRow):
     def bias(self, v: Array) -> float:  # noqa: D102
         return 0.0
 
-    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
         """G is constant."""
 
-    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         """Gdot is zero."""
 
 
@@ -209,19 +209,19 @@ class BoundRatioRow(BoundJointRow):
     def bias(self, v: Array) -> float:  # noqa: D102
         return -sum(float(self._ratio()[1] * v[self.columns[1]] * v[k]) for k in self.settings)
 
-    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
         for k in self.settings:
             j = self.columns[1]
             K[j, k] -= lam * self._ratio()[1]
             B[k] -= self._ratio()[1] * v[j]
 
-    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
         for k in self.settings:
             j = self.columns[1]
-            _, slope, curve, _ = self._ratio()
+            _, first, curve, _ = self._ratio()
             by_q[k] -= curve * v[k] * v[j]
-            by_v[j] -= slope * v[k]
-            by_v[k] -= slope * v[j]
+            by_v[j] -= first * v[k]
+            by_v[k] -= first * v[j]
 
     def _ratio(self) -> tuple[float, float, float, float]:
         """Return the ratio and its first three derivatives; a constant without joint k."""
@@ -247,10 +247,10 @@ def _coordinate(q: Array) -> float:
 
 def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float, float]:
     """Return a polynomial and its first three derivatives at x."""
-    p = slope = curve = third = 0.0
+    p = first = curve = third = 0.0
     for c in reversed(coefficients):
-        p, slope, curve, third = p * x + c, slope * x + p, curve * x + 2 * slope, third * x + 3 * curve
-    return p, slope, curve, third
+        p, first, curve, third = p * x + c, first * x + p, curve * x + 2 * first, third * x + 3 * curve
+    return p, first, curve, third
 
 
 def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> float:

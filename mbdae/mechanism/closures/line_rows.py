@@ -64,7 +64,7 @@ class LineRows(FrameRows):
         e, p, de, dp = self.lines(pair)
         return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
 
-    def slopes(self, pair: Pair) -> tuple[Array, Array]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[Array, Array]:  # noqa: D102
         Da, Db = np.empty((2, self.m, 6, 6))
         at = at_rest(pair)
         for i, unit in enumerate(np.eye(6)):

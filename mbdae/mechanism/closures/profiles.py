@@ -88,8 +88,8 @@ class PlaneCurve:
         s: Any = self.samples[np.einsum("ij,ij->i", off, off).argmin()]
         for _ in range(ITERATIONS):
             _, c, d, dd = self.at(s)
-            slope = d.dot(d) - (x - c).dot(dd)
-            step = (x - c).dot(d) / slope if np.real(slope) > SHARP * np.real(d.dot(d)) else 0.0
+            derivative = d.dot(d) - (x - c).dot(dd)
+            step = (x - c).dot(d) / derivative if np.real(derivative) > SHARP * np.real(d.dot(d)) else 0.0
             s = s + step
             if abs(step) <= ROUNDING * self.length and not np.iscomplexobj(x):
                 break

@@ -54,7 +54,7 @@ class FrameRows:
         """Return dw/dt (6, m) for the velocities of the pair."""
         raise NotImplementedError
 
-    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         """Return Da and Db, (m, 6, 6) each: dw = Da d_a + Db d_b for motions d (6,) of both anchors.
 
         Where both anchors move together, so do the wrenches: (Da + Db) d = d x* w.
@@ -91,7 +91,7 @@ class DotProduct1(FrameRows):
         da, db = rotated(pair.Va, a), rotated(pair.Vb, b)
         return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
 
-    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
         a, b = skews(pair.Ra.dot(self.a)), skews(pair.Rb.dot(self.b))
         Da, Db = np.zeros((2, self.m, 6, 6))
         Da[:, 3:, 3:], Db[:, 3:, 3:] = -b @ a, a @ b
@@ -122,7 +122,7 @@ class DotProduct2(FrameRows):
         dp = displaced(pair.Vb, pair.pb)
         return np.concatenate([dn, cross(dp, n) + cross(pair.pb[:, None], dn)])
 
-    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
         n = pair.Ra.dot(self.axes)
         Da = np.zeros((self.m, 6, 6))
         Da[:, :3, 3:] = turn = -skews(n)
@@ -155,7 +155,7 @@ class Distance(FrameRows):
         dn = (dd - n * (n * dd).sum()) / distance
         return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
 
-    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
         _, Da, Db = line_wrench_partials(pair)
         return Da[None], Db[None]
 

@@ -35,7 +35,7 @@ class UserRows(Closure):
     Attributes:
         joints: names of the joints.
         function: as above. A saved solution records its rows by name; operations that need their values then fail.
-        slopes: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the change of G_j along velocity k; central differences
+        partials: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the change of G_j along velocity k; central differences
             of the function when left out, good to about 1e-12.
         size: number of rows.
         velocity: velocity rows only.
@@ -47,7 +47,7 @@ class UserRows(Closure):
     kind: Literal["rows"]  # type: ignore[assignment]
     joints: Names = Field(min_length=1)
     function: Callable[[Array], Any] | None = Field(default=None, exclude=True)
-    slopes: Callable[[Array], Any] | None = Field(default=None, exclude=True)
+    partials: Callable[[Array], Any] | None = Field(default=None, exclude=True)
     size: int = Field(default=1, ge=1)
     velocity: bool = False
 
@@ -111,14 +111,14 @@ class BoundUserRows(BoundJointRow):
     def bias(self, v: Array) -> float:  # noqa: D102
         return self._bias(self._q(), v[self.columns])
 
-    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
-        D = self._slopes(self._q())
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+        D = self._partials(self._q())
         K[np.ix_(self.columns, self.columns)] += lam * D
         B[self.columns] += v[self.columns] @ D
 
-    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
         q, rates = self._q(), v[self.columns]
-        D = self._slopes(q)
+        D = self._partials(q)
         by_v[self.columns] += (D + D.T) @ rates
         by_q[self.columns] += [self._along(lambda x: self._bias(x, rates), q, e) for e in np.eye(len(rates))]
 
@@ -140,17 +140,17 @@ class BoundUserRows(BoundJointRow):
         return (float(g[self.number]), G[self.number]) if several else (float(g), G)
 
     def _bias(self, q: Array, v: Array) -> float:
-        if self.rows.slopes:
-            return float(v @ self._slopes(q) @ v)
+        if self.rows.partials:
+            return float(v @ self._partials(q) @ v)
         speed = float(np.abs(v).max())
         return speed * float(self._along(lambda x: self._at(x)[1], q, v / speed) @ v) if speed else 0.0
 
-    def _slopes(self, q: Array) -> Array:
+    def _partials(self, q: Array) -> Array:
         """dG/dq, (n, n)."""
         n, size = len(self.columns), self.rows.size
-        if self.rows.slopes:
-            what = f"slopes of {self.what}"
-            found = checked(called(what, self.rows.slopes, None, q), (*((size,) * (size > 1)), n, n), None, what)
+        if self.rows.partials:
+            what = f"partials of {self.what}"
+            found = checked(called(what, self.rows.partials, None, q), (*((size,) * (size > 1)), n, n), None, what)
             return found[self.number] if size > 1 else found
         return np.column_stack([self._along(lambda x: self._at(x)[1], q, e) for e in np.eye(n)])
 
@@ -163,5 +163,5 @@ class BoundUserRows(BoundJointRow):
             found = float(self._along(lambda x: self._at(x)[0], q, e))
             if abs(found - G[k]) > FITS * (1 + abs(G[k])):
                 row = f" of row {self.number}" if self.rows.size > 1 else ""
-                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the slope of g is {found:.6g}"
+                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the derivative of g is {found:.6g}"
                 raise InputError(f"{self.what}: {what}")

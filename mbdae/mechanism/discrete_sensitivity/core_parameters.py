@@ -27,7 +27,7 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
         NotCompiled: for laws or rows that the core does not support, or trees too large for its partial derivatives.
     """
     if system.nv > LARGEST:
-        raise NotCompiled(f"slopes of {system.nv} degrees of freedom")
+        raise NotCompiled(f"partials of {system.nv} degrees of freedom")
     system.expand()
     if parameters.plain is None:
         parameters.plain = _plain(parameters)

@@ -32,9 +32,9 @@ class GGLStageSensitivity(SaddleStageSensitivity):
         (t, q, _, inner, _), (that, qhat, *_), _ = self.points
         mu = np.zeros(s.ng)
         mu[kept] = chart.mu
-        M, before, _ = (a.copy() for a in s.inertial.slopes(q, still, still))
+        M, before, _ = (a.copy() for a in s.inertial.partials(q, still, still))
         P = s.jacobian(q)[kept]
-        self.W = s.constraints.slopes(still, mu)[0] - (s.inertial.slopes(q, still, self.slip)[1] - before)
+        self.W = s.constraints.partials(still, mu)[0] - (s.inertial.partials(q, still, self.slip)[1] - before)
         p = self.parameters
         forces = p.of_forces(t, q, still, inner, self.slip, mu) - p.of_forces(t, q, still, inner, still, 0 * mu)
         self.by_p, self.g_p, self.g_t = forces[: s.nv], p.of_rows(that, qhat, still)[1][kept], s.g_t(that)[kept]

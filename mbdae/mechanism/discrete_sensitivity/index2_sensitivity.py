@@ -50,13 +50,13 @@ class Index2Sensitivity(ProjectionSensitivity):
     of_stage: type[Any] = SaddleStageSensitivity
 
     def stage(self, chart: "Index2Chart", *stage: Any) -> SaddleStageSensitivity:
-        """Take the slopes of a stage, of its times, x, xhat, factor, x' and lam, see `SaddleStageSensitivity`."""
+        """Take the partials of a stage, of its times, x, xhat, factor, x' and lam, see `SaddleStageSensitivity`."""
         found: SaddleStageSensitivity = self.of_stage(chart, *stage, self.parameters)
         return found
 
     def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StagePartials:
         """Return the partial derivatives of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
-        return chart.slopes(t, x, F, z, self.parameters)
+        return chart.partials(t, x, F, z, self.parameters)
 
     @property
     def width(self) -> int:
@@ -103,10 +103,10 @@ class Index2Sensitivity(ProjectionSensitivity):
         lam = np.linalg.lstsq(G[rows].T, force)[0] if len(rows) else np.empty(0)
         whole = np.zeros(s.ng)
         whole[rows] = lam
-        at, p = s.slopes(t, q, y[s.nq :], vdot, lam, rows), self.parameters
+        at, p = s.partials(t, q, y[s.nq :], vdot, lam, rows), self.parameters
         f_t, _, gamma_t = time_partials(s, t, q, v, inner, whole)
         by_q, by_v = gamma_partials(s, q, v)
-        by_q += s.constraints.slopes(vdot, whole)[1]
+        by_q += s.constraints.partials(vdot, whole)[1]
         Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
         P = p.of_forces(t, q, v, inner, vdot, whole)
         if s.sliding:
@@ -139,8 +139,8 @@ class Index2Sensitivity(ProjectionSensitivity):
         y = right.T @ ((left.T @ found) / sizes)
         of = slice(self.ny, self.ny + self.k)
         force, turned = G[rows].T @ dlam, np.zeros_like(out)
-        force[:, :nv] += s.constraints.slopes(v, whole - found)[0]
-        turned[:, :nv] = s.constraints.slopes(y, found)[1]
+        force[:, :nv] += s.constraints.partials(v, whole - found)[0]
+        turned[:, :nv] = s.constraints.partials(y, found)[1]
         if self.k:
             force[:, of] += p.of_forces(t, q, v, inner, still, whole)[:nv]
             force[:, of] -= p.of_forces(t, q, v, inner, still, found)[:nv]
@@ -202,13 +202,13 @@ class Index2Sensitivity(ProjectionSensitivity):
                 continue
             if not found.discrepancy <= APART:
                 raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
-            out[:, i] = found.slope
+            out[:, i] = found.derivative
         if not assembled:
             return out
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
         out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
         pin.computeJointJacobians(s.model, s.workspace, q)
-        B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
+        B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
         out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=1e-8) @ left
         return out
@@ -225,8 +225,8 @@ class Index2Sensitivity(ProjectionSensitivity):
         """Return the partials of the kinetic and the potential energy, (2, ny + k)."""
         s, nv, out = self.system, self.system.nv, np.zeros((2, self.ny + self.k))
         still = np.zeros(nv)
-        M, weight, _ = (a.copy() for a in s.inertial.slopes(q, still, still))
-        out[0, :nv] = 0.5 * v @ (s.inertial.slopes(q, still, v)[1] - weight)
+        M, weight, _ = (a.copy() for a in s.inertial.partials(q, still, still))
+        out[0, :nv] = 0.5 * v @ (s.inertial.partials(q, still, v)[1] - weight)
         out[0, nv : 2 * nv] = M @ v
         gravity = pin.nonLinearEffects(s.model, s.workspace, q, still).copy()
         pin.forwardKinematics(s.model, s.workspace, q, still)

@@ -141,7 +141,7 @@ class Parameter:
             return np.array((c - a) / (6 * self.h))
         if self.side and (np.abs(c - 3 * b + 3 * a - here) <= ROUNDING * size).all():
             return np.array((4 * a - b - 3 * here) / ((4 if self.side == "above" else -4) * self.h))
-        return converged_difference(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
+        return converged_difference(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).derivative
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
         """Return the derivatives of the components 1 to n - 1 of a mechanism that change."""
@@ -204,9 +204,9 @@ class RowDifferences:
     def add_forces(self, to: Array, t: float, lam: Array) -> None:
         """Add the partial derivatives of G^T lam and of the drivers' power lam . u'; J must be current."""
         if self.near:
-            slope = self.p.quotient(self.forces(t, lam))
-            to[: self.nv] += slope[:-1]
-            to[-1] += slope[-1]
+            derivative = self.p.quotient(self.forces(t, lam))
+            to[: self.nv] += derivative[:-1]
+            to[-1] += derivative[-1]
 
     def add_rates(self, Q: Array, g: Array, t: float, v: Array) -> None:
         """Add the partial derivatives of G v + g_t and of g; J must be current."""

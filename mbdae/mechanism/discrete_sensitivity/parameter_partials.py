@@ -161,7 +161,7 @@ class Parameters:
             self._found[name] = key, find()
         return self._found[name][1]
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterPartials:
+    def partials(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterPartials:
         """Return the partial derivatives at (t, q, v, s, v', lam), lam (ng,) for all rows."""
         return ParameterPartials(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
 
@@ -240,7 +240,7 @@ class Parameters:
         return out
 
     def _inertial(self, p: Parameter, J: Array) -> Array:
-        """Slope of M v' + nle, (nv,), without armature; velocities and accelerations stand."""
+        """Derivative of M v' + nle, (nv,), without armature; velocities and accelerations stand."""
         model, data, out = self.system.model, self.system.workspace, np.zeros(self.system.nv)
         for j in set(p.inertias) | (set(range(1, model.njoints)) if p.gravity.any() else set()):
             place, wrench = data.oMi[j], np.zeros(6)

@@ -72,10 +72,10 @@ class PlacementTree:
         out[self.iq] = q
         return out
 
-    def _slopes(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> EquationPartials:
+    def _partials(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> EquationPartials:
         u, a = np.zeros(self.model.nv + 1), np.zeros(self.model.nv)
         u[self.real], a[self.real] = v, vdot
-        return self.system.slopes(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
+        return self.system.partials(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
 
     def _all(self, own: Array) -> Array:
         """Return the partials of all rows of the mechanism, (ng, 6 n)."""
@@ -85,11 +85,11 @@ class PlacementTree:
 
     def torques(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Array:
         """Return columns of K of the frozen joints, (nv + 1, 6 n); the rows are those of the real ones, and power."""
-        return self._slopes(t, q, v, vdot, lam).K[np.ix_([*self.real, -1], self.at)]
+        return self._partials(t, q, v, vdot, lam).K[np.ix_([*self.real, -1], self.at)]
 
     def rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return columns of B and G of the frozen joints, (ng, 6 n) each."""
-        found = self._slopes(t, q, v, np.zeros(len(v)), np.zeros(self.ng))
+        found = self._partials(t, q, v, np.zeros(len(v)), np.zeros(self.ng))
         return self._all(found.B), self._all(found.G)
 
     def bias(self, q: Array, v: Array) -> Array:

@@ -49,7 +49,7 @@ class ProjectionSensitivity:
             dq = turn.A @ dq - turn.R @ dx
         q, G = path[-1], s.jacobian(path[-1])
         dv = out[nv : 2 * nv].copy()
-        B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
+        B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         dv -= self._correction(t, start, q, G @ v + s.g_t(t), G, G @ dv + B @ dq + Q @ dp, out[:nv], dq)[1]
         out[:nv], out[nv : 2 * nv] = dq, dv
         return out
@@ -64,9 +64,9 @@ class ProjectionSensitivity:
         out = np.eye(self.ny, self.ny + self.k)
         q, v = s.split(y)
         G = s.jacobian(q)
-        B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
-        slope = G @ out[nv : 2 * nv] + B @ out[:nv] + Q @ dp
-        x, dx = self._correction(t, q, q, G @ v + s.g_t(t), G, slope, out[:nv], out[:nv])
+        B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
+        derivative = G @ out[nv : 2 * nv] + B @ out[:nv] + Q @ dp
+        x, dx = self._correction(t, q, q, G @ v + s.g_t(t), G, derivative, out[:nv], out[:nv])
         out[nv : 2 * nv] -= dx
         return x, out
 
@@ -87,16 +87,16 @@ class ProjectionSensitivity:
         still, inner = np.zeros(nv), np.zeros(s.ns)
         if kept is not None:  # velocity rows have no g
             rows = rows[kept[rows]]
-        M, before, _ = (a.copy() for a in s.inertial.slopes(q0, still, still))
+        M, before, _ = (a.copy() for a in s.inertial.partials(q0, still, still))
         saddle = Saddle(M, G[rows], G[rows])
         x, eta = (a[:, 0] for a in saddle.solve(np.zeros((nv, 1)), r[rows, None]))
         above, below = np.zeros_like(dq), dr[rows]
         if np.abs(x).max() > UNMOVED:
             whole = np.zeros(s.ng)
             whole[rows] = eta
-            turned = s.inertial.slopes(q0, still, x)[1] - before
+            turned = s.inertial.partials(q0, still, x)[1] - before
             s.jacobian(q)
-            K, B = s.constraints.slopes(x, whole)
+            K, B = s.constraints.partials(x, whole)
             above, below = K @ dq - turned @ dq0, below - B[rows] @ dq
             if self.k:
                 P = p.of_forces(t, q, still, inner, x, whole) - p.of_forces(t, q, still, inner, still, 0 * whole)

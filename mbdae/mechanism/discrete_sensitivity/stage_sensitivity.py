@@ -39,7 +39,7 @@ class Saddle:
         matrix[: self.nv, : self.nv], matrix[: self.nv, self.nv :], matrix[self.nv :, : self.nv] = M, -G.T, Ghat
         self.lu, self.pivots, info = dgetrf(matrix)
         if info:
-            raise StepError("singular", "the equations of a stage are singular where its slopes are taken")
+            raise StepError("singular", "the equations of a stage are singular where its partials are taken")
 
     def solve(self, above: Array, below: Array, transposed: int = 0) -> tuple[Array, Array]:
         """Return both blocks of the solution for right-hand sides (nv, m) and (r, m)."""
@@ -48,7 +48,7 @@ class Saddle:
 
 
 class SaddleStageSensitivity:
-    """The slopes of a stage, see `mbdae.system.StageSensitivity`.
+    """The partials of a stage, see `mbdae.system.StageSensitivity`.
 
     Args:
         chart: of its step.
@@ -78,8 +78,8 @@ class SaddleStageSensitivity:
         qhat, v, inner = m.integrate(chart.q, xh), u[:nv], u[nv:-1]
         whole = np.zeros(s.ng)
         whole[rows] = lam
-        self.at = s.slopes(t, q, u, self.vdot, lam, rows)
-        self.Ghat, self.Bhat = s.rate_slopes(that, qhat, vhat, rows)
+        self.at = s.partials(t, q, u, self.vdot, lam, rows)
+        self.Ghat, self.Bhat = s.rate_partials(that, qhat, vhat, rows)
         self.P = parameters.of_forces(t, q, v, inner, self.vdot, whole)
         self.Q = parameters.of_rows(that, qhat, vhat)[0][rows]
         if s.sliding:

@@ -28,7 +28,7 @@ class Actuator(PythonForce):
         rate: rates of the states, (ns,).
         start: names of the states and their start values.
         name: of the torque function when left out.
-        slopes: (t, q, v, s) -> derivatives of (tau, s') with respect to (q in the tangent, v, s),
+        partials: (t, q, v, s) -> derivatives of (tau, s') with respect to (q in the tangent, v, s),
             (nv + ns, 2 nv + ns), for implicit methods; central differences when left out.
 
     Raises:
@@ -42,7 +42,7 @@ class Actuator(PythonForce):
     rate: StateFunction
     start: Mapping[str, float]
     name: str = field(default="")
-    slopes: StateFunction | None = None
+    partials: StateFunction | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -62,7 +62,7 @@ class ActuatorElement(ForceElement):
     def __init__(self, spec: Actuator, model: pin.Model) -> None:
         super().__init__(spec.name, states=spec.start)
         self.spec, self.model = spec, model
-        self.differenced = spec.slopes is None
+        self.differenced = spec.partials is None
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:  # noqa: D102
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]
@@ -72,11 +72,11 @@ class ActuatorElement(ForceElement):
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         return by_time(lambda t: np.concatenate(self.evaluate(t, q, v, s)[1:]), t, v)
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         def law(q: Array, v: Array, s: Array) -> Array:
             return np.concatenate(self.evaluate(t, q, v, s)[1:])
 
-        return law_partials(law, self.spec.slopes, f"actuator {self.name!r}", self.model, t, q, v, s)
+        return law_partials(law, self.spec.partials, f"actuator {self.name!r}", self.model, t, q, v, s)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
-        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "slopes": self.slopes}
+        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "partials": self.partials}

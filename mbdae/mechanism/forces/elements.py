@@ -54,7 +54,7 @@ class ForceElements:
         """
         for law, _ in self.bound:
             if law.lost():
-                raise InputError(f"force {law.name!r} has no direction where its points coincide, and no slope there")
+                raise InputError(f"force {law.name!r} has no direction where its points coincide: no derivative")
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of non-conservative forces, (ns + 1,)."""
@@ -76,12 +76,12 @@ class ForceElements:
                 rates[at] += ds
         return conservative, other if isinstance(other, np.ndarray) else np.zeros(self.nv), rates
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the sum of the partial derivatives, (nv + ns + 1, 2 nv + ns); kinematics must be current at q."""
         nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:
-            known, rows = law.slopes(t, q, v, s[at]), slice(nv + at.start, nv + at.stop)
+            known, rows = law.partials(t, q, v, s[at]), slice(nv + at.start, nv + at.stop)
             columns = slice(nv + rows.start, nv + rows.stop)
             for to, block in ((slice(nv), known[:nv]), (rows, known[nv:-1]), (-1, known[-1])):
                 out[to, : 2 * nv] += block[..., : 2 * nv]

@@ -45,7 +45,7 @@ class ForceElement:
         """Return the conservative and the other part of tau of a law without states, (nv,) each, or 0."""
         raise NotImplementedError
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the exact derivatives of (tau, s', power of the other part), (nv + ns + 1, 2 nv + ns).
 
         They are taken with respect to (q, v, s), q in the tangent. Python functions of the user without partial
@@ -54,8 +54,8 @@ class ForceElement:
         Raises:
             InputError: for a law without partial derivatives.
         """
-        what = "implicit methods, equilibria and gradients take the method slopes(t, q, v, s) of its law"
-        raise InputError(f"force {self.name!r} has no slopes: {what} {type(self).__name__}")
+        what = "implicit methods, equilibria and gradients take the method partials(t, q, v, s) of its law"
+        raise InputError(f"force {self.name!r} has no partials: {what} {type(self).__name__}")
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array | float:
         """Return the derivative of (tau, s', power of the other part) with respect to time, (nv + ns + 1,), or 0."""
@@ -129,7 +129,7 @@ class PairElement(ForceElement):
         tau = self.pair.torque(self.rising(t) + np.zeros(6))
         return np.append(tau, tau @ v)
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
         here, nv = PairPartials(self.pair, v), len(v)
         at, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))

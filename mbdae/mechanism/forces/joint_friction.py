@@ -127,7 +127,7 @@ class FrictionElement(ForceElement):
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
         return 0.0, -self.d * np.tanh(v / self.v0)
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         nv, (_, tau) = len(v), self.torque(t, q, v)
         out, steep = np.zeros((nv + 1, 2 * nv)), self.d / self.v0 * (np.tanh(v / self.v0) ** 2 - 1)
         out[:nv, nv:], out[-1, nv:] = np.diag(steep), steep * v + tau
@@ -149,7 +149,7 @@ class KineticFrictionElement(ForceElement):
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
         return 0.0, -self.d * self.sign
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         nv = len(v)
         out = np.zeros((nv + 1, 2 * nv))
         out[-1, nv:] = -self.d * self.sign

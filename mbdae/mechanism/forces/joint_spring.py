@@ -92,7 +92,7 @@ class CurveElement(ForceElement):
         damper[self.iv] = -self.damping * v[self.iv]
         return spring, damper
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         nv, iv = len(v), np.array(self.iv)
         out = np.zeros((nv + 1, 2 * nv))
         out[iv, iv], out[iv, nv + iv] = -self.steepness(q[self.iq] - self.rest), -self.damping

@@ -108,7 +108,7 @@ class Linear(ForceElement):
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
         return y[: self.nv], y[self.nv : 2 * self.nv], y[2 * self.nv :]
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         nv, A = self.nv, self._matrix
         power = v @ A[nv : 2 * nv]
         power[nv : 2 * nv] += self.evaluate(t, q, v, s)[1]
@@ -116,7 +116,7 @@ class Linear(ForceElement):
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         x = np.zeros(len(q) + len(v) + len(s) + 1 + len(self.u))
-        x[len(x) - len(self.u) :] = [u.slope(t, k) for u, k in self.u]
+        x[len(x) - len(self.u) :] = [u.derivative(t, k) for u, k in self.u]
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
         other = y[self.nv : 2 * self.nv]
         return np.concatenate([other, y[2 * self.nv :], [other @ v]])

@@ -46,9 +46,9 @@ def law_partials(
     nv, n = len(v), len(v) + len(s)
     tau = law(q, v, s)[:nv]
     if own is not None:
-        what = f"slopes of {what}"
+        what = f"partials of {what}"
         known = called(what, own, t, q, v, *([s] if len(s) else []))
-        slopes = checked(known, (n, nv + n), t, what)
+        partials = checked(known, (n, nv + n), t, what)
     else:
         columns = [(law(pin.integrate(model, q, e), v, s) - law(pin.integrate(model, q, -e), v, s)) / (2 * STEP)
                    for e in STEP * np.eye(nv)]  # fmt: skip
@@ -58,7 +58,7 @@ def law_partials(
             ahead[i], behind[i] = x[i] + h, x[i] - h
             change = law(q, ahead[:nv], ahead[nv:]) - law(q, behind[:nv], behind[nv:])
             columns.append(change / (ahead[i] - behind[i]))
-        slopes = np.array(columns).T
-    power = v @ slopes[:nv]
+        partials = np.array(columns).T
+    power = v @ partials[:nv]
     power[nv : 2 * nv] += tau
-    return np.vstack([slopes, power])
+    return np.vstack([partials, power])

@@ -83,7 +83,7 @@ class SpringDamperElement(PairElement):
         )
 
     def rising(self, t: float) -> Array:  # noqa: D102
-        return self.spec.force.slope(t) * line_wrench_partials(self.pair)[0]
+        return self.spec.force.derivative(t) * line_wrench_partials(self.pair)[0]
 
     def potential(self, q: Array) -> float:  # noqa: D102
         self.pair.locate()

@@ -15,25 +15,25 @@ TorqueFunction = Callable[[float, Array, Array], Array]
 class TorqueElement(ForceElement):
     """A user function tau(t, q, v) -> (nv,); its work is integrated.
 
-    It may have an attribute ``slopes``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;
+    It may have an attribute ``partials``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;
     otherwise implicit methods use central differences.
     """
 
     def __init__(self, function: TorqueFunction, model: pin.Model) -> None:
         super().__init__(function_name(function))
         self.function, self.model = function, model
-        self.differenced = getattr(function, "slopes", None) is None
+        self.differenced = getattr(function, "partials", None) is None
         self.what = f"force {self.name!r}"
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
         return 0.0, checked(called(self.what, self.function, t, q, v), v.shape, t, self.what)
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        own = getattr(self.function, "slopes", None)
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        own = getattr(self.function, "partials", None)
         return law_partials(lambda q, v, s: self.torque(t, q, v)[1], own, self.what, self.model, t, q, v, s)
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         return by_time(lambda t: self.torque(t, q, v)[1], t, v)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
-        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "slopes": self.slopes}
+        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "partials": self.partials}

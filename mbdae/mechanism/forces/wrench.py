@@ -55,13 +55,13 @@ class WrenchElement(PairElement):
         return (force, moment) if self.steady else (0.0, force + moment)
 
     def rising(self, t: float) -> Array:  # noqa: D102
-        n, m = self.vectors(t, slope=True)
+        n, m = self.vectors(t, derivative=True)
         return np.concatenate([n, m + skew(self.pair.pb) @ n])
 
-    def vectors(self, t: float, *, slope: bool = False) -> tuple[Array, Array]:
+    def vectors(self, t: float, *, derivative: bool = False) -> tuple[Array, Array]:
         """Return force and torque in the axes of the world, or their partial derivatives in time, (3,) each."""
         parts = (self.spec.force, self.spec.torque)
-        n, m = (np.array([s.slope(t) if slope else s.at(t) for s in part]) for part in parts)
+        n, m = (np.array([s.derivative(t) if derivative else s.at(t) for s in part]) for part in parts)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
 
     def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102

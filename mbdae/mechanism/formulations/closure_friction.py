@@ -148,12 +148,12 @@ class ClosureFriction:
 
     def carried(self, lam: Array) -> tuple[Array, Array]:
         """Return |F| (k,) and its partial derivatives (k, ng) for multipliers of all rows, (ng,)."""
-        size, slope = np.zeros(len(self.places)), np.zeros((len(self.places), len(lam)))
+        size, gradient = np.zeros(len(self.places)), np.zeros((len(self.places), len(lam)))
         for k, place in enumerate(self.places):
             F = lam[place.rows]
             size[k] = np.sqrt(F @ F)
-            slope[k, place.rows] = F / (size[k] + NOTHING)
-        return size, slope
+            gradient[k, place.rows] = F / (size[k] + NOTHING)
+        return size, gradient
 
     def solve(self, t: float, factor: Array, lam: Array, responses: Array) -> Array:
         """Return T (k,).
@@ -168,11 +168,11 @@ class ClosureFriction:
         """
         T, last = np.zeros(len(factor)), np.inf
         for _ in range(ITERATIONS):
-            size, slope = self.carried(lam + T @ responses)
-            slopes = np.eye(len(T)) - factor[:, None] * (slope @ responses.T)
-            if not np.linalg.det(slopes) > 0 or not (slopes.diagonal() > 0).all():
-                self._wedges(t, slopes)
-            move = np.linalg.solve(slopes, factor * size - T)
+            size, gradient = self.carried(lam + T @ responses)
+            partials = np.eye(len(T)) - factor[:, None] * (gradient @ responses.T)
+            if not np.linalg.det(partials) > 0 or not (partials.diagonal() > 0).all():
+                self._wedges(t, partials)
+            move = np.linalg.solve(partials, factor * size - T)
             T, change = T + move, float(np.abs(move).max())
             if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= STALLED * np.abs(T).max()):
                 return T
@@ -180,8 +180,8 @@ class ClosureFriction:
         names = ", ".join(repr(p.closure.name) for p, acts in zip(self.places, self.acts, strict=True) if acts)
         raise StepError("friction", f"closures {names}: no friction was found that fits its own load at t = {t:.17g}")
 
-    def _wedges(self, t: float, slopes: Array) -> None:
-        name = self.places[int(slopes.diagonal().argmin())].closure.name
+    def _wedges(self, t: float, partials: Array) -> None:
+        name = self.places[int(partials.diagonal().argmin())].closure.name
         text = f"friction wedges closure {name!r} at t = {t:.17g}: with so much of it there is no motion, or several"
         raise StepError("friction", text)
 

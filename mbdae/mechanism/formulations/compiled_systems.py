@@ -134,26 +134,26 @@ class CompiledSystem(Index2System):
             g[left], rates[left], energies[left] = super().residuals(t[left], y[left])
         return g, rates, energies
 
-    def slopes(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> EquationPartials:
-        """See `Index2System.slopes`."""
+    def partials(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> EquationPartials:
+        """See `Index2System.partials`."""
         self.expand()
         if self.sliding or not np.array_equal(rows, self.core.rows):
-            return super().slopes(t, q, u, vdot, lam, rows)
+            return super().partials(t, q, u, vdot, lam, rows)
         whole = np.zeros(self.ng)
         whole[rows] = lam
-        found = self.core.slopes(t, q, u, vdot, whole)
+        found = self.core.partials(t, q, u, vdot, whole)
         if found is None:
-            return super().slopes(t, q, u, vdot, lam, rows)
+            return super().partials(t, q, u, vdot, lam, rows)
         M, K, D, G, B, g_t = found
         E, nv = np.eye(len(u)), self.nv
         E[:nv, :nv] = M
         L = np.vstack([G.T, np.zeros((len(u) - nv - 1, len(G))), -g_t])
         return EquationPartials(E, K, D, L, G, B)
 
-    def rate_slopes(self, t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
-        """See `Index2System.rate_slopes`."""
+    def rate_partials(self, t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+        """See `Index2System.rate_partials`."""
         u = np.concatenate([v, np.zeros(self.ns + 1)])
-        found = self.slopes(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
+        found = self.partials(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
         return found.G, found.B
 
     def pivot_ratio(self, t: float, y: Array) -> float:

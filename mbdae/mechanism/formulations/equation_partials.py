@@ -44,12 +44,12 @@ def equation_partials(
     nv, n, v = s.nv, len(u), u[: s.nv]
     s.counts.M += 1
     s.counts.f += 1
-    M, by_q, by_v = s.inertial.slopes(q, v, vdot)
+    M, by_q, by_v = s.inertial.partials(q, v, vdot)
     pin.computeJointJacobians(s.model, s.workspace, q)
-    laws, G = s.laws.slopes(t, q, v, u[nv:-1]), s.jacobian()[rows]
+    laws, G = s.laws.partials(t, q, v, u[nv:-1]), s.jacobian()[rows]
     whole = np.zeros(s.ng)
     whole[rows] = lam
-    by_turning, B = s.constraints.slopes(v, whole)
+    by_turning, B = s.constraints.partials(v, whole)
     E, K, D = np.eye(n), laws[:, :nv], np.zeros((n, n))
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
     K[:nv] += by_turning - by_q
@@ -67,17 +67,17 @@ def equation_partials(
 def rate_partials(s: "Index2System", t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
     """Return G and d(G v)/dq of the rows in use, (r, nv) each."""
     G = s.jacobian(q)
-    return G[rows], s.constraints.slopes(v, np.zeros(s.ng))[1][rows]
+    return G[rows], s.constraints.partials(v, np.zeros(s.ng))[1][rows]
 
 
 def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
     """Return the partial derivatives of gamma with respect to q and v, over all rows, (ng, nv) each."""
     s.jacobian(q)
-    return s.constraints.bias_slopes(v)
+    return s.constraints.bias_partials(v)
 
 
 def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
-    """Return the slopes of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
+    """Return the partials of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
     pin.computeJointJacobians(s.model, s.workspace, q)
     out, (_, _, bend) = s.laws.by_time(t, q, v, states), s.constraints.motion(t)
     out[-1] += lam @ bend

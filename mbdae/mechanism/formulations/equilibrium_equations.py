@@ -111,7 +111,7 @@ class Statics:
         s, U, f, load, free, R = self._loaded(q, s)
         G = system.jacobian()
         lam = free.multipliers(f)
-        K, S, hq, hs = self.slopes(q, s, lam[: system.ng])
+        K, S, hq, hs = self.partials(q, s, lam[: system.ng])
         terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
         if len(s):
             follow = partial_inverse(hs, EPS * self.sizes.states(hs))
@@ -148,7 +148,7 @@ class Statics:
         """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and partial derivatives."""
         forces = forces + self.sizes.forces(self.t, q, s) + abs(self.factor - 1.0) * np.abs(self.load(q))
         mu = np.linalg.norm(U, axis=0)
-        return self.sizes.stiffness(mu, forces, K + self.sizes.slopes(self.t, q, s)[0])
+        return self.sizes.stiffness(mu, forces, K + self.sizes.partials(self.t, q, s)[0])
 
     def met(self, here: ForceBalance) -> Array:
         """Return the sizes of the terms of rho and of its changes by 1 rad or characteristic length, (k,)."""
@@ -183,16 +183,16 @@ class Statics:
         pin.computeJointJacobians(self.system.model, self.system.workspace, q)
         return self.system.force(self.t, q, self.v, s)[0] + (self.factor - 1.0) * self.load(q)
 
-    def slopes(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
+    def partials(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
         """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns)."""
         system, nv = self.system, self.system.nv
         u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
         found = equation_partials(system, self.t, q, u, np.zeros(nv), lam, rows)
         K = found.K[:nv].copy()
         if self.factor != 1.0:
-            more = self.loads.slopes(self.t, q, self.v, np.empty(0))[:nv, :nv]
+            more = self.loads.partials(self.t, q, self.v, np.empty(0))[:nv, :nv]
             if self.weighs:
-                more = more - system.inertial.slopes(q, np.zeros(nv), np.zeros(nv))[1]
+                more = more - system.inertial.partials(q, np.zeros(nv), np.zeros(nv))[1]
             K += (self.factor - 1.0) * more
         return K, found.D[:nv, nv:-1], found.K[nv:-1], found.D[nv:-1, nv:-1]
 
@@ -221,7 +221,7 @@ class Statics:
         system, nv = self.system, self.system.nv
         pin.forwardKinematics(system.model, system.workspace, q, self.v)
         pin.computeJointJacobians(system.model, system.workspace, q)
-        laws = system.laws.slopes(self.t, q, self.v, s)
+        laws = system.laws.partials(self.t, q, self.v, s)
         return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
 
 

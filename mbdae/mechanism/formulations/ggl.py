@@ -147,7 +147,7 @@ class GGLChart(Index2Chart):
         rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.kept])[0])
         return rest, np.concatenate([c, -g[self.kept]])
 
-    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
+    def partials(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
         """Return the partial derivatives of the stage's equations, by parameters, too."""
         return stabilised_stage(self, t, x, dx, z, parameters)
 
@@ -199,12 +199,12 @@ class LinearizedGGL(Linearized):
     def factorize(self, mu: complex) -> Solver:
         """Factorize the matrix, (n + r + k, n + r + k), n = nv + ns + 1, real or complex."""
         S, KS, BS, upper = self.parts(mu)
-        G, P, (J, _) = self.slopes.G, self.kept, self.turning
+        G, P, (J, _) = self.partials.G, self.kept, self.turning
         n, nv, r = len(upper), len(J), len(G)
-        PS, JN = P @ S, J @ np.linalg.solve(self.slopes.E[:nv, :nv], P.T)
+        PS, JN = P @ S, J @ np.linalg.solve(self.partials.E[:nv, :nv], P.T)
         back = self.back(
             [
-                [upper, -self.slopes.L, -KS @ JN],
+                [upper, -self.partials.L, -KS @ JN],
                 [padded(G + mu * (BS @ J), n), np.zeros((r, r)), BS @ JN],
                 [padded(mu * (PS @ J), n), np.zeros((len(P), r)), PS @ JN],
             ]

@@ -79,7 +79,7 @@ class ImplicitStages:
         r[2 * nv :] -= dx[2 * nv :]
         return r, -(G @ v + g_t)
 
-    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
+    def partials(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
         """Return the partial derivatives of the stage's equations, by parameters, too."""
         return implicit_stage(self, t, x, dx, z, parameters)
 
@@ -120,13 +120,13 @@ class Linearized(NamedTuple):
     """Partial derivatives of a mechanism at a point: `mbdae.system.Linearization`.
 
     Attributes:
-        slopes: partial derivatives of the equations of motion.
+        partials: partial derivatives of the equations of motion.
         turning: J(x) and d(J(x) v)/dx, (nv, nv) each.
         counts: counters of the system.
         t: time, for messages.
     """
 
-    slopes: EquationPartials
+    partials: EquationPartials
     turning: tuple[Array, Array]
     counts: Counts
     t: float
@@ -134,7 +134,7 @@ class Linearized(NamedTuple):
     def weigh(self, e: Array) -> Array:
         """Return (e_x, E e_u)."""
         nv = len(self.turning[0])
-        return np.concatenate([e[:nv], self.slopes.E @ e[nv:]])
+        return np.concatenate([e[:nv], self.partials.E @ e[nv:]])
 
     def back(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
         """Factorize a block matrix, count it, and return b -> matrix^-1 b."""
@@ -145,15 +145,15 @@ class Linearized(NamedTuple):
         """Return S, mu K S, B S and the upper left block of the module's matrix."""
         J, turn = self.turning
         S = np.linalg.inv((np.eye(len(J)) - mu * turn) @ J)
-        KS = mu * (self.slopes.K @ S)
-        upper = self.slopes.E - mu * self.slopes.D
+        KS = mu * (self.partials.K @ S)
+        upper = self.partials.E - mu * self.partials.D
         upper[:, : len(J)] -= mu * (KS @ J)
-        return S, KS, self.slopes.B @ S, upper
+        return S, KS, self.partials.B @ S, upper
 
     def factorize(self, mu: complex) -> Solver:
         """Factorize the module's matrix, real or complex."""
         S, KS, BS, upper = self.parts(mu)
-        G, L, (J, _) = self.slopes.G, self.slopes.L, self.turning
+        G, L, (J, _) = self.partials.G, self.partials.L, self.turning
         n, nv = len(upper), len(J)
         back = self.back([[upper, -L], [padded(G + mu * (BS @ J), n), np.zeros((len(G), len(G)))]])
 

@@ -44,7 +44,7 @@ def implicit_stage(
     q, u = s.manifold.integrate(chart.q, x[:nv]), chart.y[s.nq :] + x[nv:]
     v, inner, vdot, whole = u[:nv], u[nv:-1], F[nv : 2 * nv], np.zeros(s.ng)
     whole[rows] = lam
-    at = s.slopes(t, q, u, vdot, lam, rows)
+    at = s.partials(t, q, u, vdot, lam, rows)
     turn = s.manifold.turned(x[:nv], v if slip is None else v + slip)
     f_t, bend, _ = time_partials(s, t, q, v, inner, whole)
     out = StagePartials(*(np.zeros((ny + r, n)) for n in (ny, ny, r, ny, k, 1)))
@@ -67,11 +67,11 @@ def stabilised_stage(
     s, kept, r, nv, ny = chart.system, chart.kept, len(chart.rows), chart.system.nv, chart.system.ny
     q, still, inner, mu = s.manifold.integrate(chart.q, x[:nv]), np.zeros(s.nv), np.zeros(s.ns), np.zeros(s.ng)
     mu[kept] = z[r:]
-    M, before, _ = (a.copy() for a in s.inertial.slopes(q, still, still))
+    M, before, _ = (a.copy() for a in s.inertial.partials(q, still, still))
     G = s.jacobian(q)[kept]
     N = np.linalg.solve(M, G.T)
     slip = N @ z[r:]
-    turned = s.constraints.slopes(still, mu)[0] - (s.inertial.slopes(q, still, slip)[1] - before)
+    turned = s.constraints.partials(still, mu)[0] - (s.inertial.partials(q, still, slip)[1] - before)
     by_q = np.linalg.solve(M, turned)
     p = parameters
     by_p = p.of_forces(t, q, still, inner, slip, mu) - p.of_forces(t, q, still, inner, still, 0 * mu)

@@ -279,7 +279,7 @@ class Index2System(PinocchioData, System):
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    slopes, rate_slopes = equation_partials.equation_partials, equation_partials.rate_partials
+    partials, rate_partials = equation_partials.equation_partials, equation_partials.rate_partials
     restore, magnitude = projection.project_state, projection.magnitude
     choose_rows, settle = row_selection.select_independent_rows, row_selection.update_independent_rows
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio

@@ -30,7 +30,7 @@ class InertialForces:
         """Workspace of the expanded tree."""
         return self.model.createData() if self.model.nv <= LARGEST else make_data(self.model)
 
-    def slopes(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
+    def partials(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
         """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; live views."""
         if self.model.nv > LARGEST:
             return self._by_composites(q, v, vdot)

@@ -80,11 +80,11 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     system.sliding.refuse("a linearization")
     lam = here.lam
     u = np.concatenate([v, here.s, [0.0]])
-    slopes = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))
-    M, K, D = slopes.E[:nv, :nv], slopes.K[:nv], slopes.D[:nv, :nv]
-    S, hq = slopes.D[:nv, nv:-1], slopes.K[nv:-1]
-    hv, hs = slopes.D[nv:-1, :nv], slopes.D[nv:-1, nv:-1]
-    kept, units = np.vstack([slopes.G, statics.rows]), statics.units
+    partials = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))
+    M, K, D = partials.E[:nv, :nv], partials.K[:nv], partials.D[:nv, :nv]
+    S, hq = partials.D[:nv, nv:-1], partials.K[nv:-1]
+    hv, hs = partials.D[nv:-1, :nv], partials.D[nv:-1, nv:-1]
+    kept, units = np.vstack([partials.G, statics.rows]), statics.units
     positional = np.concatenate([system.constraints.positional, np.ones(len(statics.rows), bool)])
     free = constraint_null_space(here.free.U, kept, units, statics.sizes.l)
     Z = free.Z
@@ -93,7 +93,7 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
         if positional.all()
         else constraint_null_space(here.free.U, kept[positional], units[positional], statics.sizes.l).Z
     )
-    B = np.vstack([slopes.B, np.zeros((len(statics.rows), nv))])
+    B = np.vstack([partials.B, np.zeros((len(statics.rows), nv))])
     W = -free.smallest(B @ Zp) if len(kept) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
     for _, at, ad_of, _ in system.manifold.blocks:
@@ -105,7 +105,8 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
         [hq @ Zp + hv @ W, hv @ Z, hs],
     ])  # fmt: skip
     sizes = statics.sizes
-    size_D = sizes.damping(np.linalg.norm(here.free.U, axis=0), np.abs(D) + sizes.slopes(statics.t, here.q, here.s)[1])
+    sizes_D = np.abs(D) + sizes.partials(statics.t, here.q, here.s)[1]
+    size_D = sizes.damping(np.linalg.norm(here.free.U, axis=0), sizes_D)
     z, zp, m = np.abs(Z), np.abs(Zp), np.abs(M)
     w = np.maximum(np.abs(W), sizes.speed * zp)  # W comes from a pseudoinverse
     noise = EPS * np.block([
@@ -140,7 +141,7 @@ def refuse_unsteady(statics: "Statics", here: "ForceBalance") -> None:
         worst = int((np.abs(pull) / sizes.l).argmax())
         name, size = system.mechanism.coordinate_joint(worst), abs(pull[worst])
         raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
-    K, _, hq, hs = statics.slopes(here.q, here.s, here.lam)
+    K, _, hq, hs = statics.partials(here.q, here.s, here.lam)
     if (np.abs(free.Z.T @ K @ v) > STEADY * sizes.speed * (z.T @ (here.terms @ sizes.l))).any() or (
         np.abs(hq @ v) > STEADY * sizes.speed * (np.abs(hq) @ sizes.l)
     ).any():

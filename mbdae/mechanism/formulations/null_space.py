@@ -27,7 +27,7 @@ FALLING = 0.5  # of a residual: a full correction that leaves more of it is roun
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of corrections
 OPEN = 1e-9  # rad or characteristic lengths: largest residual of a closed loop
 Rows = Callable[[Array], tuple[Array, Array]]
-"""Further residuals (k,) at a configuration (nq,), where the kinematics of the workspace stand, and slopes (k, nv)."""
+"""Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""
 
 
 class NullSpace(NamedTuple):

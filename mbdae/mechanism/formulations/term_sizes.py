@@ -53,12 +53,12 @@ class TermSizes:
             out += error * (np.abs(conservative) + np.abs(other))
         return out
 
-    def slopes(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
+    def partials(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
         """Sums of the sizes of the laws' derivatives by q and v, (nv, nv) each, at current kinematics."""
         nv = len(self.v)
         out = np.zeros((nv, 2 * nv))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
-            out += error * np.abs(law.slopes(t, q, self.v, s[at])[:nv, : 2 * nv])
+            out += error * np.abs(law.partials(t, q, self.v, s[at])[:nv, : 2 * nv])
         return out[:, :nv], out[:, nv:]
 
     def states(self, X: Array) -> Array:

@@ -46,7 +46,7 @@ def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]
     at = motion.system.laws.bound[number][1]
     alone, s = ForceElements([law], motion.model), motion.s[at]
     tau, _ = alone.torque(t, q, v, s)
-    by_state = alone.slopes(t, q, v, s)[:nv]
+    by_state = alone.partials(t, q, v, s)[:nv]
     dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(alone.by_time(t, q, v, s)[:nv], d.t)
     for i, near in motion.perturbed_laws(number):
         found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in near.items()}

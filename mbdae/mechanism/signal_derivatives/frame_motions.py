@@ -14,7 +14,7 @@ def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tup
     Raises:
         UnknownNameError: for an unknown frame.
     """
-    values, slopes = np.empty((3, len(names), 3)), np.empty((3, len(names), 3, len(motion.d.t)))
+    values, derivatives = np.empty((3, len(names), 3)), np.empty((3, len(names), 3, len(motion.d.t)))
     for i, name in enumerate(names):
         j, place, X = motion.frame(name)
         p, (V, A, dV, dA) = place.translation, (x[j] for x in (motion.V, motion.A, motion.dV, motion.dA))
@@ -22,5 +22,5 @@ def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tup
         dspeed = of_point(dV, p) + np.cross(V[3:], dp.T).T
         values[:, i] = p, speed, A[:3] + np.cross(A[3:], p) + np.cross(V[3:], speed)
         turned = np.cross(A[3:], dp.T) + np.cross(dV[3:].T, speed) + np.cross(V[3:], dspeed.T)
-        slopes[:, i] = dp, dspeed, of_point(dA, p) + turned.T
-    return values, slopes
+        derivatives[:, i] = dp, dspeed, of_point(dA, p) + turned.T
+    return values, derivatives

@@ -27,7 +27,7 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
     names, joints, m = reaction_names(motion.mechanism), joint_names(motion.model), len(motion.d.t)
     closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_parts}
     F, dF = _joints(motion, closures)
-    values, slopes = np.empty((2, len(names), 6)), np.empty((2, len(names), 6, m))
+    values, derivatives = np.empty((2, len(names), 6)), np.empty((2, len(names), 6, m))
     for i, name in enumerate(names):
         if name in closures:
             pair = motion.system.constraints.frame_parts[name].pair
@@ -39,11 +39,11 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
         world = np.concatenate([w[:3], w[3:] - np.cross(p, w[:3])])
         lever = np.cross(of_point(X, p).T, w[:3]) + np.cross(p, dw[:3].T)
         moved = np.concatenate([dw[:3], dw[3:] - lever.T])
-        values[0, i], slopes[0, i] = world, moved
+        values[0, i], derivatives[0, i] = world, moved
         for part in (slice(0, 3), slice(3, 6)):
             values[1, i, part] = R.T.dot(world[part])
-            slopes[1, i, part] = R.T.dot(moved[part] - np.cross(X_axes[3:].T, world[part]).T)
-    return values.reshape(2, -1, 2, 3), slopes.reshape(2, -1, 2, 3, m)
+            derivatives[1, i, part] = R.T.dot(moved[part] - np.cross(X_axes[3:].T, world[part]).T)
+    return values.reshape(2, -1, 2, 3), derivatives.reshape(2, -1, 2, 3, m)
 
 
 def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> tuple[Array, Array]:

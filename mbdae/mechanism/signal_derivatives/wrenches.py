@@ -24,7 +24,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     for at, row, w in rows:
         row.wrenches(pair, w)
         lam = motion.lam[at]
-        Da, Db = (np.tensordot(lam, D, 1) for D in row.slopes(pair))
+        Da, Db = (np.tensordot(lam, D, 1) for D in row.partials(pair))
         F += w.dot(lam)
         dF += Da.dot(Xa) + Db.dot(Xb) + w.dot(motion.d.lam[at])
     own, which = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)

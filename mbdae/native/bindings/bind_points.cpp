@@ -8,14 +8,14 @@ namespace mbdae {
 
 namespace {
 
-nb::object slopes(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
+nb::object partials(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
   return attempt(c, [&](Index2System& s) {
-    if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
+    if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
     Numbers a = numbers(q, s.nq, "q"), b = numbers(u, n, "u"), d = numbers(vdot, nv, "vdot");
     Numbers l = numbers(lam, s.ng, "lam");
     EquationPartials out;
-    s.slopes(t, a.data(), b.data(), d.data(), l.data(), out);
+    s.partials(t, a.data(), b.data(), d.data(), l.data(), out);
     const size_t r = out.g_t.size();
     return nb::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
                           array(out.B, {r, nv}), vector(out.g_t));
@@ -114,7 +114,7 @@ double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
 }  // namespace
 
 void bind_points(nb::class_<PyCore>& core) {
-  core.def("slopes", slopes, nb::arg("t"), nb::arg("q"), nb::arg("u"), nb::arg("vdot"), nb::arg("lam"),
+  core.def("partials", partials, nb::arg("t"), nb::arg("q"), nb::arg("u"), nb::arg("vdot"), nb::arg("lam"),
            "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) stands by row.")
       .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
            "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")

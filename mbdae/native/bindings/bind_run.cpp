@@ -87,10 +87,10 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
 }
 
 // Seconds of one evaluation of all partials.
-double slopes_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
+double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock turn(c);
   Index2System& s = c.core->system;
-  if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
+  if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
   Numbers at = numbers(q, s.nq, "q"), u = numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
   u.resize(s.ny - s.nv);
   Numbers other(u);  // alternating: no cached point when partials are computed
@@ -99,7 +99,7 @@ double slopes_seconds(PyCore& c, const Array& q, const Array& v, int repetitions
   EquationPartials out;
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < repetitions; ++i) {
-    s.slopes(0, at.data(), u.data(), vdot.data(), lam.data(), out);
+    s.partials(0, at.data(), u.data(), vdot.data(), lam.data(), out);
     std::swap(u, other);
   }
   s.counts = counts, s.point.forget();
@@ -191,8 +191,8 @@ void bind_run(nb::module_& m) {
           },
           "Return t (n,), y (n, ...), z (n, nz) and the smallest ratios of pivots (n,) at the nodes.");
 #undef FIELD
-  m.def("slopes_seconds", slopes_seconds, nb::arg("core"), nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
-        "Return the seconds of one set of slopes.");
+  m.def("partials_seconds", partials_seconds, nb::arg("core"), nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+        "Return the seconds of one set of partials.");
 }
 
 }  // namespace mbdae

@@ -8,7 +8,7 @@ namespace {
 
 struct PyParameters {
   const PyCore* core;
-  std::unique_ptr<Parameters> slopes;
+  std::unique_ptr<Parameters> partials;
 };
 
 std::vector<ModelComponent> stuff(const nb::list& list, const Index2System& s) {
@@ -107,7 +107,7 @@ struct Nodes {
     if (!nodes) refuse("a segment has a node");
     if (c.core->system.formulation != Formulation::index2) refuse("tangents are those of index 2");
     if (p && p->core != &c) refuse("the parameters are those of another core");
-    if ((p || project) && !c.core->system.mechanics.expanded()) refuse("slopes need the expanded tree");
+    if ((p || project) && !c.core->system.mechanics.expanded()) refuse("partials need the expanded tree");
   }
   const size_t ny, nc, nodes;
   const Numbers ts, ys;
@@ -148,9 +148,9 @@ nb::object go_back(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bo
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
-  Numbers by_start = numbers(bar, width, "bar"), by_p(p.slopes->count());
+  Numbers by_start = numbers(bar, width, "bar"), by_p(p.partials->count());
   if (!done(c, [&](Index2System& s) {
-        adjoint(s, *p.slopes, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
+        adjoint(s, *p.partials, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
       }))
     return nb::none();
   return nb::make_tuple(vector(by_start), vector(by_p));
@@ -161,11 +161,11 @@ nb::object go_along(PyCore& c, PyParameters& p, const Tableau& a, bool halved, b
   const CoreLock turn(c);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
-  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.slopes->count(), "dp");
+  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
   const Numbers start = numbers(first, d * width, "first");
   Numbers along(x.nodes * d * width);
   if (!done(c, [&](Index2System& s) {
-        tangent(s, *p.slopes, x.segment, known.data(), static_cast<int>(d), along_p.data(), start.data(), along.data());
+        tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(), start.data(), along.data());
       }))
     return nb::none();
   return array(along, {x.nodes, d, width});

@@ -186,7 +186,7 @@ NB_MODULE(_native, m) {
            nb::arg("low").none(), nb::arg("controlled"), "The same of a collocation method.")
       .def("advance", advance, nb::arg("tableau"), nb::arg("run"), "Take many steps.")
       .def("advance", advance_stages, nb::arg("radau"), nb::arg("run"), "Take many steps.")
-      .def("expand", expand, nb::arg("model"), "Say what the expanded tree is: slopes and implicit methods need it.")
+      .def("expand", expand, nb::arg("model"), "Say what the expanded tree is: partials and implicit methods need it.")
       .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
       .def("slide", slide, nb::arg("places"), nb::arg("acts").noconvert(), nb::arg("heading").noconvert(),
            "Say where closures slide by friction of what they carry; acts (k,) and heading (k, 2) are read and written.")

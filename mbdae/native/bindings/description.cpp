@@ -59,7 +59,7 @@ Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
 }
 
 // A function (t, q, v, s) -> partials of (tau, s') and of the power, one row for each of them.
-Law::EquationPartials slopes(nb::handle f, const Sizes& n, int k, bool* interrupted) {
+Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
     guarded(interrupted, [&] {
       const auto known = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
@@ -252,7 +252,7 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
       out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
   if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
   if (d.contains("call")) out.call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
-  if (d.contains("slopes")) out.slopes = slopes(callbacks.add(d, "slopes"), n, out.states, &callbacks.interrupted);
+  if (d.contains("partials")) out.partials = partials(callbacks.add(d, "partials"), n, out.states, &callbacks.interrupted);
   if (!out.kind->fits(out, n)) refuse("the numbers of a force law do not fit its kind");
   return out;
 }

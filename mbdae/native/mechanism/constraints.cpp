@@ -52,12 +52,12 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
       continue;
     }
     if (row.between_joints()) {
-      double slope;
-      const double x = row.coordinate_value(q, &slope);
+      double first;
+      const double x = row.coordinate_value(q, &first);
       if (g) g[r] = row.positional ? x : 0;
       for (int c : row.columns) out[c] = 0;
       out[row.iv[0]] = 1;
-      if (row.iv[1] >= 0) out[row.iv[1]] = -slope;
+      if (row.iv[1] >= 0) out[row.iv[1]] = -first;
       for (size_t k = 0; k < row.others.size(); ++k) out[row.others[k][2]] = -row.c[k + 1];
       continue;
     }

@@ -56,14 +56,14 @@ struct LawKind {
   using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the partials of `add`
   using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
 
-  constexpr LawKind(Fits fits, Add add, EquationPartials slopes, Potential potential = nullptr)
-      : fits(fits), add(add), slopes(slopes), potential(potential) {}
+  constexpr LawKind(Fits fits, Add add, EquationPartials partials, Potential potential = nullptr)
+      : fits(fits), add(add), partials(partials), potential(potential) {}
   LawKind(Fits, Add) = delete;
   LawKind(Fits, Add, std::nullptr_t, Potential = nullptr) = delete;
 
   Fits fits;
   Add add;
-  EquationPartials slopes;
+  EquationPartials partials;
   Potential potential;
 };
 
@@ -92,7 +92,7 @@ struct Law {
   bool turning = false;           // its axes rotate with the frame
   bool steady = false;            // it has a potential
   Call call;                      // Python
-  EquationPartials slopes;                  // by Python, too
+  EquationPartials partials;                  // by Python, too
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 

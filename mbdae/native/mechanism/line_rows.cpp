@@ -154,7 +154,7 @@ void line_rate(const Row& r, const Pair& pair, const double* Va, const double* V
 }
 
 
-void slopes_of_line(const Row& r, const Pair& pair, WrenchPartials& t) {
+void line_partials(const Row& r, const Pair& pair, WrenchPartials& t) {
   double V[2][6] = {{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}}, dw[6];
   ContactKinematics here;
   for (int side = 0; side < 2; ++side)

@@ -11,6 +11,6 @@ bool touches(const Row& r);                                        // along a li
 double line_wrench(const Row& r, const Pair& pair, double* w);     // g, and the wrench on b, (6,)
 // The wrench's rate (6,) for velocities of the frames; contact kinematics if given.
 void line_rate(const Row& r, const Pair& pair, const double* Va, const double* Vb, const ContactKinematics* touch, double* dw);
-void slopes_of_line(const Row& r, const Pair& pair, WrenchPartials& t);   // Da and Db, as w' is linear in the velocities
+void line_partials(const Row& r, const Pair& pair, WrenchPartials& t);   // Da and Db, as w' is linear in the velocities
 
 }  // namespace mbdae

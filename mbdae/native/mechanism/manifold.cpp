@@ -180,7 +180,7 @@ void Manifold::transfer(const double* x, const double* to, std::vector<TangentBl
   }
 }
 
-void Manifold::slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const {
+void Manifold::partials(const double* x, const double* v, std::vector<TangentBlock>& out) const {
   out.resize(blocks_.size());
   for (size_t i = 0; i < blocks_.size(); ++i) {
     const Block& b = blocks_[i];
@@ -201,7 +201,7 @@ void Manifold::slopes(const double* x, const double* v, std::vector<TangentBlock
 
 void Manifold::turned(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const {
   std::vector<TangentBlock> tangents;
-  slopes(x, v, tangents);
+  partials(x, v, tangents);
   out.resize(blocks_.size());
   for (size_t i = 0; i < blocks_.size(); ++i) {
     IntegratePartialsBlock& t = out[i];

@@ -48,7 +48,7 @@ class Manifold {
   void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
   void turned(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const;
   // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
-  void slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const;
+  void partials(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 
  private:
   Mechanics& m_;

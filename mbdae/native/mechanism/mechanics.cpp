@@ -55,7 +55,7 @@ struct Mechanics::Workspace {
     Eigen::MatrixXd M;
     decltype(pinocchio::Data::oMi) oMi;
   } begun;
-  std::unique_ptr<RneaPartials> slopes;
+  std::unique_ptr<RneaPartials> partials;
 };
 
 Mechanics::Mechanics(const void* model, const Tolerances& limits_)
@@ -134,7 +134,7 @@ void Mechanics::expand(const void* model) {
     before.push_back(static_cast<int>(tree.parents[j]) - 1);
     for (int i = 0; i < tree.nvs[j]; ++i) own[j - 1].push_back(tree.idx_vs[j] + i), parts[own[j - 1].back()] = j;
   }
-  w->slopes.reset(new RneaPartials(std::move(before), std::move(own)));
+  w->partials.reset(new RneaPartials(std::move(before), std::move(own)));
 }
 
 bool Mechanics::stands(const double* q, const double* v) const {
@@ -151,25 +151,25 @@ void Mechanics::inertia(const double* q, const double* v) {
   for (int j = 1; j < joints; ++j) {
     Body here = body(j);
     for (int i = 0; i < 3; ++i) here.centre[i] -= amid[i];
-    w->slopes->set(parts[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
+    w->partials->set(parts[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
   }
   begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
   for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), amid.data(), &begun.about(0, k));
   begun.q = In(q, nq), begun.v = In(v, nv), begun.nle.resize(nv), begun.M.resize(nv, nv);
-  w->slopes->stand(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), begun.nle.data());
+  w->partials->stand(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), begun.nle.data());
   begun.M.diagonal() += w->model.armature;
   w->data.M = begun.M;
 }
 
 const double* Mechanics::bias() const { return w->begun.nle.data(); }
 
-void Mechanics::slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
+void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
   ++placed_;
   if (stands(q, v))
     w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
   else
     inertia(q, v);
-  w->slopes->find(a, by_q, by_v, alone);
+  w->partials->find(a, by_q, by_v, alone);
 }
 
 void Mechanics::integrate(const double* q, const double* x, double* out) {

@@ -40,7 +40,7 @@ class Mechanics {
   bool expanded() const { return !parts.empty(); }
   // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0. M, J and poses
   // are current afterwards.
-  void slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone = false);
+  void partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone = false);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x
   void difference(const double* q0, const double* q1, double* out);

@@ -44,15 +44,15 @@ Profile::Place Profile::nearest(const double* x) const {
     if (far < least) least = far, best = i;
   }
   const double length = starts.back() - starts[0];
-  double s = samples[best], size = 0, slope = 0, off[2];
+  double s = samples[best], size = 0, derivative = 0, off[2];
   auto look = [&](const Place& p) {
     for (int j = 0; j < 2; ++j) off[j] = x[j] - p.c[j];
-    size = dot(p.d, p.d, 2), slope = size - dot(off, p.dd, 2);
-    return slope > sharp * size;
+    size = dot(p.d, p.d, 2), derivative = size - dot(off, p.dd, 2);
+    return derivative > sharp * size;
   };
   for (int k = 0; k < iterations; ++k) {
     const Place p = at(s);
-    const double step = look(p) ? dot(off, p.d, 2) / slope : 0.0;
+    const double step = look(p) ? dot(off, p.d, 2) / derivative : 0.0;
     s += step;
     if (std::fabs(step) <= rounding * length) break;
   }

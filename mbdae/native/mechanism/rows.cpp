@@ -28,9 +28,9 @@ void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R
 
 double angle(const double* q, int nq) { return nq == 1 ? q[0] : std::atan2(q[1], q[0]); }
 
-void horner(const std::vector<double>& c, double x, double& p, double& slope, double& curve) {
-  p = slope = curve = 0;
-  for (size_t i = c.size(); i-- > 0;) curve = curve * x + 2 * slope, slope = slope * x + p, p = p * x + c[i];
+void horner(const std::vector<double>& c, double x, double& p, double& first, double& curve) {
+  p = first = curve = 0;
+  for (size_t i = c.size(); i-- > 0;) curve = curve * x + 2 * first, first = first * x + p, p = p * x + c[i];
 }
 
 }  // namespace
@@ -148,10 +148,10 @@ double Row::rate(const Pair& pair) const {
   return out;
 }
 
-void Row::slopes(const Pair& pair, WrenchPartials& t) const {
+void Row::partials(const Pair& pair, WrenchPartials& t) const {
   wrench(pair, t.F);
-  if (kind == distance) return line_slopes(pair, 1, t);
-  if (kind >= height) return slopes_of_line(*this, pair, t);
+  if (kind == distance) return distance_partials(pair, 1, t);
+  if (kind >= height) return line_partials(*this, pair, t);
   double x[3], y[3], X[9], XX[9];
   turn(pair.Ra, a, x);
   if (kind == dot_product_1) {
@@ -165,18 +165,18 @@ void Row::slopes(const Pair& pair, WrenchPartials& t) const {
   carried(pair.pb, x, t.Db);
 }
 
-double Row::coordinate_value(const double* q, double* slope) const {
+double Row::coordinate_value(const double* q, double* first) const {
   if (kind == ratio) {
     double by, curve;
-    horner(c, iv[2] < 0 ? 0 : angle(q + iq[2], nq[2]), *slope, by, curve);
+    horner(c, iv[2] < 0 ? 0 : angle(q + iq[2], nq[2]), *first, by, curve);
     return 0;
   }
   const double x = angle(q + iq[0], nq[0]);
   double p = 0, curve = 0;
-  *slope = 0;
+  *first = 0;
   if (kind == curved) {
     const double at = folded(q, &p);
-    *slope = law.at(at, 1);
+    *first = law.at(at, 1);
     return x - p - law.at(at);
   }
   if (kind == sum) {
@@ -187,7 +187,7 @@ double Row::coordinate_value(const double* q, double* slope) const {
     for (double k : c) p += k;
     return x - p;
   }
-  horner(c, angle(q + iq[1], nq[1]), p, *slope, curve);
+  horner(c, angle(q + iq[1], nq[1]), p, *first, curve);
   return x - p;
 }
 
@@ -207,13 +207,13 @@ double Row::curvature(const double* q) const {
     double rise;
     return law.at(folded(q, &rise), 2);
   }
-  double p, slope, curve;
+  double p, first, curve;
   const int k = kind == ratio ? 2 : 1;
-  horner(c, angle(q + iq[k], nq[k]), p, slope, curve);
-  return kind == ratio ? slope : curve;
+  horner(c, angle(q + iq[k], nq[k]), p, first, curve);
+  return kind == ratio ? first : curve;
 }
 
-void Row::coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const {
+void Row::coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const {
   const int j = iv[1], k = kind == ratio ? iv[2] : j;
   if (k < 0) return;
   const double curve = curvature(q);

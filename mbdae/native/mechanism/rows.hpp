@@ -76,12 +76,12 @@ struct Row {
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
-  void slopes(const Pair& pair, WrenchPartials& t) const;                 // the wrench, Da and Db
+  void partials(const Pair& pair, WrenchPartials& t) const;                 // the wrench, Da and Db
   bool between_joints() const { return kind >= coordinate && kind <= ratio; }
-  double coordinate_value(const double* q, double* slope) const;   // g, and the factor of v_j
+  double coordinate_value(const double* q, double* first) const;   // g, and the factor of v_j
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
   // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,), unless they are null.
-  void coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
+  void coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
 
  private:
   double folded(const double* q, double* rise) const;  // x_j within a period of the law

@@ -41,7 +41,7 @@ void carried(const double* p, const double* n, double* D) {
   block(D, 3, 0, N, -1), block(D, 3, 3, NP, 1);
 }
 
-void line_slopes(const Pair& pair, double factor, WrenchPartials& t) {
+void distance_partials(const Pair& pair, double factor, WrenchPartials& t) {
   double n[3], N[9], A[9], B[9], NA[9], NB[9], out[9];
   const double d = unit_gap(pair, n);
   for (int i = 0; i < 3; ++i)

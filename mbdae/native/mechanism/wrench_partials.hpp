@@ -47,6 +47,6 @@ class PairPartials {
 void matrix_of_wrench(const double* F, double* out);  // d -> d x* F
 void times6(const double* D, const double* x, double* out);
 void carried(const double* p, const double* n, double* D);  // D += partials of (n, p x n) by p, n fixed
-void line_slopes(const Pair& pair, double factor, WrenchPartials& t);  // of factor times a distance's wrench
+void distance_partials(const Pair& pair, double factor, WrenchPartials& t);  // of factor times a distance's wrench
 
 }  // namespace mbdae

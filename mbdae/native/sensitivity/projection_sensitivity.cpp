@@ -68,7 +68,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   if (c.of_v) met.v.assign(v, v + nv);
   c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
   const bool asked = parameters_.moving();
-  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &met.turnings : nullptr);
+  if (c.of_v) s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &met.turnings : nullptr);
   if (!c.of_v) {
     Numbers back(x);
     for (double& e : back) e = -e;
@@ -81,7 +81,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
     for (int k : c.rows) p.lam[k] = eta[k];
     p.met.push_back({t, p.q, x, LinearisationPoint::Met::bare, -1});
     c.K.assign(m * m, 0.0);
-    s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), &c.B, asked ? &p.wrenches : nullptr,
+    s_.closure_partials(q, x.data(), p.lam.data(), c.K.data(), &c.B, asked ? &p.wrenches : nullptr,
                       asked ? &p.met[1].turnings : nullptr);
   }
   if (forward_) {
@@ -92,7 +92,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   const Numbers still(nv, 0.0);
   Numbers by_v(m * m);
   c.T.resize(m * m);
-  s_.mechanics.slopes(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data(), true);
+  s_.mechanics.partials(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data(), true);
 }
 
 void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {

@@ -8,29 +8,29 @@ namespace mbdae {
 StepSensitivity::StepSensitivity(Index2System& s, Parameters* parameters, bool forward)
     : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()) {}
 
-void StepSensitivity::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes) {
+void StepSensitivity::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool partials) {
   const int n = a.n, stride = stride_;
   const double* y = in.y.data();
-  a_ = &a, h_ = h, sloped_ = slopes;
+  a_ = &a, h_ = h, with_partials_ = partials;
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   if (a.first) begin(in.carry, F_.data());
-  while (slopes && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSensitivity(s_));
+  while (partials && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSensitivity(s_));
   if (forward_) P_.resize(n), Q_.resize(n);
   for (int i = a.first; i < n; ++i) {
     const double at = t + a.c[i] * h, that = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
     double* F = F_.data() + static_cast<size_t>(i) * stride;
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
     stage(at, that, factor, F, false);
-    if (slopes) keep(i, at, that, factor, F);
+    if (partials) keep(i, at, that, factor, F);
   }
   combine(a.b.data(), n, h, x_);
   s_.manifold.within(x_.data());
   out.y.resize(s_.length);
   s_.add(y, x_.data(), out.y.data());
   if (a.first) finish(F_.data() + static_cast<size_t>(n - 1) * stride, out.carry);
-  if (slopes) s_.manifold.turned(x_.data(), x_.data(), end_);
+  if (partials) s_.manifold.turned(x_.data(), x_.data(), end_);
 }
 
 void StepSensitivity::keep(int i, double t, double that, double factor, const double* F) {
@@ -50,13 +50,13 @@ void StepSensitivity::keep(int i, double t, double that, double factor, const do
     for (int i = 0; i < nv_; ++i) met.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
     s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
-    s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
+    s_.closure_partials(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
                       asked ? &met.turnings : nullptr);
   }
   if (forward_) parameters_->rows(k, Q_[i], q_met_);
   k.point.exchange(s_.point);
   k.wrenches.clear();
-  s_.force_slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr,
+  s_.force_partials(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr,
                   asked ? &k.wrenches : nullptr);
   if (forward_) parameters_->forces(k, P_[i]);
 }

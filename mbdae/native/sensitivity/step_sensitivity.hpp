@@ -14,7 +14,7 @@ class StepSensitivity : public HalfExplicitStep {
   StepSensitivity(Index2System& system, Parameters* parameters, bool forward = false);  // or reverse
 
   // The step from (t, y), with its carry (nc,), to t + h; its partials are kept if requested.
-  void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes);
+  void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool partials);
   // Tangents (ny + nc,) of y and of the carry become those at the end of the step, for dp (k,), direction by direction.
   void forward(int directions, double* moved, const double* dp);
   // Cotangents (ny + nc,) at the end of the step become those at its start; those of parameters are accumulated.

@@ -189,7 +189,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   bool found = false;
   if (before && before->h == h && before->rate < a.reuse) {
     const Numbers K1(m->K), Z1(m->Z);
-    m->slopes = before->slopes, m->solvers = before->solvers;
+    m->partials = before->partials, m->solvers = before->solvers;
     try {
       found = solve(a, patience, t, *m);
     } catch (const Interrupted&) {
@@ -201,8 +201,8 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   if (!found) {
     RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
     const Vector<double> middle = h * (A.row(a.middle) * K2).transpose();
-    m->slopes = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
-    m->solvers = factorize(a, m->slopes, h);
+    m->partials = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
+    m->solvers = factorize(a, m->partials, h);
     if (!solve(a, patience, t, *m)) throw StepTooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
@@ -236,10 +236,10 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   if (controlled) {
     std::shared_ptr<const StageSolver> filtered;
     if (a.real < 0)
-      s_.counts.factorizations += 1, filtered = stage_solver(m->slopes, h * a.gamma);
+      s_.counts.factorizations += 1, filtered = stage_solver(m->partials, h * a.gamma);
     else
       filtered = m->solvers[a.real];
-    const RowsIn M(m->slopes->slopes.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
+    const RowsIn M(m->partials->partials.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
     for (int i = 0; i < a.errors; ++i) {
       Vector<double> miss = h * a.gamma * (F - (start.row(i) * K3).transpose());
       miss.segment(nv_, nv_) = (M * miss.segment(nv_, nv_)).eval();

@@ -33,7 +33,7 @@ class StageSolver;
 
 // Partials at a point, in the coordinates of a step.
 struct LinearizedStages {
-  EquationPartials slopes;
+  EquationPartials partials;
   std::vector<TangentBlock> turning;
 };
 
@@ -42,7 +42,7 @@ struct StageMemory {
   std::vector<int> unknowns;
   double h = 0, rate = 0;
   Numbers K, Z;  // (s, ny), (s, m) by rows
-  std::shared_ptr<const LinearizedStages> slopes;
+  std::shared_ptr<const LinearizedStages> partials;
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
 
@@ -59,7 +59,7 @@ class CollocationStep {
   // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and further multipliers of a
   // formulation.
   virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
-  virtual std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
+  virtual std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& partials,
                                                           std::complex<double> mu) const;
   virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
   virtual void open(const double*) {}         // a step begins at y (length,)
@@ -68,12 +68,12 @@ class CollocationStep {
   virtual std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
                                                             const double* z);
   std::vector<std::shared_ptr<const StageSolver>> factorize(const Radau& a,
-                                                            const std::shared_ptr<const LinearizedStages>& slopes,
+                                                            const std::shared_ptr<const LinearizedStages>& partials,
                                                             double h);
   void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
   // scale_: the size of y and of its change, no component's below a share of the largest.
   void grow_scale(const Radau& a, const Numbers& moves);
-  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
+  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else partials or h do not serve
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;

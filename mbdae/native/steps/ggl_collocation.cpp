@@ -26,18 +26,18 @@ struct LinearizedGGL : LinearizedStages {
 template <class T>
 class GGLSolver final : public StageSolver {
  public:
-  GGLSolver(const LinearizedGGL& slopes, int nv, T mu)
+  GGLSolver(const LinearizedGGL& partials, int nv, T mu)
       : nv_(nv),
-        n_(static_cast<int>(slopes.slopes.K.size()) / nv),
-        r_(static_cast<int>(slopes.slopes.g_t.size())),
-        k_(static_cast<int>(slopes.P.size()) / nv),
+        n_(static_cast<int>(partials.partials.K.size()) / nv),
+        r_(static_cast<int>(partials.partials.g_t.size())),
+        k_(static_cast<int>(partials.P.size()) / nv),
         mu_(mu),
         J_(Rows<T>::Identity(nv, nv)) {
-    const EquationPartials& s = slopes.slopes;
+    const EquationPartials& s = partials.partials;
     const RowsIn M(s.M.data(), nv, nv), K(s.K.data(), n_, nv), D(s.D.data(), n_, n_);
-    const RowsIn G(s.G.data(), r_, nv), B(s.B.data(), r_, nv), P(slopes.P.data(), k_, nv);
+    const RowsIn G(s.G.data(), r_, nv), B(s.B.data(), r_, nv), P(partials.P.data(), k_, nv);
     S_ = J_;
-    for (const TangentBlock& b : slopes.turning) {
+    for (const TangentBlock& b : partials.turning) {
       const RowsIn J(b.J, b.n, b.n), turn(b.turn, b.n, b.n);
       const Rows<T> block = J.cast<T>(), middle = Rows<T>::Identity(b.n, b.n) - mu * turn.cast<T>();
       J_.block(b.at, b.at, b.n, b.n) = block;
@@ -153,8 +153,8 @@ void GGLCollocation::residual(double t, const double* x, const double* dx, const
 }
 
 std::shared_ptr<const StageSolver> GGLCollocation::stage_solver(
-    const std::shared_ptr<const LinearizedStages>& slopes, Complex mu) const {
-  const auto& at = static_cast<const LinearizedGGL&>(*slopes);
+    const std::shared_ptr<const LinearizedStages>& partials, Complex mu) const {
+  const auto& at = static_cast<const LinearizedGGL&>(*partials);
   if (mu.imag() == 0) return std::make_shared<GGLSolver<double>>(at, nv_, mu.real());
   return std::make_shared<GGLSolver<Complex>>(at, nv_, mu);
 }

@@ -49,7 +49,7 @@ class HalfExplicitStep {
   Numbers f_;                         // (nv,)
   Numbers lam_, gt_, gt_met_, work_;  // (ng,)
   Numbers Ghat_, Zhat_;               // (ng, nv) by rows, at the constraint point of the stage
-  bool sloped_ = false;               // partials of stages are needed next
+  bool with_partials_ = false;               // partials of stages are needed next
 };
 
 }  // namespace mbdae

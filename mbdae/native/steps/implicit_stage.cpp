@@ -48,26 +48,26 @@ std::shared_ptr<const LinearizedStages> CollocationStep::linearize(double t, con
   for (int i = 0; i < nv_ + ns_ + 1; ++i) u_[i] = y0_[nq_ + i] + x[nv_ + i];
   std::fill(lam_.begin(), lam_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) lam_[rows[i]] = z[i];
-  s_.slopes(t, q_.data(), u_.data(), dx + nv_, lam_.data(), out->slopes);
-  s_.manifold.slopes(x, u_.data(), out->turning);
+  s_.partials(t, q_.data(), u_.data(), dx + nv_, lam_.data(), out->partials);
+  s_.manifold.partials(x, u_.data(), out->turning);
   return out;
 }
 
 std::vector<std::shared_ptr<const StageSolver>> CollocationStep::factorize(
-    const Radau& a, const std::shared_ptr<const LinearizedStages>& slopes, double h) {
+    const Radau& a, const std::shared_ptr<const LinearizedStages>& partials, double h) {
   std::vector<std::shared_ptr<const StageSolver>> out;
   for (const EigenMode& mode : a.modes) {
     s_.counts.factorizations += 1;
-    out.push_back(stage_solver(slopes, h * mode.value));
+    out.push_back(stage_solver(partials, h * mode.value));
   }
   return out;
 }
 
 std::vector<int> CollocationStep::unknowns() const { return s_.rows.in_use(); }
 
-std::shared_ptr<const StageSolver> CollocationStep::stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
+std::shared_ptr<const StageSolver> CollocationStep::stage_solver(const std::shared_ptr<const LinearizedStages>& partials,
                                                                  Complex mu) const {
-  return solver(slopes, nv_, mu);
+  return solver(partials, nv_, mu);
 }
 
 void CollocationStep::all_multipliers(double, const double*, double* out) {

@@ -13,9 +13,9 @@ namespace {
 template <int parts>
 class ModeSolver final : public StageSolver {
  public:
-  ModeSolver(std::shared_ptr<const LinearizedStages> slopes, int nv, Complex mu)
-      : at_(std::move(slopes)), nv_(nv), mu_(mu) {
-    const EquationPartials& s = at_->slopes;
+  ModeSolver(std::shared_ptr<const LinearizedStages> partials, int nv, Complex mu)
+      : at_(std::move(partials)), nv_(nv), mu_(mu) {
+    const EquationPartials& s = at_->partials;
     r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv, m_ = n_ - 1 + r_;
     lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * parts, 0.0);
     for (const TangentBlock& b : at_->turning) blocks_.emplace_back(b, mu);
@@ -40,7 +40,7 @@ class ModeSolver final : public StageSolver {
   }
 
   void solve(double* r, double* c, Numbers& work) const override {
-    const EquationPartials& s = at_->slopes;
+    const EquationPartials& s = at_->partials;
     const int ny = nv_ + n_;
     work.resize(static_cast<size_t>(parts) * (nv_ + m_));
     double *x = work.data(), *b = x + parts * nv_;
@@ -155,9 +155,9 @@ class ModeSolver final : public StageSolver {
 
 }  // namespace
 
-std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& slopes, int nv, Complex mu) {
-  if (mu.imag() == 0) return std::make_shared<ModeSolver<1>>(slopes, nv, mu);
-  return std::make_shared<ModeSolver<2>>(slopes, nv, mu);
+std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& partials, int nv, Complex mu) {
+  if (mu.imag() == 0) return std::make_shared<ModeSolver<1>>(partials, nv, mu);
+  return std::make_shared<ModeSolver<2>>(partials, nv, mu);
 }
 
 }  // namespace mbdae

@@ -15,6 +15,6 @@ class StageSolver {
   virtual void solve(double* r, double* c, Numbers& work) const = 0;
 };
 
-std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& slopes, int nv, Complex mu);
+std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& partials, int nv, Complex mu);
 
 }  // namespace mbdae

@@ -120,10 +120,10 @@ void ClosureFriction::whole(const double* lam, double* all) const {
   for (size_t i = 0; i < others.size(); ++i) all[others[i]] = n[i];
 }
 
-double ClosureFriction::carried(const FrictionInterface& place, const double* all, double* slope) const {
+double ClosureFriction::carried(const FrictionInterface& place, const double* all, double* gradient) const {
   const double* F = all + place.row;
   const double size = norm(F, place.carried);
-  for (int i = 0; i < place.carried; ++i) slope[i] = F[i] / (size + m_.limits.nothing);
+  for (int i = 0; i < place.carried; ++i) gradient[i] = F[i] / (size + m_.limits.nothing);
   return size;
 }
 
@@ -135,16 +135,16 @@ void ClosureFriction::forces(const Numbers& lam, const Rows<double>& responses) 
   double last = INFINITY;
   for (int it = 0; it < limits.loading; ++it) {
     const Vector<double> now = Vector<double>::Map(lam.data(), ng) + responses.transpose() * T_;
-    Rows<double> slopes = Rows<double>::Identity(k, k);
+    Rows<double> partials = Rows<double>::Identity(k, k);
     Vector<double> move(k);
     for (Eigen::Index i = 0; i < k; ++i) {
       const FrictionInterface& place = places_[i];
-      double slope[6];
-      move[i] = factor_[i] * carried(place, now.data(), slope) - T_[i];
-      for (Eigen::Index j = 0; j < k; ++j) slopes(i, j) -= factor_[i] * dot(slope, &responses(j, place.row), place.carried);
+      double gradient[6];
+      move[i] = factor_[i] * carried(place, now.data(), gradient) - T_[i];
+      for (Eigen::Index j = 0; j < k; ++j) partials(i, j) -= factor_[i] * dot(gradient, &responses(j, place.row), place.carried);
     }
-    const Eigen::PartialPivLU<Rows<double>> lu(slopes);
-    if (!(lu.determinant() > 0) || !(slopes.diagonal().array() > 0).all()) throw FallBackToPython();  // wedging
+    const Eigen::PartialPivLU<Rows<double>> lu(partials);
+    if (!(lu.determinant() > 0) || !(partials.diagonal().array() > 0).all()) throw FallBackToPython();  // wedging
     move = lu.solve(move);
     T_ += move;
     const double change = move.cwiseAbs().maxCoeff(), size = T_.cwiseAbs().maxCoeff();
@@ -174,15 +174,15 @@ double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbe
 }
 
 double ClosureFriction::add(const double* G, const double* lam, double* tau) {
-  double slope[6];
+  double gradient[6];
   spread(G), whole(lam, all_.data());
-  for (size_t i = 0; i < places_.size(); ++i) T_[i] = factor_[i] * carried(places_[i], all_.data(), slope);
+  for (size_t i = 0; i < places_.size(); ++i) T_[i] = factor_[i] * carried(places_[i], all_.data(), gradient);
   for (size_t i = 0; i < places_.size(); ++i)
     for (int j = 0; j < m_.nv; ++j) tau[j] += T_[i] * e_(i, j);
   return T_.dot(speed_);
 }
 
-void ClosureFriction::slopes(const double* G, const double* lam, Numbers& out) {
+void ClosureFriction::partials(const double* G, const double* lam, Numbers& out) {
   const std::vector<int>& rows = rows_.in_use();
   const size_t width = m_.nv + 1;
   out.assign(rows.size() * width, 0.0);
@@ -191,9 +191,9 @@ void ClosureFriction::slopes(const double* G, const double* lam, Numbers& out) {
   for (size_t r = 0; r < rows.size(); ++r) {
     unit[rows[r]] = 1, whole(unit.data(), one_.data()), unit[rows[r]] = 0;
     for (size_t i = 0; i < places_.size(); ++i) {
-      double slope[6];
-      carried(places_[i], all_.data(), slope);
-      const double by = factor_[i] * dot(slope, &one_[places_[i].row], places_[i].carried);
+      double gradient[6];
+      carried(places_[i], all_.data(), gradient);
+      const double by = factor_[i] * dot(gradient, &one_[places_[i].row], places_[i].carried);
       for (int j = 0; j < m_.nv; ++j) out[r * width + j] += by * e_(i, j);
       out[r * width + m_.nv] += by * speed_[i];
     }

@@ -44,14 +44,14 @@ class ClosureFriction {
   // Adds friction due to lam (ng,) of the rows in use to tau (nv,), and returns its power.
   double add(const double* G, const double* lam, double* tau);
   // Partials of this by lam: of tau and of the power, (r, nv + 1) by rows.
-  void slopes(const double* G, const double* lam, Numbers& out);
+  void partials(const double* G, const double* lam, Numbers& out);
 
  private:
   void along_grip(size_t k, const double* v, double* w);       // a unit wrench, (6,)
   void along(const FrictionInterface& place, const double* v, double* w);
   void spread(const double* G);                               // prepares `whole`
   void whole(const double* lam, double* all) const;            // multipliers of all rows, of minimum norm
-  double carried(const FrictionInterface& place, const double* all, double* slope) const;  // |F|, its partials
+  double carried(const FrictionInterface& place, const double* all, double* gradient) const;  // |F|, its partials
   void forces(const Numbers& lam, const Rows<double>& responses);                     // T
 
   const Mechanics& m_;

@@ -90,14 +90,14 @@ class Index2System {
   // tau (nv,) of all laws, and the rates, with current kinematics at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
   // Partials at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses are current afterwards.
-  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
+  void partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
   // K, D and g_t alone, and B (r, nv) if requested; also the wrenches of laws between frames, followed by those of
   // closures, summed over rows.
-  void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
+  void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
   // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
   // if requested; and the partials of rows in use, (ng,). J and poses are current at q.
-  void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+  void closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
                       std::vector<ActingWrench>* wrenches = nullptr, std::vector<WrenchPartials>* turnings = nullptr);
   // With current G and, for closure friction, slip directions: rhs (ng,) by row becomes lam, f (nv,) v'; the power of
   // friction is added.
@@ -146,7 +146,7 @@ class Index2System {
   Numbers conservative_, other_, f_, f_bias_;  // (nv,)
   Numbers lam_, gt_, gap_, rate_;     // (ng,)
   Numbers all_G_;                     // (ng, nv)
-  Numbers law_slopes_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
+  Numbers law_partials_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };
 
 }  // namespace mbdae

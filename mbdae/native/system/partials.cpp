@@ -7,11 +7,11 @@
 
 namespace mbdae {
 
-void Index2System::slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
+void Index2System::partials(double t, const double* q, const double* u, const double* vdot, const double* lam,
                           EquationPartials& out) {
   const size_t m = nv, r = rows.in_use().size();
   const std::vector<int>& position = rows.position();
-  force_slopes(t, q, u, vdot, lam, out, &out.B);
+  force_partials(t, q, u, vdot, lam, out, &out.B);
   out.M.assign(mechanics.M(), mechanics.M() + m * m);
   counts.M += 1, counts.G += ng > 0;
   out.G.assign(r * m, 0.0);
@@ -21,21 +21,21 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   out.friction.clear();
   if (sliding) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
     constraints.value(mechanics, q, rows.others(), G);
-    sliding.slips(u), sliding.slopes(G, lam, out.friction);
+    sliding.slips(u), sliding.partials(G, lam, out.friction);
   }
   for (int k : rows.in_use())
     for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
 }
 
-void Index2System::force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
+void Index2System::force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam,
                                 EquationPartials& out, Numbers* B, std::vector<ActingWrench>* wrenches) {
   const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
   const double *v = u, *s = u + nv;
   by_q_.resize(m * m), by_v_.resize(m * m);
-  mechanics.slopes(q, v, vdot, by_q_.data(), by_v_.data());
+  mechanics.partials(q, v, vdot, by_q_.data(), by_v_.data());
 
-  law_slopes_.resize((2 * m + ns) * width + ns + 1);
-  double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
+  law_partials_.resize((2 * m + ns) * width + ns + 1);
+  double *conservative = law_partials_.data(), *other = conservative + m * width, *rates = other + m * width;
   double* now = rates + ns * width;
   torque(t, q, v, s, f_.data(), now);
   out.K.resize(n * m), out.D.assign(n * n, 0.0);
@@ -50,7 +50,7 @@ void Index2System::force_slopes(double t, const double* q, const double* u, cons
   if (!laws_.empty()) {
     std::fill(conservative, now, 0.0);
     for (const Law& law : laws_)
-      law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
+      law.kind->partials(law, {mechanics, t, q, v, s + law.state},
                        {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
   }
   for (size_t i = 0; i < m && !laws_.empty(); ++i) {
@@ -68,10 +68,10 @@ void Index2System::force_slopes(double t, const double* q, const double* u, cons
   std::fill(gt_.begin(), gt_.end(), 0.0);
   constraints.speed(t, gt_.data());
   for (int k : rows.in_use()) out.g_t[rows.position()[k]] = gt_[k];
-  closure_slopes(q, v, lam, out.K.data(), B, wrenches);
+  closure_partials(q, v, lam, out.K.data(), B, wrenches);
 }
 
-void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+void Index2System::closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
                                   std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* turnings) {
   const size_t m = nv;
   const std::vector<int>& position = rows.position();
@@ -87,7 +87,7 @@ void Index2System::closure_slopes(const double* q, const double* v, const double
       if (position[k] < 0) continue;
       WrenchPartials& one = turnings ? (*turnings)[k] : turning;
       one.clear();
-      constraints.rows[k].slopes(here.pair, one);
+      constraints.rows[k].partials(here.pair, one);
       if (B) here.power(one.F, one, B->data() + position[k] * m);
       if (K) sum.add(lam[k], one);
     }
@@ -97,7 +97,7 @@ void Index2System::closure_slopes(const double* q, const double* v, const double
   }
   for (int k : rows.in_use())
     if (constraints.rows[k].between_joints())
-      constraints.rows[k].coordinate_slopes(q, v, K ? lam[k] : 0, K, B ? B->data() + position[k] * m : nullptr, m);
+      constraints.rows[k].coordinate_partials(q, v, K ? lam[k] : 0, K, B ? B->data() + position[k] * m : nullptr, m);
 }
 
 }  // namespace mbdae

@@ -159,7 +159,7 @@ def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> boo
     """Whether dependent rows depend on each other in this pose only: then they bend along the null space Z (nv, k)."""
     columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
     for u in left.T:
-        K = columns[:, None] * system.constraints.slopes(np.zeros(system.nv), np.append(u, 0.0) / rows)[0] * columns
+        K = columns[:, None] * system.constraints.partials(np.zeros(system.nv), np.append(u, 0.0) / rows)[0] * columns
         if np.abs(Z.T @ K @ Z).max() > 1e-6 * np.abs(G).max(initial=1.0):
             return True
     return False

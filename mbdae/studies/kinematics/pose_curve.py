@@ -98,7 +98,7 @@ class PoseCurve:
 
     def bending(self, left: Array) -> Array:
         """Return d(G^T left)/dq, (nv, nv), for left (ng,) where `closures` stands."""
-        K = self.system.constraints.slopes(np.zeros(self.system.nv), left / self.rows)[0]
+        K = self.system.constraints.partials(np.zeros(self.system.nv), left / self.rows)[0]
         return np.asarray(self.columns[:, None] * K * self.columns)
 
     def integrate(self, q: Array, x: Array) -> Array:

@@ -194,8 +194,8 @@ def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push
                     parts[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
             name = force if len(law.u) == 1 else f"{force}.{i + 1}"
             out[name] = ((parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:]))
-    for name, slope in _places(statics, q).items():
-        out.setdefault(name, ((slope, none), (np.zeros(nv), none)))
+    for name, derivative in _places(statics, q).items():
+        out.setdefault(name, ((derivative, none), (np.zeros(nv), none)))
     return out
 
 
@@ -205,8 +205,8 @@ def _seen(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]
     one = np.eye(2 * nv + len(names))
     out = {f"q.{n}": one[i] for i, n in enumerate(joints)} | {f"v.{n}": one[nv + i] for i, n in enumerate(joints)}
     out |= {f"s.{n}": one[2 * nv + i] for i, n in enumerate(names)}
-    places = {f"position.{n}": slope for n, slope in _places(statics, q).items()}
-    return out | {n: np.pad(slope, (0, nv + len(names))) for n, slope in places.items()}
+    places = {f"position.{n}": derivative for n, derivative in _places(statics, q).items()}
+    return out | {n: np.pad(derivative, (0, nv + len(names))) for n, derivative in places.items()}
 
 
 def _places(statics: Statics, q: Array) -> dict[str, Array]:

@@ -84,14 +84,14 @@ class CurveSignals(Mapping[str, Array]):
         return self.system.force(0.0, q, np.zeros(self.system.nv), self.states)[0]
 
     @cached_property
-    def slopes(self) -> tuple[Array, Array]:
+    def derivatives(self) -> tuple[Array, Array]:
         """Return derivatives of q in the tangent and of v = dq/du at fixed inputs, (n, nv, k) each."""
         return tuple(np.array(x) for x in zip(*self._poses(), strict=True))  # type: ignore[return-value]
 
     def _poses(self) -> Iterator[tuple[Array, Array]]:
         s, all_rows = self.numbers.system, np.arange(self.numbers.system.ng)
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
-            G, B = s.rate_slopes(u, q, v, all_rows)
+            G, B = s.rate_partials(u, q, v, all_rows)
             Q, g = self.numbers.of_rows(u, q, v)
             G_inverse = np.linalg.pinv(G, rcond=1e-9)
             dq = -G_inverse @ g
@@ -99,11 +99,11 @@ class CurveSignals(Mapping[str, Array]):
 
     def derivative(self, name: str) -> Array:
         """Return derivatives of a signal with respect to the parameters at fixed inputs, (n, k)."""
-        dq, dv = self.slopes
+        dq, dv = self.derivatives
         if name == "u":
             return np.zeros((len(dq), len(self.numbers)))
         if name == HOLDING:
-            return self._holding_slopes(dq, dv)
+            return self._holding_derivatives(dq, dv)
         if name in self.known:
             at, nq, nv = self.known[name], self.system.nq, self.system.nv
             if at.kind == "angle":
@@ -117,13 +117,13 @@ class CurveSignals(Mapping[str, Array]):
         row = AXES.index(axis)
         return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(parts, dq, strict=True)])
 
-    def _holding_slopes(self, dq: Array, dv: Array) -> Array:
+    def _holding_derivatives(self, dq: Array, dv: Array) -> Array:
         s, nv, out = self.numbers.system, self.system.nv, []
         still, rest = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([still, self.states, [0.0]])
         for q, v, by_p, turn in zip(self.found.q, self.found.rates, dq, dv, strict=True):
             self.numbers.refuse_lost(0.0, q)
-            K = s.slopes(0.0, q, u, still, rest, np.arange(s.ng)).K[:nv]
+            K = s.partials(0.0, q, u, still, rest, np.arange(s.ng)).K[:nv]
             P = self.numbers.of_forces(0.0, q, still, self.states, still, rest)[:nv]
             out.append(-v @ (K @ by_p + P) - self._at_rest(q) @ turn)
         return np.array(out)

@@ -29,7 +29,7 @@ class Measured(NamedTuple):
     """A cost, and a function that computes its derivatives with respect to the parameters, (k,)."""
 
     value: float
-    slopes: Callable[[], Array]
+    derivatives: Callable[[], Array]
 
 
 class SignalsAndParameters(Mapping[str, Any]):
@@ -115,8 +115,8 @@ class CurveMotion:
     def measure(self, cost: Cost, what: str = "") -> Measured:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         own = _OfSignals(cost, self.values, what)
-        value, slopes = evaluated(own, self.signals, len(self.result.u))
-        return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in slopes.items()))
+        value, derivatives = evaluated(own, self.signals, len(self.result.u))
+        return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in derivatives.items()))
 
 
 Motion = RunMotion | CurveMotion

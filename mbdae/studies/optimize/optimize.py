@@ -79,7 +79,7 @@ def optimize(
         UnknownNameError: for invalid names.
     """
     if not callable(cost):
-        raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
+        raise InputError(f"a cost is a function of signals that returns (value, derivatives), got {cost!r:.60}")
     _check_ends(iterations, tolerance)
     if drive is not None and t_span is not None:
         raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
@@ -116,7 +116,7 @@ class Problem:
         self.z = np.zeros(len(start))
         first = self.measure(self.z)
         for m in first.values():
-            m.slopes()  # rejects parameters without a derivative
+            m.derivatives()  # rejects parameters without a derivative
         self.sizes = {name: abs(m.value) or 1.0 for name, m in first.items()}
         for name, pair in limits.items():
             self.sizes[name] = max([abs(x) for x in pair if np.isfinite(x)], default=0.0) or self.sizes[name]
@@ -165,9 +165,9 @@ class Problem:
         """Return the cost or a constraint, relative to its size."""
         return self.measure(z)[name].value / self.sizes[name]
 
-    def slopes(self, z: Array, name: str = "") -> Array:
+    def derivatives(self, z: Array, name: str = "") -> Array:
         """Return their derivatives by z, (k,)."""
-        return self.measure(z)[name].slopes() * self.scale / self.sizes[name]
+        return self.measure(z)[name].derivatives() * self.scale / self.sizes[name]
 
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
@@ -175,17 +175,17 @@ class Problem:
         """Search and return the best point; the best so far if the user or an error stops it."""
         start = np.array(list(self.start.values()))
         low, high = (np.array([pair[i] for pair in box.values()]) for i in (0, 1))
-        self.scale, interrupted, sloped = scale, False, True
+        self.scale, interrupted, differentiated = scale, False, True
         rows = [
             NonlinearConstraint(
                 lambda z, n=name: self.value(z, n), pair[0] / self.sizes[name], pair[1] / self.sizes[name],
-                jac=lambda z, n=name: self.slopes(z, n)[None],
+                jac=lambda z, n=name: self.derivatives(z, n)[None],
             )
             for name, pair in self.limits.items()
         ]  # fmt: skip
         try:
             result = minimize(
-                self.value, self.z, jac=self.slopes, method=search, constraints=rows,
+                self.value, self.z, jac=self.derivatives, method=search, constraints=rows,
                 bounds=Bounds((low - start) / scale, (high - start) / scale),
                 options={"ftol": tolerance, "maxiter": iterations},
             )  # fmt: skip
@@ -195,13 +195,14 @@ class Problem:
         except KeyboardInterrupt:
             converged, interrupted, message = False, True, "stopped by the user"
         except MbdaeError as e:  # a point without derivatives, or an error of the progress function
-            converged, message, sloped = False, str(e), False
+            converged, message, differentiated = False, str(e), False
         assert self.best is not None  # the start was computed
         best, motion, found = self.best
         missing = [n for n in self.limits if self.missed(best._replace(constraints={n: best.constraints[n]}))]
         if missing and not interrupted:
             converged, message = False, f"constraint {missing[0]!r} does not hold; {message}"
-        gradient = dict(zip(self.start, (found[""].slopes() if sloped else self.z * np.nan).tolist(), strict=True))
+        values = found[""].derivatives() if differentiated else self.z * np.nan
+        gradient = dict(zip(self.start, values.tolist(), strict=True))
         return Optimum(
             best.values, best.cost, gradient, best.constraints, self.limits, box, motion.result.mechanism,
             motion.result, tuple(self.history), converged, interrupted, message,
@@ -209,7 +210,7 @@ class Problem:
 
     def flat(self, z: Array, low: Array, high: Array) -> bool:
         """Return whether the cost has zero derivative within the bounds."""
-        inside = np.clip(z - self.slopes(z), low, high) - z
+        inside = np.clip(z - self.derivatives(z), low, high) - z
         return bool(np.abs(inside).max(initial=0.0) < FLAT)
 
 

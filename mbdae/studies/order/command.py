@@ -90,7 +90,7 @@ def _finish(study: "OrderStudy", output: str | None, plot: str | None, written: 
         study.save(output)
     emit({**study.to_dict(), "written": written}, "\n".join([str(study), *(f"wrote {p}" for p in written)]), as_json)
     if study.missing:
-        done, left = len(study.slopes), ", ".join(study.missing)
+        done, left = len(study.orders), ", ".join(study.missing)
         stopped(f"after {done} of {done + len(study.missing)} methods; {left} are left")
     sys.exit(FAILED if study.refuted else HOLDS if study.holds else UNJUDGED)
 

@@ -30,9 +30,9 @@ def convergence(study: OrderStudy) -> "Figure":
 
     Hollow points were not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """
-    quantities = [s.quantity for s in next(iter(study.slopes.values()))]
+    quantities = [s.quantity for s in next(iter(study.orders.values()))]
     rows = (len(quantities) + 1) // 2
-    figure = sheet(WIDTH, max(2.7, 0.6 + 0.13 * len(study.slopes)) * rows + 0.3)
+    figure = sheet(WIDTH, max(2.7, 0.6 + 0.13 * len(study.orders)) * rows + 0.3)
     axes = np.atleast_1d(figure.subplots(rows, 2)).flat
     for k, ax in enumerate(axes):
         if k >= len(quantities):
@@ -40,7 +40,7 @@ def convergence(study: OrderStudy) -> "Figure":
             continue
         logarithmic(ax.xaxis)
         logarithmic(ax.yaxis)
-        for name, slopes in study.slopes.items():
+        for name, slopes in study.orders.items():
             _convergence_line(ax, name, slopes[k], study.T)
         ax.set_xlabel("step $h$ (s)")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")

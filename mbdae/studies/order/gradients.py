@@ -77,7 +77,7 @@ class GradientStudy(OrderStudy):
     def __str__(self) -> str:
         where = f"{self.title}, T = {self.T:g} s"
         out = [f"derivatives with respect to {self.of}: tangent beside quotients, observed (claimed) order, {where}"]
-        for name, row in self.slopes.items():
+        for name, row in self.orders.items():
             difference, unsure = self.differences[name], self.uncertainties[name]
             more = f" (quotients: {unsure:.0e})" if difference > CLOSE else ""
             seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
@@ -122,10 +122,10 @@ def check_gradients(
     backend, because = common(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
     found, missing = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
-    slopes, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}
+    orders, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}
     differences, uncertainties = ({name: x[i] for name, x in beside.items()} for i in (0, 1))
     of = parameter or "a velocity of the start"
-    return GradientStudy(mech.title, T, slopes, backend, because, missing, of, differences, uncertainties)
+    return GradientStudy(mech.title, T, orders, backend, because, missing, of, differences, uncertainties)
 
 
 class GradientMeasurement(Measurement):

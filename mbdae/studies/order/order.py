@@ -56,5 +56,5 @@ def order(
     backend, because = common(problem, [("index2", None)], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
-    slopes, missing = finished(chosen, measure.judge)
-    return OrderStudy(problem.title, T, slopes, backend, because, missing)
+    orders, missing = finished(chosen, measure.judge)
+    return OrderStudy(problem.title, T, orders, backend, because, missing)

@@ -61,7 +61,7 @@ class OrderStudy(Tabular):
     Attributes:
         title: of the problem.
         T: end time in s.
-        slopes: by method.
+        orders: by method.
         backend: of all runs.
         because: why runs cannot use the compiled core, in words; "" if they can.
         missing: the methods that remained when the user stopped the study.
@@ -70,7 +70,7 @@ class OrderStudy(Tabular):
 
     title: str
     T: float
-    slopes: dict[str, tuple[ObservedOrder, ...]]
+    orders: dict[str, tuple[ObservedOrder, ...]]
     backend: str = "python"
     because: str = ""
     missing: tuple[str, ...] = ()
@@ -79,16 +79,16 @@ class OrderStudy(Tabular):
     @property
     def holds(self) -> bool:
         """True if every slope was judged and reaches its claim."""
-        return not self.missing and all(s.verdict == "holds" for row in self.slopes.values() for s in row)
+        return not self.missing and all(s.verdict == "holds" for row in self.orders.values() for s in row)
 
     @property
     def refuted(self) -> bool:
         """True if some observed order misses its claim."""
-        return any(s.verdict == "misses" for row in self.slopes.values() for s in row)
+        return any(s.verdict == "misses" for row in self.orders.values() for s in row)
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""
-        slopes = {name: [asdict(s) for s in row] for name, row in self.slopes.items()}
+        slopes = {name: [asdict(s) for s in row] for name, row in self.orders.items()}
         return {
             "title": self.title,
             "T": self.T,
@@ -103,16 +103,16 @@ class OrderStudy(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return observed and claimed orders."""
-        quantities = [s.quantity for s in next(iter(self.slopes.values()), ())]
+        quantities = [s.quantity for s in next(iter(self.orders.values()), ())]
         rows = [
             [name, *((f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in row)]
-            for name, row in self.slopes.items()
+            for name, row in self.orders.items()
         ]
         return [["method", *quantities], *rows]
 
     def remarks(self) -> list[str]:
         """Return missed claims, undecided ones, and missing methods."""
-        every = [(name, s) for name, row in self.slopes.items() for s in row]
+        every = [(name, s) for name, row in self.orders.items() for s in row]
         return [f"{name}, {s.quantity}: {s.verdict}" for name, s in every if s.verdict != "holds"] + self.left()
 
     def left(self) -> list[str]:
@@ -130,9 +130,9 @@ class OrderStudy(Tabular):
         Raises:
             UnknownNameError: for a method that was not studied.
         """
-        if method not in self.slopes:
-            raise UnknownNameError("method", method, self.slopes)
-        row = self.slopes[method]
+        if method not in self.orders:
+            raise UnknownNameError("method", method, self.orders)
+        row = self.orders[method]
         heads = [method, *(text for s in row for text in (f"error {s.quantity}", "rate"))]
         columns = [[f"h = {self.T / n:.4g}" for n in row[0].steps]]
         for s in row:
@@ -143,7 +143,7 @@ class OrderStudy(Tabular):
         """Return a row for each error, with the step, its floor, the rate, and the claimed and the fitted order."""
         rows = [
             (name, s.quantity, n, self.T / n, error, floor, rate, s.claimed, s.observed)
-            for name, row in self.slopes.items()
+            for name, row in self.orders.items()
             for s in row
             for n, error, floor, rate in zip(s.steps, s.errors, s.floors, s.rates, strict=True)
         ]
@@ -152,7 +152,7 @@ class OrderStudy(Tabular):
 
     def to_latex(self) -> str:
         """Return the orders, and a table of convergence for each method."""
-        tables = [latex(self.convergence(name), f"{name} on {self.title}") for name in self.slopes]
+        tables = [latex(self.convergence(name), f"{name} on {self.title}") for name in self.orders]
         return "\n".join([super().to_latex(), *tables])
 
     def plot(self, path: str | Path | None = None) -> "Figure":
@@ -168,13 +168,13 @@ class OrderStudy(Tabular):
 
     def __str__(self) -> str:
         lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]
-        for name, row in self.slopes.items():
+        for name, row in self.orders.items():
             cells = [
                 f"{s.quantity} {s.observed:.2f} ({s.claimed})" if s.judged else f"{s.quantity} - ({s.claimed})"
                 for s in row
             ]
             bad = [f"{s.quantity}: {s.verdict}" for s in row if s.verdict != "holds"]
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
-        for name in self.slopes if len(self.slopes) <= FEW else ():
+        for name in self.orders if len(self.orders) <= FEW else ():
             lines += ["", *aligned(self.convergence(name))]
-        return "\n".join([*lines, *([""] if len(self.slopes) <= FEW else []), self.computed_by, *self.left()])
+        return "\n".join([*lines, *([""] if len(self.orders) <= FEW else []), self.computed_by, *self.left()])

@@ -85,7 +85,7 @@ function cameras(viewer, scene, pane, covered) {
       distance = 4 * extent;
       Object.assign(camera, {near: 0.01 * extent, far: 40 * extent});
     } else {
-      const slope = Math.tan(camera.fov * Math.PI / 360), [tanX, tanY] = [slope * aspect, slope * share];
+      const tangent = Math.tan(camera.fov * Math.PI / 360), [tanX, tanY] = [tangent * aspect, tangent * share];
       for (let k = 0; k < 8; k++) {
         distance = small;
         const at = seen.points.map(p => { const d = p.clone().sub(middle); return [d.dot(right), d.dot(above), d.dot(back)]; });

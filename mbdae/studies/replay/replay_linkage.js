@@ -61,9 +61,9 @@ function linkage({joints, values, pairs, rows, held}) {
   };
   const coupled = {
     coordinate: (c, [x, y = 0]) => {
-      let p = 0, slope = 0;
-      for (const factor of [...c].reverse()) [p, slope] = [p * y + factor, slope * y + p];
-      return [x - p, [1, -slope]];
+      let p = 0, first = 0;
+      for (const factor of [...c].reverse()) [p, first] = [p * y + factor, first * y + p];
+      return [x - p, [1, -first]];
     },
     sum: (c, [x, ...more]) => [more.reduce((g, y, k) => g - c[k + 1] * y, x - c[0]), [1, ...c.slice(1).map(factor => -factor)]],
   };
@@ -75,8 +75,8 @@ function linkage({joints, values, pairs, rows, held}) {
       const entries = new Float64Array(n);
       let value;
       if (row.kind in coupled) {
-        const at = row.joints.map(([, , v]) => v), [gap, slopes] = coupled[row.kind](row.c, at.map(v => state.u[v]));
-        at.forEach((v, k) => { entries[v] += slopes[k]; });
+        const at = row.joints.map(([, , v]) => v), [gap, partials] = coupled[row.kind](row.c, at.map(v => state.u[v]));
+        at.forEach((v, k) => { entries[v] += partials[k]; });
         value = row.period ? gap - row.period * Math.round(gap / row.period) : gap;
       } else {
         const [a, b] = pairs[row.pair], [A, B] = [a, b].map(({joint}, k) => poses[joint].clone().multiply(frames[row.pair][k]));

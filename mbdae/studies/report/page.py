@@ -97,8 +97,8 @@ def _orders(report: "Report") -> str:
     marks = {"holds": "holds", "misses": "fails"}
     heads, *body = study.cells()
     rows = [
-        [name, *(f'<span class="{marks.get(s.verdict, "")}">{c}</span>' for c, s in zip(cells, slopes, strict=True))]
-        for (name, *cells), slopes in zip(body, study.slopes.values(), strict=True)
+        [name, *(f'<span class="{marks.get(s.verdict, "")}">{c}</span>' for c, s in zip(cells, row, strict=True))]
+        for (name, *cells), row in zip(body, study.orders.values(), strict=True)
     ]
     caption = f"Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2"
     excuse = f'<p class="note">{escape("; ".join(study.remarks()))}</p>' if study.remarks() else ""

@@ -35,8 +35,8 @@ class NodeCotangents:
 
     def at(self, i: int) -> Cotangents:
         """What arrives at node i, from the times between it and the next one, too."""
-        trace, ny = self.trace, self.trace.slopes.ny
-        out, p, late = np.zeros(ny + trace.n_carry), np.zeros(trace.slopes.k), 0.0
+        trace, ny = self.trace, self.trace.sensitivity.ny
+        out, p, late = np.zeros(ny + trace.n_carry), np.zeros(trace.sensitivity.k), 0.0
         for m in range(self.bounds[i], self.bounds[i + 1]):
             w, t = self.weights[:, m], float(self.t[m])
             if not w.any():
@@ -59,7 +59,7 @@ class NodeCotangents:
             if found is not None:
                 return found
         parts = trace.short(i, t - float(trace.ts[i]))[1]
-        return _all_reversed(parts, bar, trace.slopes.ny, trace.slopes.k)
+        return _all_reversed(parts, bar, trace.sensitivity.ny, trace.sensitivity.k)
 
 
 def adjoint_sweep(
@@ -73,7 +73,7 @@ def adjoint_sweep(
         end: the last step, where it ended in a terminal event.
         k: number of parameters.
     """
-    ny, i = trace.slopes.ny, len(trace.ts) - 1
+    ny, i = trace.sensitivity.ny, len(trace.ts) - 1
     bar, p, late = arriving.at(i)
     while i > 0:
         last = end if i + 1 == len(trace.ts) else None

@@ -1,4 +1,4 @@
-"""The slopes of columns that are read off bodies and forces, family by family, see `mbdae.solution.signals`."""
+"""The derivatives of columns that are read off bodies and forces, family by family, see `mbdae.solution.signals`."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -26,7 +26,7 @@ ROUNDING = 1e-11  # of the largest vector of a kind: smaller ones are what round
 
 
 class DerivativeFamily(NamedTuple):
-    """Columns whose slopes are found together.
+    """Columns whose derivatives are found together.
 
     Attributes:
         names: of the columns.
@@ -48,35 +48,35 @@ def _flat(rows: Array) -> Array:
 
 
 def _loads(motion: MotionTangent) -> Array:
-    values, slopes = reaction_derivatives(motion)
-    world, own = slopes
+    values, derivatives = reaction_derivatives(motion)
+    world, own = derivatives
     size = along(values[0], world)
     return _flat(np.concatenate([size[:, :, None], world, own], axis=2))
 
 
 def _speeds(motion: MotionTangent) -> Array:
     """Positions, and velocities with their magnitudes before them."""
-    values, slopes = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
-    return np.concatenate([_flat(slopes[0]), _with_size(values[1], slopes[1])])
+    values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
+    return np.concatenate([_flat(derivatives[0]), _with_size(values[1], derivatives[1])])
 
 
 def _accelerations(motion: MotionTangent) -> Array:
-    values, slopes = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
-    return _with_size(values[2], slopes[2])
+    values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
+    return _with_size(values[2], derivatives[2])
 
 
-def _with_size(x: Array, slopes: Array) -> Array:
-    return _flat(np.concatenate([along(x, slopes)[:, None], slopes], axis=1))
+def _with_size(x: Array, derivatives: Array) -> Array:
+    return _flat(np.concatenate([along(x, derivatives)[:, None], derivatives], axis=1))
 
 
-def along(x: Array, slopes: Array) -> Array:
-    """Slopes of the magnitudes of n vectors x (n, ..., 3), from those of their parts (n, ..., 3, m).
+def along(x: Array, derivatives: Array) -> Array:
+    """Derivatives of the magnitudes of n vectors x (n, ..., 3), from those of their parts (n, ..., 3, m).
 
     They are 0 where a vector vanishes beside the largest of the n: what is left of it has no direction but rounding's.
     """
     size = np.linalg.norm(x, axis=-1, keepdims=True)
     there = size > ROUNDING * size.max(axis=0, initial=0.0)
-    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=there), slopes)
+    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=there), derivatives)
 
 
 def _of_frames(mech: Mechanism, rated: bool) -> list[str]:
@@ -97,7 +97,7 @@ FAMILIES = (
 
 
 def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
-    """The family of a column, and its number there; None where it has no slopes."""
+    """The family of a column, and its number there; None where it has no derivatives."""
     for family in FAMILIES:
         if name in (names := list(family.names(mech))):
             return family, names.index(name)

@@ -70,15 +70,15 @@ class Squares:
 
     def __call__(self, signals: Mapping[str, Array]) -> tuple[float, dict[str, Array]]:
         """Return the cost and its derivatives with respect to the signals."""
-        value, slopes = 0.0, {}
+        value, derivatives = 0.0, {}
         for name, known in self.data.items():
             sigma = self._sigma(name)
             known = _numbers(name, known)
             if known.shape != signals[name].shape:
                 raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")
             left = np.where(np.isnan(known), 0.0, signals[name] - known) / sigma
-            value, slopes[name] = value + 0.5 * float(left @ left), left / sigma
-        return value, slopes
+            value, derivatives[name] = value + 0.5 * float(left @ left), left / sigma
+        return value, derivatives
 
     def _sigma(self, name: str) -> float:
         if not isinstance(self.sigma, Mapping):
@@ -119,11 +119,11 @@ def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, 
         InputError: for a cost that fails or is not finite, or derivatives of the wrong shape.
     """
     if not callable(cost):
-        raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
+        raise InputError(f"a cost is a function of signals that returns (value, derivatives), got {cost!r:.60}")
     found = attempted(what := named(cost), lambda: cost(signals))
     try:
         given, table = found
-        value, slopes = float(real(given)), {key: real(x) for key, x in table.items()}
+        value, derivatives = float(real(given)), {key: real(x) for key, x in table.items()}
         if given is None or isinstance(given, str | bool | np.bool_):
             raise TypeError
     except (TypeError, ValueError, AttributeError):
@@ -131,7 +131,7 @@ def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, 
         raise InputError(f"{expected}, got {found!r:.60}") from None
     if not np.isfinite(value):
         raise InputError(f"{what} is {value}")
-    for key, x in slopes.items():
+    for key, x in derivatives.items():
         if x.shape != (n,) or not np.isfinite(x).all():
             raise InputError(f"{what}: its derivative with respect to {key!r} must be {n} finite numbers")
-    return value, slopes
+    return value, derivatives

@@ -88,7 +88,7 @@ def gradient(
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
     arriving = NodeCotangents(trace, sol.t, points, weights)
     bar, p = adjoint_sweep(trace, arriving, end, len(values))
-    both = start_tangent(trace, np.eye(len(values), len(values) + (trace.slopes.ny - 1) * start), start).T @ bar
+    both = start_tangent(trace, np.eye(len(values), len(values) + (trace.sensitivity.ny - 1) * start), start).T @ bar
     total = both + np.concatenate([p, np.zeros(len(both) - len(p))])
     names = [*values, *(start_columns(trace) if start else ())]
     return Gradient(value, dict(zip(names, total.tolist(), strict=True)))

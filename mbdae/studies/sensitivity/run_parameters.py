@@ -49,7 +49,7 @@ def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
 
 
 def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
-    """The values of parameters of a run, and their slopes; those that open dependent rows at its start are refused.
+    """Return the values of parameters of a run, and their derivatives; reject what opens dependent rows at its start.
 
     Raises:
         UnknownNameError: for a name that leads nowhere.

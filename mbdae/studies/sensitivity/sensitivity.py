@@ -72,7 +72,7 @@ class Sensitivity(Tabular):
         trace, out = self.trace, np.zeros((len(self.t), self.trace.system.ng, len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
             trace.hold(int(self.places[i]))
-            found = trace.slopes.rate(float(t), y).lam
+            found = trace.sensitivity.rate(float(t), y).lam
             out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
@@ -89,10 +89,10 @@ class Sensitivity(Tabular):
             InputError: for one without a derivative.
         """
         require(name, str, "a signal is asked for by its name")
-        slopes = SignalJacobian(self.trace, [name])
+        jacobian = SignalJacobian(self.trace, [name])
         out = np.zeros((len(self.t), len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            row = slopes.rows(int(self.places[i]), float(t), y)[0]
+            row = jacobian.rows(int(self.places[i]), float(t), y)[0]
             out[i] = row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
@@ -192,7 +192,7 @@ class _Tangents:
         self.t, self.trace, self.dp = sol.t, trace, dp
         self.after = places(sol)
         self.bounds = np.searchsorted(self.after, np.arange(len(trace.ts) + 1))
-        self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.slopes.ny, k)), np.zeros((n, k))
+        self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.sensitivity.ny, k)), np.zeros((n, k))
 
     def at_node(self, i: int, dy: Array, carry: Array) -> None:
         """Fill in the times from a node on, before the next one."""
@@ -232,7 +232,7 @@ def places(sol: Solution) -> Array:
 
 def start_tangent(trace: Trajectory, dp: Array, start: bool) -> Array:
     """Variations of the start, (ny, k)."""
-    k, ny = trace.slopes.k, trace.slopes.ny
+    k, ny = trace.sensitivity.k, trace.sensitivity.ny
     dy = np.zeros((ny, dp.shape[1]))
     if k:
         dy[:, :k] = trace.at_start("start", lambda: _own_start(trace))
@@ -242,15 +242,15 @@ def start_tangent(trace: Trajectory, dp: Array, start: bool) -> Array:
 
 
 def _own_start(trace: Trajectory) -> Array:
-    """Slopes of the mechanism's own start, (ny, k): zeros for (q, v), and for s, where the run began elsewhere."""
-    t, y, s, slopes = float(trace.ts[0]), trace.given, trace.system, trace.slopes
-    out, own, nx = np.zeros((s.ny, slopes.k)), np.empty(0), s.nq + s.nv
+    """Derivatives of the mechanism's own start, (ny, k): zeros for (q, v), and for s, where the run began elsewhere."""
+    t, y, s, sensitivity = float(trace.ts[0]), trace.given, trace.system, trace.sensitivity
+    out, own, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
     with suppress(MbdaeError):  # it may not close
         own = np.concatenate(s.mechanism.start_at(t))
     if len(own) and np.abs(own - y[:nx]).max() <= SAME * (1 + np.abs(own).max()):
-        out = slopes.start(t, y)
+        out = sensitivity.start(t, y)
     given = (np.array(list(s.mechanism.states.values())) != y[nx:-1]).any()
-    out[2 * s.nv : -1] = 0.0 if given else slopes.start_states()
+    out[2 * s.nv : -1] = 0.0 if given else sensitivity.start_states()
     return out
 
 

@@ -68,11 +68,11 @@ class SignalJacobian:
         found = zip(names, self.signals, strict=True)
         self.columns = {name: column_of(mech, name) for name, signal in found if signal.kind not in KNOWN}
         self.families = {id(family): family for family, _ in self.columns.values()}
-        self.motion = MotionTangent(trace.slopes.parameters) if self.families else None
+        self.motion = MotionTangent(trace.sensitivity.parameters) if self.families else None
         self.kinds = {signal.kind for signal in self.signals}
         self.rated = bool(self.kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
         self._fixed: Array | None = None
-        ny, ng, m = trace.system.ny, trace.system.ng, trace.slopes.ny + trace.slopes.k + 1
+        ny, ng, m = trace.system.ny, trace.system.ng, trace.sensitivity.ny + trace.sensitivity.k + 1
         self._still = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
         self.placed = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
         turns = self.placed and not trace.system.manifold.flat
@@ -89,11 +89,11 @@ class SignalJacobian:
         trace, s = self.trace, self.trace.system
         q, v = s.split(y)
         N = s.manifold.coordinate_partials(q) if self.placed else np.empty(0)
-        energies = trace.slopes.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
-        F, lam, rates, slopes = self._rates(i, t, y) if self.rated else self._still
-        columns = self._columns(t, y, F, lam, rates, slopes)
-        point = _PointDerivatives(N, energies, lam, rates, slopes, columns)
-        out = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1))
+        energies = trace.sensitivity.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
+        F, lam, rates, derivatives = self._rates(i, t, y) if self.rated else self._still
+        columns = self._columns(t, y, F, lam, rates, derivatives)
+        point = _PointDerivatives(N, energies, lam, rates, derivatives, columns)
+        out = np.zeros((len(self.signals), s.ny + trace.sensitivity.k + 1))
         for row, signal, name in zip(out, self.signals, self.names, strict=True):
             self._fill(row, signal, name, point)
             if name in columns and not np.isfinite(row).all():
@@ -126,15 +126,15 @@ class SignalJacobian:
         """Y' and lam of all rows, and their partial derivatives."""
         self.trace.hold(i)
         F, lam = self.trace.system.derivative(t, y)
-        return F, lam[: self.trace.system.ng], *self.trace.slopes.rate(t, y)
+        return F, lam[: self.trace.system.ng], *self.trace.sensitivity.rate(t, y)
 
-    def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, slopes: Array) -> dict[str, Array]:
-        """Slopes of what is read off bodies and forces."""
+    def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, derivatives: Array) -> dict[str, Array]:
+        """Derivatives of what is read off bodies and forces."""
         if self.motion is None:
             return {}
         s, (q, v) = self.trace.system, self.trace.system.split(y)
-        nv, k, every = s.nv, self.trace.slopes.k, np.eye(rates.shape[1])
-        parts = every[:nv], every[nv : 2 * nv], every[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], slopes
+        nv, k, every = s.nv, self.trace.sensitivity.k, np.eye(rates.shape[1])
+        parts = every[:nv], every[nv : 2 * nv], every[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
         d = TangentDirections(*parts, every[s.ny : s.ny + k], every[-1])
         self.motion.stand(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
         found = {at: family.rows(self.motion) for at, family in self.families.items()}

@@ -86,9 +86,9 @@ def ending(trace: Trajectory, event: Any) -> EventTimeDerivative | None:
     parts = list(trace.parts(last - 1))
     if isinstance(given, str):
         signal, level, _ = parse(given)
-        row = (slopes_of := SignalJacobian(trace, [signal])).rows(last, t, y)[0]
-        there = signal_value(s, slopes_of.signals[0], t, y) - level
-        if slopes_of.signals[0].kind == "angle":
+        row = (row_of := SignalJacobian(trace, [signal])).rows(last, t, y)[0]
+        there = signal_value(s, row_of.signals[0], t, y) - level
+        if row_of.signals[0].kind == "angle":
             there -= TURN * round(there / TURN)
         return _with_event_time(
             trace, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, there
@@ -102,7 +102,7 @@ def ending(trace: Trajectory, event: Any) -> EventTimeDerivative | None:
     by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH)
     by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
     return _with_event_time(
-        trace, EventTimeDerivative(parts, by_t, by_y, np.zeros(trace.slopes.k)), function_name(given), value(t, y)
+        trace, EventTimeDerivative(parts, by_t, by_y, np.zeros(trace.sensitivity.k)), function_name(given), value(t, y)
     )
 
 
@@ -112,7 +112,7 @@ def _with_event_time(trace: Trajectory, end: EventTimeDerivative, name: str, val
     Raises:
         InputError: names the event.
     """
-    rise = end.by_t + (end.by_y @ end.by_size(np.zeros(trace.slopes.ny), np.zeros(trace.n_carry)))[0]
+    rise = end.by_t + (end.by_y @ end.by_size(np.zeros(trace.sensitivity.ny), np.zeros(trace.n_carry)))[0]
     t, size = float(trace.ts[-1]), float(np.abs(trace.ts[-1] - trace.ts[0]))
     if not rise:
         raise InputError(f"event {name!r} does not change where the run ends, at t = {t:.9g} s: its time does not move")

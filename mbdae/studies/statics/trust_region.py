@@ -2,7 +2,7 @@
 
 y = (H + sigma Z^T Z)^-1 rho with the least sigma >= 0 for which that is positive definite and |Z y| stays within the
 radius; a step is taken when the trapezoidal work (f + f_new) . x / 2, x = q_new (-) q, exceeds a tenth of what the
-slopes promise: that serves controllers, constant torques and follower forces as well as gravity and springs.
+partials promise: that serves controllers, constant torques and follower forces as well as gravity and springs.
 Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7, for the step.
 """
 
@@ -188,7 +188,7 @@ def newton_step(here: "ForceBalance") -> Array:
 
 
 def symmetric(X: Array, e: Array) -> bool:
-    """Whether X (k, k), known to e (k, k), is its own transpose as far as slopes are known."""
+    """Whether X (k, k), known to e (k, k), is its own transpose as far as partials are known."""
     return bool((np.abs(X - X.T) <= SYMMETRIC / EPS * (e + e.T) / 2).all())
 
 

@@ -37,7 +37,7 @@ def length(p):
     return n - LENGTH, p / n
 
 
-def length_slopes(p):
+def length_partials(p):
     n = np.linalg.norm(p)
     return (np.eye(3) - np.outer(p, p) / n**2) / n
 
@@ -60,7 +60,7 @@ def test_an_edge_slides_as_its_closure():
     assert mech.row_names == ["across"]
 
 
-@pytest.mark.parametrize("more", [{}, {"slopes": length_slopes}])
+@pytest.mark.parametrize("more", [{}, {"partials": length_partials}])
 @pytest.mark.parametrize(("method", "form"), [("pherk5", "index2"), ("radau5", "index2"), ("herk5", "ggl")])
 def test_a_bob_swings_as_its_closure(method, form, more):
     start = Start(q={"bob": [0.3, 0.0, -0.4]}, v={"bob": [0.0, 0.5, 0.0]})
@@ -87,11 +87,12 @@ def test_partials_are_those_of_a_coupling(own):
     def curved(q):
         return np.diag([0.0, -np.polyval(np.polyder(c[::-1], 2), q[1])])
 
-    rows = Closure.rows(cubic, ["slide 0", "slide 1"], slopes=curved if own else None)
+    rows = Closure.rows(cubic, ["slide 0", "slide 1"], partials=curved if own else None)
     both = [Mechanism(model, [k]).system() for k in (rows, Closure.coupling("slide 0", "slide 1", c))]
     q, v, lam = np.array([0.3, -0.6]), np.array([0.8, 1.7]), np.array([2.5])
     found, known = [
-        (*s.closures(q), s.gamma(q, v, 0.0), *s.constraints.slopes(v, lam), *s.constraints.bias_slopes(v)) for s in both
+        (*s.closures(q), s.gamma(q, v, 0.0), *s.constraints.partials(v, lam), *s.constraints.bias_partials(v))
+        for s in both
     ]
     for ours, theirs in zip(found, known, strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-11)

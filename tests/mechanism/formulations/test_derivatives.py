@@ -39,7 +39,7 @@ DRIVERS = [
 
 def test_every_kind_of_closure_is_tried():
     assert {c.kind for c in CLOSURES} == set(KINDS)
-    assert all(c.slopes is not FrameRows.slopes for c in primitives())
+    assert all(c.partials is not FrameRows.partials for c in primitives())
 
 
 def primitives(base=FrameRows):
@@ -71,12 +71,12 @@ def test_closures_on_every_kind_of_joint(kind):
     Gdot = finite_differences.numerical_derivative(lambda e: s.jacobian(at(e * v)), 4e-4)
     gamma_q, gamma_v = gamma_partials(s, q, v)
     lam, whole = rng.standard_normal(mech.ng), np.zeros((nv, nv))
-    K, B = s.constraints.slopes(v, lam)
+    K, B = s.constraints.partials(v, lam)
     for spec in mech.constraints:
         alone = Constraints(model, s.workspace, [spec])
         alone.jacobian()
         for one, i in zip(np.eye(spec.m), mech.rows_of(spec.name), strict=True):
-            own = alone.slopes(v, one)[0]
+            own = alone.partials(v, one)[0]
             whole += lam[i] * own
             close(own, turned[i], size=1)
             close(B[i], v @ turned[i], size=1)
@@ -94,7 +94,7 @@ def test_wrenches_turn_with_both_frames():
         s.jacobian(random_q(mech.model, rng))
         for pair, rows in s.constraints.frame_parts.values():
             for _, r, w in rows:
-                Da, Db = r.slopes(pair)
+                Da, Db = r.partials(pair)
                 met.add(type(r))
                 for one, both in zip(w.T, Da + Db, strict=True):
                     close(both, wrench_matrix(one), 1e-14, size=np.abs(Da).max())

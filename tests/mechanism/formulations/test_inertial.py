@@ -23,7 +23,7 @@ def test_inertial_partials_on_every_kind_of_joint(kind, largest, monkeypatch):
     def tau(x, dv=0.0):
         return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
 
-    M, by_q, by_v = inertial_forces.InertialForces(model).slopes(q, v, a)
+    M, by_q, by_v = inertial_forces.InertialForces(model).partials(q, v, a)
     close(by_q, finite_differences.numerical_jacobian(tau, model.nv, 1e-2))
     close(by_v, finite_differences.numerical_jacobian(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
     U = np.triu(pin.crba(model, data, q))

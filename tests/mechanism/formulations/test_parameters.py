@@ -69,7 +69,7 @@ def test_partials_of_every_sort_of_parameter(name):
     mech, h = parameters.mech, 3e-3 * (abs(VALUES[name]) or 1.0)
     q, lam, s = random_q(mech.model, rng, 0.8), rng.standard_normal(mech.ng), rng.standard_normal(len(mech.states))
     point = (0.3, q, rng.standard_normal(mech.nv), s, rng.standard_normal(mech.nv), lam)
-    found = parameters.slopes(*point)
+    found = parameters.partials(*point)
     at = {k: terms(make({name: VALUES[name] + k * h}), *point) for k in (-3, -2, -1, 1, 2, 3)}
     largest = 0.0
     for i, (ours, what) in enumerate(zip(found, found._fields, strict=True)):
@@ -86,7 +86,7 @@ def test_parameters_of_files():
     parameters = Parameters(Template("four_bar").make, values)
     q, v = parameters.mech.start
     parameters.refuse(0.0, q)
-    found = parameters.slopes(0.0, q, v, np.empty(0), np.ones(3), np.ones(3))
+    found = parameters.partials(0.0, q, v, np.empty(0), np.ones(3), np.ones(3))
     assert (np.abs(np.vstack(found[:3])).max(axis=0) > 0.1).all()
     assert not found.g[:, 0].any()
     across = Parameters(Template("four_bar").make, {"joint.rocker.rpy.0": 0.0})

@@ -94,7 +94,7 @@ def test_runs_are_differentiated_with_what_the_parameters_cost_themselves():
     found = run({"gravity.2": -9.0}).measure(cost)
     near = {k: run({"gravity.2": -9.0 + 0.01 * k}).measure(cost).value for k in (-2, -1, 1, 2)}
     quotient = (near[-2] - 8 * near[-1] + 8 * near[1] - near[2]) / 0.12
-    assert found.slopes()[0] == pytest.approx(quotient, rel=1e-9)
+    assert found.derivatives()[0] == pytest.approx(quotient, rel=1e-9)
 
 
 def test_where_loops_do_not_close_the_cost_is_infinite():

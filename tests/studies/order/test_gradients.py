@@ -33,7 +33,7 @@ def test_models(model, options, brief):
     study = mbdae.check_gradients(mbdae.load(model), ["herk2"], steps=10, **options)
     assert study.holds, str(study)
     assert max(study.differences.values()) < 1e-10
-    assert [s.claimed for s in study.slopes["herk2"]] == [2, 2]
+    assert [s.claimed for s in study.orders["herk2"]] == [2, 2]
     assert study.of in str(study)
     assert str(study).count("\n") == 2
 
@@ -47,7 +47,7 @@ def test_states_of_motors_and_controllers(method, order, parameter, brief):
     study = mbdae.check_gradients(mech, [method], steps=10, T=0.4, parameter=parameter)
     assert study.holds, str(study)
     assert study.differences[method] < 1e-9
-    assert [s.claimed for s in study.slopes[method]] == [order, order]
+    assert [s.claimed for s in study.orders[method]] == [order, order]
 
 
 def test_a_wrong_tangent_is_refuted(monkeypatch):

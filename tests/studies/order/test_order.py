@@ -52,7 +52,7 @@ def test_orders_where_f_is_nonlinear_in_z(method):
     study = mbdae.order(hessenberg_a(), [method])
     assert study.holds, str(study)
     if method in ("kutta3", "rk4", "rule38"):
-        assert study.slopes[method][0].observed < 2.3
+        assert study.orders[method][0].observed < 2.3
 
 
 SPANS = {"car_axis_equations": 0.2, "circle": 6.0, "fekete": 0.5, "hessenberg_a": 1.0}
@@ -71,14 +71,14 @@ def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypat
     measure = MEASUREMENTS[problem.title] = Measurement(problem, T, 10, None, lambda name: None, "python")
     measure.largest = 6000
     study = mbdae.order(problem, T=T, steps=10)
-    assert list(study.slopes) == list(mbdae.METHODS)
+    assert list(study.orders) == list(mbdae.METHODS)
     assert not study.refuted, str(study)
-    assert sum(row[0].verdict == "holds" for row in study.slopes.values()) >= 11, str(study)
+    assert sum(row[0].verdict == "holds" for row in study.orders.values()) >= 11, str(study)
 
 
 @pytest.mark.parametrize("method", ["kutta3", "rk4", "rule38"])
 def test_order_reduction_is_less_on_mechanisms(method):
-    q, v, own, _ = mbdae.order(mbdae.load("four_bar"), [method]).slopes[method]
+    q, v, own, _ = mbdae.order(mbdae.load("four_bar"), [method]).orders[method]
     assert 2.8 <= q.observed < 3.3
     assert 2.8 <= v.observed < 3.3
     assert own.observed < 1.3
@@ -98,7 +98,7 @@ def test_what_cannot_be_judged_is_said_so():
 def test_coarser_steps_are_tried_if_finer_ones_are_inconclusive():
     """From 160 steps on too few errors of pherk6 are above rounding: the study goes down to ten, and no further."""
     mech = mbdae.load("pendulum")
-    fixed = mbdae.order(mech, ["pherk6"], steps=160).slopes["pherk6"]
+    fixed = mbdae.order(mech, ["pherk6"], steps=160).orders["pherk6"]
     assert not all(s.judged for s in fixed)
     assert fixed[0].steps[0] == 160, "what the user says stands"
     measure = Measurement(mech, 2.0, 160, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "auto")
@@ -107,7 +107,7 @@ def test_coarser_steps_are_tried_if_finer_ones_are_inconclusive():
     assert [s.verdict for s in slopes] == ["holds"] * 4
     assert {s.steps for s in slopes} == {slopes[0].steps}
     assert slopes[0].steps[0] in (10, 20, 40, 80)
-    direct = mbdae.order(mech, ["pherk6"], T=2.0, steps=slopes[0].steps[0]).slopes["pherk6"]
+    direct = mbdae.order(mech, ["pherk6"], T=2.0, steps=slopes[0].steps[0]).orders["pherk6"]
     for found, known in zip(slopes, direct, strict=True):
         n = min(len(found.errors), len(known.errors), 4)
         np.testing.assert_allclose(found.errors[:n], known.errors[:n], rtol=1e-3)
@@ -222,7 +222,7 @@ def test_runs_at_rest_are_not_refined():
     study = mbdae.order(mbdae.load("stick_slip_slider"), "herk2", T=0.001, steps=10, progress=runs.append)
     assert runs[:4] == ["pherk6, 10 steps", "pherk6, 20 steps", "herk5, 10 steps", "herk5, 20 steps"]
     assert all(run.startswith("herk2") for run in runs[4:])
-    q, v, own, lam = study.slopes["herk2"]
+    q, v, own, lam = study.orders["herk2"]
     assert {x.verdict for x in (q, v, lam)} == {"cannot be judged: no error above 100 times rounding"}
     assert own.verdict == "holds", "own multipliers carry other errors"
 

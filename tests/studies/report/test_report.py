@@ -164,8 +164,8 @@ def test_an_order_that_is_missed_is_said_in_words(result):
 
     from mbdae.studies.report import page
 
-    slopes = result.orders.slopes["pherk5"]
-    missed = replace(result.orders, slopes={"pherk5": (replace(slopes[0], verdict="misses"), *slopes[1:])})
+    slopes = result.orders.orders["pherk5"]
+    missed = replace(result.orders, orders={"pherk5": (replace(slopes[0], verdict="misses"), *slopes[1:])})
     assert "pherk5, q: misses" in page._orders(replace(result, orders=missed))
 
 
@@ -256,7 +256,7 @@ def test_ctrl_c_keeps_what_is_finished(at, missing, orders, points):
     options |= {"repeats": 2} if "time" in at else {}
     found = mbdae.report(mbdae.load("pendulum"), 0.3, **options, progress=stop)
     assert found.missing == missing
-    assert (found.orders and [*found.orders.slopes]) == orders
+    assert (found.orders and [*found.orders.orders]) == orders
     assert (found.comparison and len(found.comparison.points)) == points
     assert str(found).endswith(f"stopped by the user without {'; '.join(missing)}")
 

@@ -74,7 +74,7 @@ def test_partials_keep_their_digits_far_from_the_origin():
         system = mbdae.Mechanism(model, []).system(native=backend.load())
         system.expand()
         q, v, vdot = rng.uniform(-1, 1, (3, 4))
-        M, K, D, *_ = system.core.slopes(0.0, q, np.append(v, 0.0), vdot, np.empty(0))
+        M, K, D, *_ = system.core.partials(0.0, q, np.append(v, 0.0), vdot, np.empty(0))
         found.append((M, K, D))
     for here, there in zip(*found, strict=True):
         np.testing.assert_allclose(there, here, rtol=0, atol=1e-11 * np.abs(here).max())

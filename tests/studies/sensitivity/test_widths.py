@@ -140,9 +140,9 @@ def test_widths_shrink_until_differences_agree():
 
     assert converged_difference(lambda h: values(lambda x: x**2 + 7 * x, h), 0.1).h == 0.1
     waves = converged_difference(lambda h: values(lambda x: np.sin(200 * x), h), 0.1)
-    np.testing.assert_allclose(waves.slope, [200, 400], rtol=1e-9)
+    np.testing.assert_allclose(waves.derivative, [200, 400], rtol=1e-9)
     assert waves.h < 0.01
-    np.testing.assert_allclose(converged_difference(lambda h: values(edge, h), 1.0).slope, [5, 10], rtol=1e-12)
+    np.testing.assert_allclose(converged_difference(lambda h: values(edge, h), 1.0).derivative, [5, 10], rtol=1e-12)
     assert converged_difference(lambda h: values(lambda x: float(x > 0), h), 0.1).discrepancy > 0.1
     with pytest.raises(InputError, match="too far"):
         converged_difference(lambda h: values(edge, h), 1e9)

@@ -86,7 +86,7 @@ static void at_point(double* D, const double* A, const double* P, double factor)
 }
 
 // A motion d of both frames with all velocities changes a wrench by d x* F, which gives Da.
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double gap[3], theta[3], scaled[3], force[3], moment[3], ad[9], P[9], A[9];
   Pair& pair = *law.pair;
   const double *k = law.a.data(), *d = k + 6;
@@ -155,6 +155,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind bushing{fits, add, slopes, potential};
+extern const LawKind bushing{fits, add, partials, potential};
 
 }  // namespace mbdae::laws

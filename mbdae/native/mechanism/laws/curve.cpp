@@ -18,7 +18,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   }
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   for (size_t i = 0; i < law.rows.size(); ++i) {
     const int k = law.rows[i], from = law.columns[i];
     out.conservative[k * out.width + p.m.tangent[from]] -= law.signals[0].at(p.q[from] - law.a[0], 1);
@@ -32,6 +32,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind curve{fits, add, slopes, potential};
+extern const LawKind curve{fits, add, partials, potential};
 
 }  // namespace mbdae::laws

@@ -13,7 +13,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
     if (law.a[i] != 0) f.other[i] -= law.a[nv] == 0 ? law.a[i] : law.a[i] * std::tanh(p.v[i] / law.a[nv]);
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   const int nv = p.m.nv;
   for (int i = 0; i < nv && law.a[nv] != 0; ++i) {
     const double x = std::tanh(p.v[i] / law.a[nv]);
@@ -21,6 +21,6 @@ static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) 
   }
 }
 
-extern const LawKind friction{fits, add, slopes};
+extern const LawKind friction{fits, add, partials};
 
 }  // namespace mbdae::laws

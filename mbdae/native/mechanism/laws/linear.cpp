@@ -38,7 +38,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   for (const Law::Term& x : law.terms) out[x.to][x.row] += x.value * in[x.from][x.column];
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double* const to[] = {out.conservative, out.other, out.ds};
   for (const Law::Term& x : law.terms) {
     if (x.from > 2) continue;  // not a function of q, v, s
@@ -63,6 +63,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind linear{fits, add, slopes, potential};
+extern const LawKind linear{fits, add, partials, potential};
 
 }  // namespace mbdae::laws

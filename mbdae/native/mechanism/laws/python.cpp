@@ -3,20 +3,20 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.call && law.slopes; }
+static bool fits(Law& law, const Sizes&) { return law.call && law.partials; }
 
 static void add(const Law& law, const ForcePoint& p, const Forces& f) { law.call(p.t, p.q, p.v, p.s, f.other, f.ds); }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   const size_t nv = p.m.nv, k = law.states, width = 2 * nv + k;
   Numbers A((nv + k) * width);
-  law.slopes(p.t, p.q, p.v, p.s, A);
+  law.partials(p.t, p.q, p.v, p.s, A);
   for (size_t i = 0; i < nv + k; ++i) {
     double* row = i < nv ? out.other + i * out.width : out.ds + (i - nv) * out.width;
     for (size_t j = 0; j < width; ++j) row[j < 2 * nv ? j : out.states + j - 2 * nv] += A[i * width + j];
   }
 }
 
-extern const LawKind python{fits, add, slopes};
+extern const LawKind python{fits, add, partials};
 
 }  // namespace mbdae::laws

@@ -24,7 +24,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   if (push != 0) pair.torque(p.m, w, push, f.other);
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   Pair& pair = *law.pair;
   pair.locate(p.m);
   const PairPartials here(p.m, pair, p.v);
@@ -34,7 +34,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) 
   cross(pair.pb, w, w + 3);
   const double push = law.signals[0].at(p.t) - c * dot(w, here.V, 6);
   WrenchPartials spring;
-  line_slopes(pair, -pull, spring);
+  distance_partials(pair, -pull, spring);
   for (int i = 0; i < 6; ++i) {
     spring.F[i] = -pull * w[i];
     for (int j = 0; j < 6; ++j) spring.Da[6 * i + j] += k * w[i] * w[j], spring.Db[6 * i + j] -= k * w[i] * w[j];
@@ -42,7 +42,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) 
   out.add(here, spring, true);
   if (push == 0 && c == 0) return;
   WrenchPartials damper, line;
-  line_slopes(pair, push, damper), line_slopes(pair, 1, line);
+  distance_partials(pair, push, damper), distance_partials(pair, 1, line);
   damper.damp();
   for (int i = 0; i < 6; ++i)
     for (int j = 0; j < 6; ++j) VDa[j] += here.V[i] * line.Da[6 * i + j], VDb[j] += here.V[i] * line.Db[6 * i + j];
@@ -63,6 +63,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return 0.5 * law.a[0] * stretch * stretch;
 }
 
-extern const LawKind spring_damper{fits, add, slopes, potential};
+extern const LawKind spring_damper{fits, add, partials, potential};
 
 }  // namespace mbdae::laws

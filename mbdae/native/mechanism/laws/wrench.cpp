@@ -30,7 +30,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   if (moment[3] != 0 || moment[4] != 0 || moment[5] != 0) pair.torque(p.m, moment, 1, f.other);
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
+static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   Pair& pair = *law.pair;
   pair.locate(p.m);
   const PairPartials here(p.m, pair, p.v);
@@ -53,6 +53,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind wrench{fits, add, slopes, potential};
+extern const LawKind wrench{fits, add, partials, potential};
 
 }  // namespace mbdae::laws

@@ -36,7 +36,7 @@ def system(forces):
 def test_linear_laws_have_exact_partials(forces):
     s, rng = system(forces), np.random.default_rng(1)
     q, v, x = random_q(MODEL, rng, 1.0), rng.uniform(-2, 2, MODEL.nv), rng.uniform(-1, 1, s.ns)
-    known = s.laws.slopes(0.3, q, v, x)
+    known = s.laws.partials(0.3, q, v, x)
 
     def values(e):
         dq, dv, ds = np.split(e, [MODEL.nv, 2 * MODEL.nv])

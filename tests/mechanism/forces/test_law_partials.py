@@ -78,14 +78,14 @@ def swirl(t, q, v):
     return np.sin(np.arange(1.0, len(v) + 1) + t) * (1 + v**2) * np.cos(q[0]) - 0.3 * np.roll(v, 1)
 
 
-def motor(slopes=None):
+def motor(partials=None):
     def torque(t, q, v, s):
         return np.r_[s[0] * np.cos(s[1]) - v[1], np.sin(q[1]) * np.ones(len(v) - 1)]
 
     def rate(t, q, v, s):
         return np.array([-5 * s[0] + s[1] * v[0], np.sin(s[0]) - 2 * s[1] + v[2]])
 
-    return Actuator(torque, rate, start={"a": 0.4, "b": -0.2}, name="motor", slopes=slopes)
+    return Actuator(torque, rate, start={"a": 0.4, "b": -0.2}, name="motor", partials=partials)
 
 
 def samples(name):
@@ -120,7 +120,7 @@ def test_every_law_has_partials():
 
     for c in below(ForceElement):
         if c.__module__.startswith("mbdae") and c is not PairElement and not issubclass(c, LinearElement):
-            base, name = (PairElement, "turning") if issubclass(c, PairElement) else (ForceElement, "slopes")
+            base, name = (PairElement, "turning") if issubclass(c, PairElement) else (ForceElement, "partials")
             assert getattr(c, name) is not getattr(base, name), c
 
 
@@ -140,7 +140,7 @@ def law_differences(mech, q, v, s, t):
 
     expected = finite_differences.numerical_jacobian(at, 2 * mech.nv + len(s), 1e-3)
     pin.computeJointJacobians(system.model, system.workspace, q)
-    return system.laws.slopes(t, q, v, s), expected
+    return system.laws.partials(t, q, v, s), expected
 
 
 @pytest.mark.parametrize("name", kinds_of_forces())
@@ -198,20 +198,20 @@ def test_functions_can_provide_their_partials():
     def brake(t, q, v):
         return -2.0 * v**3
 
-    def slopes(t, q, v):
+    def partials(t, q, v):
         calls.append(t)
         return np.hstack([np.zeros((len(v), len(v))), np.diag(-6.0 * v**2)])
 
-    brake.slopes = slopes
+    brake.partials = partials
     mech = Mechanism(tree(["rx", "rx", "rx"], [0, 1, 2]), [], [brake])
     v = np.array([0.3, -0.5, 2.0])
     close(*law_differences(mech, np.zeros(3), v, np.empty(0), 0.5))
     assert calls == [0.5]
     mech = moving([motor(lambda t, q, v, s: np.ones((mech.nv + 2, 2 * mech.nv + 2)))])
     s = mech.system()
-    assert (s.laws.slopes(0.0, *mech.start, np.ones(2))[:-1] == 1).all()
-    with pytest.raises(StepError, match="slopes of actuator 'motor' returned shape"):
-        moving([motor(lambda t, q, v, s: np.ones(3))]).system().laws.slopes(0.0, *mech.start, np.ones(2))
+    assert (s.laws.partials(0.0, *mech.start, np.ones(2))[:-1] == 1).all()
+    with pytest.raises(StepError, match="partials of actuator 'motor' returned shape"):
+        moving([motor(lambda t, q, v, s: np.ones(3))]).system().laws.partials(0.0, *mech.start, np.ones(2))
 
 
 def test_time_partials():
