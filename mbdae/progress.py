@@ -20,7 +20,7 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Tell]:
     both.
 
     Args:
-        label: what stands beside the bar until a text comes.
+        label: the text beside the bar until another comes.
         total: 1, or None for studies that tell texts alone (`mbdae.order`, `mbdae.fit`).
 
     Example:

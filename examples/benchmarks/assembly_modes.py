@@ -255,7 +255,7 @@ def search(case: Case) -> tuple[int, bool]:
         found = mbdae.assembly_modes(case.mech, case.drive, case.at)
     except mbdae.MbdaeError:
         return 0, False
-    return len(found.modes), bool(found.doubts)
+    return len(found.modes), bool(found.warnings)
 
 
 def main(cases: int = 200) -> dict[str, Outcome]:

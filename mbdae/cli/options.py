@@ -83,7 +83,7 @@ PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), TABLE_SUFFIXES
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of a run that `simulate` takes, but for the method."""
+    """The options of a run that `simulate` takes, except the method."""
     for option in (project_option, formulation_option, step_option, atol_option, rtol_option, t_span_option):
         command = option(command)
     return command

@@ -15,7 +15,7 @@ from ..system import Array
 if TYPE_CHECKING:
     from .run import RunState
 
-MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and steps look ahead if it falls
+MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
 EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singularity to a node: candidate ends of the zone
 CLOSED = 1e-12  # m or rad: smaller violations, and branches separated by the root of it, count as closed

@@ -41,7 +41,7 @@ class RunState:
         self.state = State(start)
         self.rejected: int | None = 0
         self.taken_back: Array | None = None  # steps since one was, and what projections undid, see `projected_step`
-        self.anew = False  # what the method carries was found anew when the last step was brought back
+        self.restarted = False  # the method's carry was computed again after the projection of the last step
         self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carried = CarryRecord()
@@ -75,16 +75,16 @@ class RunState:
             return closed if self.project else y
         return y
 
-    def _begin_at(self, y: Array, anew: bool = False) -> None:
+    def _begin_at(self, y: Array, restarted: bool = False) -> None:
         y = self.ys[-1] = self.system.settle(self.t, State(y)).y
-        self._note(anew)
+        self._note(restarted)
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
         self.carried.note(len(self.ts) - 1, self.state.carry)
 
-    def _note(self, anew: bool = False) -> None:
+    def _note(self, restarted: bool = False) -> None:
         rows = self.system.in_use
-        if anew or not self.in_use or self.in_use[-1][1] != rows:
+        if restarted or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
 
     def cross(self, t: float) -> None:
@@ -106,7 +106,7 @@ class RunState:
         self.zs.append(self.zs[-1])
         self.ys.append(y)
         self.ts.append(self.t)
-        self._begin_at(y, anew=True)
+        self._begin_at(y, restarted=True)
         self.stepper.restart()
         self.events.strike()
         self.behind_jump()
@@ -149,7 +149,7 @@ class RunState:
             del self.ts[-1:], self.ys[-1:], self.zs[-1:]
             raise
         self.t, self.ys[-1] = t, self.state.y
-        self.carried.note(len(self.ts) - 1, self.state.carry, self.anew)
+        self.carried.note(len(self.ts) - 1, self.state.carry, self.restarted)
         self._note()
 
     def land(self, t: float, y: Array, last: bool) -> None:
@@ -167,8 +167,8 @@ class RunState:
         """Return the state projected onto the closures; restarts the carry if that moved the state much."""
         y = self.system.restore(t, state.y, tight)
         move = self.system.difference(state.y, y)
-        self.anew = not (state.carry is None or self.stepper.tolerates(self, y, move))
-        if not self.anew:
+        self.restarted = not (state.carry is None or self.stepper.tolerates(self, y, move))
+        if not self.restarted:
             return State(y, state.carry)
         return State(y, self.system.carry(*self.system.derivative(t, y)))
 

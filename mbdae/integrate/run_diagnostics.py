@@ -14,8 +14,8 @@ from ..solution.solution import Solution
 POSITION_TOLERANCE = 0.01  # rad, or of a length: what would have to move by as much to close the loops
 ENERGY_TOLERANCE = 0.1  # of the energy that moves
 LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: what is negative by less counts as 0
-DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: rows that are projected depend on each other but for less
-SAMPLES = 8  # steps at which the energy is looked at
+DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: projected rows with a smaller remainder are dependent
+SAMPLES = 8  # steps at which the energy is computed
 WATCHED = 400  # nodes at which preconditions of closures are checked
 
 
@@ -35,7 +35,7 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
         reach = float(np.abs(G).max())
         if not system.largest_g <= POSITION_TOLERANCE * (reach or 1.0):
             which = largest_error(mech, g)
-            opened = f"closures stood open by {system.largest_g:.2g}, on arms of {reach:.2g} m"
+            opened = f"closures were violated by {system.largest_g:.2g}, on arms of {reach:.2g} m"
             found.append(f"{opened} ({which.name!r} by {which.text} at the end)")
         if formulation != "index1" and not system.largest_rate <= VELOCITY_TOLERANCE:
             which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
@@ -92,7 +92,7 @@ def lift_off(sol: Solution) -> str:
         start = first_negative(ts, normal)
         if start is not None and normal.min() < -LIFT_OFF_TOLERANCE * np.abs(normal).max():
             found.append(
-                f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would lift"
+                f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would separate"
             )
     return "; ".join(found)
 

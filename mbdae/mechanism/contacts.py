@@ -63,7 +63,7 @@ class Contact:
             f"to the left up to {left:.4g} N, friction needed {slip:.3g}"
         ]
         if self.lifts_off is not None:
-            lines.append(f"  N is negative from t = {self.lifts_off:.6g} s: it would lift")
+            lines.append(f"  N is negative from t = {self.lifts_off:.6g} s: it would separate")
         if free := [n for n, known in zip(FORCES, self.unique, strict=True) if not known]:
             lines.append(f"  not unique: {', '.join(free)} ({NOT_UNIQUE})")
         return "\n".join(lines)

@@ -49,7 +49,7 @@ def _se2(x: np.ndarray) -> np.ndarray:
 
 
 GROUPS: dict[Ad, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
-BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and where the rotation stands in its tangent
+BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation's place in its tangent
     "JointModelSpherical": (_so3, slice(0, 3)),
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 LARGEST = 50
-"""Degrees of freedom up to which a workspace is Pinocchio's own, with room for all its algorithms: 4 MB, 4 ms then."""
+"""Degrees of freedom up to which a workspace is Pinocchio's Data, with room for all its algorithms: 4 MB, 4 ms then."""
 
 
 def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
@@ -50,9 +50,9 @@ class PinocchioData:
 
     @cached_property
     def data(self) -> pin.Data:
-        """Room for all algorithms of Pinocchio, made when it is asked for; nothing is computed in it before.
+        """Room for all algorithms of Pinocchio, made when first used; nothing is computed in it before.
 
-        The system computes in a workspace of its own, so that neither changes the other's results.
+        The system computes in another workspace, so that neither changes the other's results.
         """
         return self.model.createData()
 

@@ -100,14 +100,15 @@ FEATURES = {
 }
 ONE_SIDED = ("stop", "rope", "stiction", "clutch", "ratchet", "command", "window")
 BEGAN = "the run began in a singular configuration"
-LEFT_OUT = "statics and modes leave out what opens, sticks or slips: "
+LEFT_OUT = "statics and modes ignore unilateral closures, clutches and stiction: "
 POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
 STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
 WARNED = dict.fromkeys(ONE_SIDED, STATICS)
 NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
 GIVEN = "a driver says where 'crank' is: there is no branch of equilibria over it"
-NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), "'Slider-crank' has no freedom left: it has no modes")
-FIXED = {"equilibria": GIVEN, "load_path": "has no freedom left: nothing moves with the load"}
+RIGID = "'Slider-crank' has no degree of freedom left: it has no modes"
+NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), RIGID)
+FIXED = {"equilibria": GIVEN, "load_path": "has no degree of freedom left: nothing moves with the load"}
 FRICTION = "does not know coulomb_friction, of closure 'pin'"
 ROLLS = "'gear' has rows of velocity: where it goes depends on the way"
 REFUSED: dict[str, dict[str, str]] = {
@@ -133,7 +134,7 @@ REFUSED["singular start"] = {
     **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no equilibrium found in "),
 }
 REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
-REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is there within windows of 'crank' only")
+REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is active only in ranges of 'crank'")
 REFUSED["window"] |= {"inverse of a table": "'gate' has rows of velocity: where it goes depends on the way"}
 
 

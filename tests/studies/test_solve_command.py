@@ -29,5 +29,5 @@ def test_info_reports_mode_switches():
 
 
 def test_statics_tell_what_they_leave_out():
-    with pytest.warns(UserWarning, match="leave out what opens, sticks or slips: rod stop"):
+    with pytest.warns(UserWarning, match="ignore unilateral closures, clutches and stiction: rod stop"):
         mbdae.equilibrium(mbdae.load("pendulum_on_stop"))

@@ -129,7 +129,7 @@ class Parameters:
 
         held = converged_difference(sampled, p.h)
         if not held.discrepancy <= APART:
-            raise InputError(f"parameter {p.name!r} has no derivative along this run: its differences do not settle")
+            raise InputError(f"parameter {p.name!r} has no derivative along this run: differences do not converge")
         p.use(held.h)
 
     def enter(self, mode: Mode) -> None:

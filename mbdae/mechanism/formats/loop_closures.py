@@ -2,7 +2,7 @@
 
 ================================  ======================================================================
 closures: [{link_a, link_b,       a hinge between two links: a point on it in m, and its direction, both in
-            point, axis}]         the axes of the base link where all joints stand at zero
+            point, axis}]         the axes of the base link with all joints at zero
 independent: [joint]              joints that are moved: named inputs
 dependent: [joint]                joints that follow by the closures
 ================================  ======================================================================

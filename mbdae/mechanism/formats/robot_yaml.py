@@ -3,7 +3,7 @@
 ==============================  ========================================================================
 closed_loop: [[frame, frame]]   pairs of frames that coincide
 type: [6d]                      of each pair: whole frames (6d, also when left out) or origins only (3d)
-name_mot: [joint]               motors; one text stands for every joint whose name contains it
+name_mot: [joint]               motors; one text selects every joint whose name contains it
 joint_name: [joint]             joints of another kind than the URDF says,
 joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
 ==============================  ========================================================================
@@ -78,7 +78,7 @@ def read_robot_yaml(path: Path, places: AllowedPaths, source: Source) -> Importe
     joints, motors = joint_names(part.model), tables.name_mot
     found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
     if motors and not found:
-        raise InputError(f"{path.name}: name_mot {motors!r} stands in no joint's name: {', '.join(joints)}")
+        raise InputError(f"{path.name}: name_mot {motors!r} occurs in no joint's name: {', '.join(joints)}")
     for n in found:
         find_joint(part.model, n)
     extra = sorted(tables.model_extra or ())

@@ -12,7 +12,7 @@ from ..allowed_paths import AllowedPaths
 from ..checked_table import HUGE
 from ..scene.meshes import stand_in
 
-TOKEN = 10_000_000  # m: the size of boxes that stand for meshes
+TOKEN = 10_000_000  # m: the size of boxes in the place of meshes
 
 
 def visuals_found(name: str, model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.GeometryModel | None:

@@ -11,7 +11,7 @@ LARGEST = 100_000  # entries of a file
 
 
 def yaml_table(text: str, name: str) -> Any:
-    """Read YAML whose aliases stand for no more entries than a file would have.
+    """Read YAML whose aliases expand to no more entries than a file would have.
 
     Raises:
         InputError: for a text that is none.
@@ -19,7 +19,7 @@ def yaml_table(text: str, name: str) -> Any:
     try:
         node = yaml.compose(text, yaml.SafeLoader)
         if (size := _written_out(node, {})) > LARGEST:
-            raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
+            raise InputError(f"{name}: its aliases expand to {size:.3g} entries, more than {LARGEST}")
         if twice := _said_twice(node):
             raise InputError(f"{name}: the key {twice!r} is there more than once")
         return yaml.safe_load(text)
@@ -30,7 +30,7 @@ def yaml_table(text: str, name: str) -> Any:
 
 
 def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:
-    """Number of entries of a node where every alias is written out; without end where one stands for itself."""
+    """Number of entries of a node where every alias is written out; infinite if an alias contains itself."""
     if not isinstance(node, yaml.CollectionNode):
         return 1
     if id(node) not in known:

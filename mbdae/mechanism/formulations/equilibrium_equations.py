@@ -90,7 +90,7 @@ class Statics:
         self.system = s = mech.system()
         if mech.switches:
             names = ", ".join(dict.fromkeys(switch.name for switch in mech.switches))
-            warnings.warn(f"statics and modes leave out what opens, sticks or slips: {names}", stacklevel=3)
+            warnings.warn(f"statics and modes ignore unilateral closures, clutches and stiction: {names}", stacklevel=3)
         for law, _ in s.laws.bound:
             if isinstance(law, SampledElement):
                 raise InputError(f"{law.name!r} is a sampled controller: statics and modes need a continuous one")

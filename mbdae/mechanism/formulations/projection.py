@@ -18,7 +18,7 @@ TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
 ROUNDING = 1e-14  # of 1 + |q|, or of |v|: residuals below are left alone
 FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
-UNMOVED = 1e-13  # rad or m: what a projection moves by so little adds no partials of its own
+UNMOVED = 1e-13  # rad or m: the partials of smaller projections are left out
 VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of its largest terms or 1 + |v|: what is not kept by less
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
@@ -129,7 +129,7 @@ def _speed(system: "Index2System", v: Array) -> float:
 
 
 def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
-    """Say whether G v + g_t, (ng,), is more than rounding; whatever it is where joints stick, which stand still."""
+    """Say whether G v + g_t, (ng,), is more than rounding; any value counts where joints stick."""
     size = np.linalg.norm(rate / system.mechanism.row_scales)
     return system.sticks or bool(size > ROUNDING * _speed(system, v))
 

@@ -66,8 +66,8 @@ def null_space(A: Array, e: Array) -> Null:
         rows[[r, r + i]], columns[[r, r + j]] = rows[[r + i, r]], columns[[r + j, r]]
         factor, row = a[r + 1 :, r] / a[r, r], a[r, r + 1 :]
         size = np.abs(factor)[:, None]
-        doubt = (e[r + 1 :, r] + np.abs(factor) * e[r, r]) / abs(a[r, r])
-        e[r + 1 :, r + 1 :] += size * e[r, r + 1 :] + (doubt[:, None] + EPS * size) * np.abs(row)
+        bound = (e[r + 1 :, r] + np.abs(factor) * e[r, r]) / abs(a[r, r])
+        e[r + 1 :, r + 1 :] += size * e[r, r + 1 :] + (bound[:, None] + EPS * size) * np.abs(row)
         a[r + 1 :, r + 1 :] -= factor[:, None] * row
         a[r + 1 :, r] = 0.0
         r += 1
@@ -101,16 +101,16 @@ class Spectrum(NamedTuple):
 def spectrum(A: Array, e: Array) -> Spectrum:
     """Return eigenvalues and eigenvectors of A (n, n), whose entries are known to e (n, n)."""
     n = len(A)
-    rest, doubt, at = A, np.maximum(e, EPS * np.abs(A)), np.arange(n)
+    rest, bound, at = A, np.maximum(e, EPS * np.abs(A)), np.arange(n)
     lifts: list[tuple[Array, Null, Array]] = []  # deflated: the indices, the null space, and A_fo
     while len(rest):
-        null = null_space(rest, doubt)
+        null = null_space(rest, bound)
         o, f = null.others, null.free
         if not len(f):
             break
         lifts.append((at, null, rest[np.ix_(f, o)]))
         size, across = np.abs(null.B), rest[np.ix_(f, o)]
-        doubt = doubt[np.ix_(o, o)] + size @ doubt[np.ix_(f, o)] + EPS * size @ np.abs(across)
+        bound = bound[np.ix_(o, o)] + size @ bound[np.ix_(f, o)] + EPS * size @ np.abs(across)
         rest, at = rest[np.ix_(o, o)] - null.B @ across, at[o]
     zeros = n - len(rest)
     values, vectors, noise = np.zeros(n, complex), np.zeros((n, n), complex), np.zeros(n)
@@ -118,7 +118,7 @@ def spectrum(A: Array, e: Array) -> Spectrum:
         null = lifts[0][1]
         vectors[:, : len(null.free)] = null.vectors
     if len(rest):
-        values[zeros:], right, noise[zeros:] = _eigenvalues(rest, doubt)
+        values[zeros:], right, noise[zeros:] = _eigenvalues(rest, bound)
         vectors[np.ix_(at, np.arange(zeros, n))] = right
         for places, null, across in reversed(lifts):
             _lift(vectors[:, zeros:], values[zeros:], places, null, across)

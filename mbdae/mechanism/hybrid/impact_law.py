@@ -139,7 +139,7 @@ class _Impact:
         short = goal - self.BU[:, which].T @ closed
         short[(short > 0) & (short <= self.still)] = 0.0
         if (short[~able] > CONTRADICTION * self.speed).any():
-            raise StepError("impact", "closures keep what strikes from giving way")
+            raise StepError("impact", "closures block the relative velocity of the impact")
         on = [i for i, row in enumerate(self.frictional) if row.by in which]
         if on:
             return self._with_friction(closed, which, A, short, on)
@@ -197,7 +197,7 @@ def _least(A: Array, f: Array, size: float) -> Array:
     if not rest > RANK:
         if f.max() <= CONTRADICTION * (1 + size):  # residual of a state at rest
             return np.zeros(len(f))
-        raise StepError("impact", "what strikes at one instant cannot all give way")
+        raise StepError("impact", "no impulses separate all contacts of this impact")
     out = u > 0
     x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # to rounding, for this active set
     tight = An.T @ x <= fn + SHARP * scale  # only rows that do not open faster can push

@@ -44,7 +44,7 @@ from ...errors import InputError, UnknownNameError
     multiple=True,
     help="Keep the runs here, .csv or .json, and go on from there; or write the table in LaTeX, .tex. Twice for both.",
 )
-@click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
+@click.option("--fresh", is_flag=True, help="Do not resume from the file, replace it.")
 @backend_option
 @plot_option
 @as_json
@@ -64,7 +64,7 @@ def compare(
 ) -> None:
     """Compare methods on a model: errors, drift, work and time, and which method is best for an accuracy.
 
-    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
+    A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
     -m baumgarte=20,20:RK45. Ctrl-C keeps what is finished; with -o the same command goes on from there.
     """
     from .compare import compare as study

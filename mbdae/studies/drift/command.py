@@ -50,7 +50,7 @@ def drift(
 ) -> None:
     """Measure the drift of runs of a model, or of saved solutions: a JSON object, or a list of them for several runs.
 
-    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:dop853.
+    A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """
     from ...solution.solution import Solution
     from ..method_variant import variants

@@ -18,7 +18,7 @@ def drifts(runs: Sequence[History]) -> "Figure":
     """Draw |g|, and the relative error of the energy balance, of several runs over time.
 
     Textbook problems have no energy: below stands |g_t + g_y f| where there is none but those.
-    Runs of one method have colours and line styles of their own; those of several mechanisms say which is theirs.
+    Runs of one method share a colour and a line style; labels name the mechanism if there are several.
     """
     figure = sheet(WIDTH, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)

@@ -34,7 +34,7 @@ __all__ = ["fit"]
 
 SPANS = (0.16, 0.4, 1.0)  # of the samples
 TOLERANCE = 1e-10  # of the search, relative
-ROUGH = 1e-4  # alike, of the shorter spans
+ROUGH = 1e-4  # the same, of the shorter spans
 Parameters = Mapping[str, Any]
 
 

@@ -15,7 +15,7 @@ def page(fit: Fit) -> str:
     version = meta["versions"]["mbdae"]
     ratio = fit.chi2 / fit.dof if fit.dof else np.nan
     summary = f"{len(fit.names)} runs measured, {fit.runs} computed. mbdae {version}, {meta['date']}."
-    against = fit.warnings or ["nothing stands against these values"]
+    against = fit.warnings or ["no warnings"]
     quality = {
         "chi-squared": f"{fit.chi2:.6g} for {fit.dof} degrees of freedom, {ratio:.4g} each",
         "probability": "unknown without noise levels" if np.isnan(fit.probability) else f"{fit.probability:.3g}",

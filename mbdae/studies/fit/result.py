@@ -49,7 +49,7 @@ class Fit(Tabular):
         at_bounds: parameters at a bound.
         residuals: for each run, by signal, (computed - measured) / sigma, (n,).
         computed: for each run, by signal, (n,).
-        measured: likewise.
+        measured: the measured ones.
         times: for each run, (n,).
         names: of the runs.
         runs: number of computed runs, including those with derivatives.

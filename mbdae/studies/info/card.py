@@ -14,9 +14,9 @@ from ...tabular import Tabular
 
 NOT_MODELLED = (
     "contact of shapes",
-    "joint limits (but for stops)",
+    "joint limits (except stops)",
     "effort and velocity limits",
-    "dry joint friction (but for joint_friction forces)",
+    "dry joint friction (except joint_friction forces)",
 )
 
 

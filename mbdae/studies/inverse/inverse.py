@@ -167,5 +167,5 @@ def _check_reached(acting: Actuators, Z: Array, S: Array, b: Array, effort: Arra
     joint = acting.mechanism.coordinate_joint(int(np.abs(missing).argmax()))
     raise InputError(
         f"{', '.join(acting.names)} cannot bring about the motion at t = {t:.6g}: {np.abs(missing).max():.3g} N m or N "
-        f"are missing, the most at joint {joint!r}: the mechanism has {Z.shape[1]} freedoms"
+        f"are missing, the most at joint {joint!r}: the mechanism has {Z.shape[1]} degrees of freedom"
     )

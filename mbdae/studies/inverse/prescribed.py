@@ -255,7 +255,7 @@ def _check_dof(free: Mechanism, G: Array, at: list[int]) -> None:
         raise InputError(f"{rolls!r} has rows of velocity: where it goes depends on the way, not on {names} alone: "
                          "give a run, or (t, q, v, a)")  # fmt: skip
     if left := _remaining_dof(G, at):
-        raise InputError(f"{left} freedoms are left when {names} move as in the table: name more joints")
+        raise InputError(f"degrees of freedom left when {names} move as in the table: {left}; name more joints")
 
 
 def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:

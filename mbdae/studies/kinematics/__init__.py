@@ -1,1 +1,1 @@
-"""Mechanisms of one freedom: the curve of their poses over an input."""
+"""Mechanisms of one degree of freedom: the curve of their poses over an input."""

@@ -1,4 +1,4 @@
-"""Assembly modes: all poses in which a mechanism with one freedom can be put together at one value of its input.
+"""Assembly modes: all poses of a mechanism with one degree of freedom at one value of its input.
 
 They are searched from random starts. Modes that the mechanism reaches from each other by moving belong to one circuit
 (Chase, Mirth, J. Mech. Design 115 (1993)), which is followed from each new mode.
@@ -57,7 +57,7 @@ class AssemblyModes(Tabular):
         modes: sorted by circuit.
         starts: from how many random starts.
         closed: how many of them led to a mode.
-        doubts: why there may be more, in words.
+        warnings: why there may be more.
     """
 
     mechanism: Mechanism
@@ -66,12 +66,12 @@ class AssemblyModes(Tabular):
     modes: tuple[AssemblyMode, ...]
     starts: int
     closed: int
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         modes = [{**vars(m), "q": m.q.tolist()} for m in self.modes]
-        found = {"starts": self.starts, "closed": self.closed, "doubts": list(self.doubts), "modes": modes}
+        found = {"starts": self.starts, "closed": self.closed, "warnings": list(self.warnings), "modes": modes}
         return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, **found}
 
     def __str__(self) -> str:
@@ -86,7 +86,7 @@ class AssemblyModes(Tabular):
         for m in self.modes:
             sense = "rises" if m.rising else "falls"
             lines.append(f"  {m.label}: {_words(self.mechanism, m.q)}; {self.drive} {sense}, margin {m.margin:.2g}")
-        lines += [f"  doubtful: {doubt}" for doubt in self.doubts]
+        lines += [f"  doubtful: {warning}" for warning in self.warnings]
         return "\n".join(lines)
 
 
@@ -99,7 +99,7 @@ def assembly_modes(
     apart: str | Sequence[str] = (),
     most: int = 2000,
 ) -> AssemblyModes:
-    """Find all poses of a mechanism with one freedom at one value of its input: the solutions of g(q) = 0, q_drive = u.
+    """Find all poses of a mechanism with one degree of freedom at an input u: the solutions of g(q) = 0, q_drive = u.
 
     They are searched from random starts, and along the circuits of those found, until each has come up three times and
     one more that is as easy to reach would be missed once in a hundred times. Modes that move into each other belong to
@@ -109,9 +109,9 @@ def assembly_modes(
         mech: the mechanism, or what `mbdae.load` takes.
         drive: a joint of one coordinate, or a driver of the mechanism.
         at: the input in rad or m; that of the model's start when left out.
-        hold: joints that stand still, as in `mbdae.kinematics`.
-        apart: joints by which modes are told apart; all when left out. Legs that may be mounted turned over double the
-            number of modes each, and the platform does not see it.
+        hold: locked joints, as in `mbdae.kinematics`.
+        apart: joints by which modes are distinguished; all when left out. Legs that may be assembled flipped double the
+            number of modes each without moving the platform.
         most: random starts at most.
 
     Raises:
@@ -135,7 +135,7 @@ def assembly_modes(
     if not search.modes:
         text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: it may not reach there"
         raise InputError(text)
-    return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.doubts))
+    return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.warnings))
 
 
 def _labelled(search: ModeSearch) -> tuple[AssemblyMode, ...]:

@@ -28,11 +28,11 @@ class Circuit(NamedTuple):
 
     Attributes:
         passed: where the input has the value of the first pose, up to full turns: q (nq,), and whether it rises.
-        doubt: why there may be more, in words; empty for nothing.
+        warning: why there may be more; empty for none.
     """
 
     passed: list[tuple[Array, bool]]
-    doubt: str
+    warning: str
 
 
 def circuit(system: "Index2System", turning: Array, period: float, q: Array, u: float) -> Circuit:
@@ -54,14 +54,14 @@ def circuit(system: "Index2System", turning: Array, period: float, q: Array, u: 
     if curve.ended == "closed":
         turns = round((curve.nodes[-1].u - first.u) / period) if period else 0
         signs = sum(_side(p, curve) for p in passages)
-        doubt = "" if signs == turns else f"the input rises and falls {len(passages)} times, which does not add up"
+        warning = "" if signs == turns else f"the input rises and falls {len(passages)} times, which does not add up"
     else:
         back = PoseCurve(system, turning, period)
         back.begin(q, u, -first.tau)
         turned = _passages(back, u)
         passages += [p._replace(tau=-p.tau, speed=-p.speed) for p in turned[1:]]
-        doubt = "it was not followed back to its first pose"
-    return Circuit([(p.q, p.speed > 0) for p in passages], doubt)
+        warning = "it was not followed back to its first pose"
+    return Circuit([(p.q, p.speed > 0) for p in passages], warning)
 
 
 def _passages(curve: PoseCurve, u: float) -> list[CurvePoint]:

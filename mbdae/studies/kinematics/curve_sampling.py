@@ -10,7 +10,7 @@ from ...errors import StepError
 from .branch_points import BranchPoint
 from .pose_curve import CurvePoint, PoseCurve
 
-SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are looked at
+SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are searched for zeros
 CLOSE = 1e-5  # of the input: a value so near a branch point is the branch point
 STANDS = 1e-9  # of the arclength's rate: a smaller one of the input is a dead point
 

@@ -28,7 +28,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     """Return the mechanism with ``drive`` as its last driver, u(t) = t, behind what is held.
 
     Args:
-        mech: the mechanism; its other drivers stand still where they are at t = 0.
+        mech: the mechanism; its other drivers stay where they are at t = 0.
         drive: a joint of one coordinate, or a driver of the mechanism.
         hold: joints of one coordinate, and the values where they are held; those of q when left out.
         q: configuration, (nq,).
@@ -39,7 +39,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     """
     for closure in mech.closures:
         if closure.within:
-            within = f"{closure.name!r} is there within windows of {closure.within.joint!r} only"
+            within = f"{closure.name!r} is active only in ranges of {closure.within.joint!r}"
             raise InputError(f"{within}: poses are those of closures that stay")
         if not (closure.unilateral or mech.positional[mech.rows_of(closure.name)].all()):
             raise InputError(
@@ -80,7 +80,7 @@ def _target(d: Driver) -> dict[str, Any]:
 
 
 def _standing(mech: Mechanism, d: Driver, q: Array) -> float:
-    """Where a driver stands at t = 0; one of speed, which has no position of its own, where q (nq,) is."""
+    """The position of a driver at t = 0; for one of speed, which has none, that of q (nq,)."""
     if d.speed is None:
         return d.follow(0.0)[0]
     alone = Mechanism(mech.model, drivers=[Driver.model_validate({**_target(d), "motion": 1.0})])
@@ -123,10 +123,10 @@ def _coordinate(mech: Mechanism, name: str, q: Array) -> float:
 
 def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str],
                   opens: Sequence[str] = ()) -> None:  # fmt: skip
-    """Refuse a mechanism that has not one freedom at a closed configuration q, with what is held and what is open.
+    """Reject a mechanism without one degree of freedom at a closed configuration q; names locked and open joints.
 
     Raises:
-        InputError: no freedom is left; too many are, with the joints to hold; q is a singular pose; the drive does not
+        InputError: no degree of freedom is left, or too many (names joints to hold); q is singular; the drive does not
             move.
     """
     u = input_at(mech, system, q)
@@ -140,13 +140,13 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
         raise InputError("the closures lose rank in this pose, from which several branches lead: start beside it")
     held = ", ".join(hold)
     if not Z.shape[1]:
-        raise InputError(f"no freedom is left for {drive!r} to move{f' (held: {held})' if held else ''}")
+        raise InputError(f"no degree of freedom is left for {drive!r} to move{f' (held: {held})' if held else ''}")
     if Z.shape[1] > 1:
         n = Z.shape[1] - 1
         names = joints_to_lock(mech, Z, e, n)
         which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
         told = f" (open: {', '.join(opens)})" if opens else ""
-        raise InputError(f"{n + 1} freedoms are left{told}: {which}")
+        raise InputError(f"{n + 1} degrees of freedom are left{told}: {which}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
         gamma = system.gamma(q, columns * tau, u) / mech.row_scales

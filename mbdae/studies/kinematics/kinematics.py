@@ -1,4 +1,4 @@
-"""Kinematics of mechanisms with one freedom: all poses over the range of an input, followed over their arclength."""
+"""Kinematics of mechanisms with one degree of freedom: all poses over an input, followed over their arclength."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -40,24 +40,24 @@ def kinematics(
     output_joint: str | None = None,
     branches: bool = False,
 ) -> Kinematics:
-    """Follow the poses of a mechanism with one freedom over an input u, with their rates.
+    """Follow the poses of a mechanism with one degree of freedom over an input u, with their rates.
 
         g(q) = 0,   q_drive = u;      G dq/du = 0,   G d2q/du2 = -gamma(q, dq/du)
 
     The curve is followed over its arclength, through dead points of the drive, where the input turns back, and through
     branch points, where it goes on smoothly. It ends where the input leaves its range, or where the first pose comes
     again. What presses on one side or locks one way does not act: stops, ropes, contacts that open, clutches and
-    friction. Where the curve passes them is told.
+    friction. The places where the curve passes them are reported.
     Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes; drivers other than the drive stand still where they are at
+        mech: the mechanism, or what `mbdae.load` takes; drivers other than the drive stay where they are at
             t = 0.
         drive: a joint of one coordinate, or a driver of the mechanism.
         span: the input's range in rad or m; the curve begins at its first value. The start pose, and up to so many
             turns to both sides, when left out.
         turns: full turns of the input, when there is no span.
-        hold: joints that stand still, where they are or at values by name; besides the drive, one freedom is left.
+        hold: locked joints, where they are or at values by name; one degree of freedom is left for the drive.
         points: about how many poses are returned.
         q: a pose on the branch that is meant, (nq,); the model's start when left out.
         output_joint: a joint whose transmission angle is wanted; when left out, the only other one at the ground.
@@ -65,8 +65,8 @@ def kinematics(
 
     Raises:
         UnknownNameError: for a joint that does not exist.
-        InputError: no freedom is left, or too many (says which to hold); the drive cannot move; the start is a
-            singular pose.
+        InputError: no degree of freedom is left, or too many (names joints to hold); the drive cannot move; the start
+            is a singular pose.
         AssemblyError: the loops cannot be closed where the range begins.
         StepError: the loops cannot be closed along the way.
 
@@ -91,7 +91,7 @@ def kinematics(
     if curve.ended in ("long", "stuck"):
         raise StepError("newton", _unfinished(curve, drive, moved))
     if span is None and curve.ended == "range" and moved.row_units[-1] != "rad":
-        raise InputError(f"{drive!r} slides on without end: give its range, span or --from and --to")
+        raise InputError(f"{drive!r} slides without bound: give its range, span or --from and --to")
     chosen = default_output(mech, drive, held) if output_joint is None else output_joint
     return _result(mech, moved, drive, held, chosen, found, points)
 
@@ -139,7 +139,7 @@ def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
     way = curve.travelled()
     if way.max() > LONGEST:
         slides = mech.coordinate_joint(int(way.argmax()))
-        return f"{slides!r} slides on without end as {drive!r} comes to {at:.4g}: give a span that ends before"
+        return f"{slides!r} slides without bound as {drive!r} comes to {at:.4g}: give a span that ends before"
     return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
 
 

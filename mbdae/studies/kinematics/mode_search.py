@@ -22,7 +22,7 @@ HITS = 3  # of each mode, by random starts
 MISSED = 0.01  # how often a mode as easy as the others may be missed
 NONE = 200  # starts of which none closes: then it is given up
 SAME = 100 * NEAR  # poses so near are one mode
-FLAT = 1e-9  # smallest over largest singular value of all rows: no mode of its own
+FLAT = 1e-9  # smallest over largest singular value of all rows: not counted as a mode
 ON_CURVE = 8  # as many singular poses lie on a curve of them: modes are points, and seldom double
 
 
@@ -50,13 +50,13 @@ class ModeSearch:
         moved: the mechanism with its drive, see `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         q0: a closed configuration (nq,), at any input.
         u: the input.
-        counts: by which coordinates modes are told apart, (nv,).
+        counts: by which coordinates modes are distinguished, (nv,).
 
     Attributes:
         modes: those found, by circuit.
         starts: random ones.
         closed: how many of them led to a mode.
-        doubts: why there may be more, in words.
+        warnings: why there may be more.
     """
 
     def __init__(self, moved: Mechanism, q0: Array, u: float, counts: Array) -> None:
@@ -64,7 +64,7 @@ class ModeSearch:
         self.curve = PoseCurve(self.system, angle_components(moved.model))
         self.modes: list[FoundMode] = []
         self.starts = self.closed = 0
-        self.doubts: list[str] = []
+        self.warnings: list[str] = []
         drive, self.period = moved.drivers[-1], 0.0
         if drive.joint and self.curve.turning[find_joint(moved.model, drive.joint).idx_v]:
             self.period = 2 * np.pi
@@ -86,9 +86,9 @@ class ModeSearch:
                 self.closed += 1
                 self._known(found).hits += 1
         if self._on_curve():
-            self.doubts = ["poses are not isolated: with the input held, something still moves"]
+            self.warnings = ["poses are not isolated: with the input held, something still moves"]
         elif self.modes and not self._enough():
-            self.doubts.append(f"{most} starts are too few: some modes came up less than {HITS} times, or all rarely")
+            self.warnings.append(f"{most} starts are too few: some modes came up less than {HITS} times, or all rarely")
         self.modes.sort(key=lambda m: m.circuit)
         return self
 
@@ -141,12 +141,12 @@ class ModeSearch:
             return found
         number = 1 + max((m.circuit for m in self.modes), default=0)
         if self.margin(q) < FLAT:
-            self.doubts.append(f"circuit {number}: its first pose is singular")
+            self.warnings.append(f"circuit {number}: its first pose is singular")
             self.modes.append(FoundMode(q, number, True))
             return self.modes[-1]
-        passed, doubt = circuit(self.system, self.curve.turning, self.period, q, self.u)
-        if doubt:
-            self.doubts.append(f"circuit {number}: {doubt}")
+        passed, warning = circuit(self.system, self.curve.turning, self.period, q, self.u)
+        if warning:
+            self.warnings.append(f"circuit {number}: {warning}")
         new = FoundMode(q, number, passed[0][1])
         self.modes.append(new)
         for other, rising in passed[1:]:

@@ -1,4 +1,4 @@
-"""The curve of closed configurations of a mechanism with one freedom, followed over its arclength s.
+"""The curve of closed configurations of a mechanism with one degree of freedom, followed over its arclength s.
 
     q' = tau, G tau = 0, |tau| = 1;   tau' = kappa, G kappa = -gamma(q, tau), kappa . tau = 0
     predictor q (+) (h tau + h^2/2 kappa);   corrector x = -G^+ g, of least |x|, to rounding (Moore and Penrose)

@@ -42,12 +42,12 @@ class CurveSegment(NamedTuple):
 
 @dataclass(frozen=True)
 class Kinematics(Tabular):
-    """Poses of a mechanism with one freedom along a curve, or several.
+    """Poses of a mechanism with one degree of freedom along a curve, or several.
 
     Attributes:
         mechanism: the mechanism.
         drive: name of the input u.
-        held: joints that stand still.
+        held: locked joints.
         output: joint of the transmission angle; empty for none.
         unit: of the input, ``"rad"`` or ``"m"``.
         u: input, (n,).

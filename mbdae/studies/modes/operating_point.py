@@ -53,7 +53,7 @@ def operating_point(
         found = (statics, statics.point(here.q, here.s)), "steady motion" if speeds.any() else "equilibrium"
     (statics, here), kind = found
     if not here.free.Z.shape[1] and not len(here.s):
-        raise InputError(f"{mech.title!r} has no freedom left{_held(mech, held)}: it has no modes")
+        raise InputError(f"{mech.title!r} has no degree of freedom left{_held(mech, held)}: it has no modes")
     if loses_rank(statics, here):
         raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it are not linear")
     statics.system.inertia(t, here.q)

@@ -1,4 +1,4 @@
-"""Derivatives of the poses of a one-degree-of-freedom mechanism by its parameters, at fixed inputs u.
+"""Derivatives of the poses of a mechanism with one degree of freedom by its parameters, at fixed inputs u.
 
 The closures, locked joints and the driver are rows g(p, u, q) = 0 of full rank. By the implicit function theorem, with
 v = dq/du,

@@ -64,7 +64,7 @@ def bodies(scene: "Scene", model: Any) -> list[dict[str, str]]:
 
 
 def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
-    """Other solutions at the same times (m,), each in a colour of its own.
+    """Other solutions at the same times (m,), each in another colour.
 
     Raises:
         InputError: for a solution of another mechanism.

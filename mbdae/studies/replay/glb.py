@@ -112,7 +112,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
         q: (m, nq) configurations.
         title: of the scene.
         speed: seconds of motion per second of the animation.
-        marks: of what holds or is struck: balls, while it does, and for a quarter of a second.
+        marks: balls where a contact is active, while it is, and at impacts, for a quarter of a second.
     """
     film = _Animation(title, np.abs(times - times[0]) / speed, scene.width)
     film.add_shapes(scene, q)
@@ -134,7 +134,7 @@ class _Animation:
         self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
     def add_shapes(self, scene: "Scene", q: Array) -> None:
-        """The shapes of a scene at configurations (m, nq), but for marks of closures."""
+        """The shapes of a scene at configurations (m, nq), without marks of closures."""
         for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
             if shape.role == "closure" or not (found := parts(shape)):
                 continue

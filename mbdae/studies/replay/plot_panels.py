@@ -125,7 +125,7 @@ def _liveliest(table: Mapping[str, Curve], names: list[str]) -> _Group:
 
 def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechanism") -> list[PlotPanel]:
     known = units(mech)
-    unit = {name: known.get(name, name) for name in group.names}  # an own signal has a pane of its own
+    unit = {name: known.get(name, name) for name in group.names}  # a user's signal has its own pane
     out = []
     for kind in dict.fromkeys(unit.values()):
         names = [name for name in group.names if unit[name] == kind]
@@ -140,8 +140,8 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
 def _short(curves: Sequence[Curve]) -> tuple[Curve, ...]:
     """Names without the beginning that all have in common: the title says it."""
     heads = {c.name.partition(".")[0] for c in curves}
-    alike = len(heads) == 1 and all("." in c.name for c in curves)
-    return tuple(c._replace(name=c.name.partition(".")[2]) if alike else c for c in curves)
+    same_head = len(heads) == 1 and all("." in c.name for c in curves)
+    return tuple(c._replace(name=c.name.partition(".")[2]) if same_head else c for c in curves)
 
 
 def _as_read(pane: PlotPanel) -> PlotPanel:
@@ -174,7 +174,7 @@ def _table(sol: "Solution", own: Mapping[str, Signal], wanted: Sequence[str]) ->
     table |= {name: Curve(name, steps.t, values) for name, values in signals(steps, STEPPED).items()}
     for name, signal in own.items():
         if name in units(sol.mechanism):
-            raise InputError(f"an own signal needs a name of its own, {name!r} is a column of the solution")
+            raise InputError(f"a signal needs another name, {name!r} is a column of the solution")
         table[name] = _own(name, signal, sol, smooth)
     return table
 

@@ -22,7 +22,7 @@ __all__ = ["animate"]
 if TYPE_CHECKING:
     from ...solution.solution import Solution
 
-MIN_FRAMES = 101  # what is short is often looked at slowly
+MIN_FRAMES = 101  # short runs are often watched slowly
 MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page interpolates
 VIEWING = 4.0  # s: a motion of less than half of it is shown in slow motion, for about so long
 CAMERAS = ("front", "top", "side", "3d")
@@ -51,7 +51,7 @@ def animate(
     The page starts playing, and repeats; space, arrows, Home, End, L, < and > are its keys. Its script offers
     ``window.mbdae`` with ``seek(t)``, ``play()``, ``pause()``, ``t``, ``start``, ``duration``, ``speed``, ``loop`` and
     ``viewer``. The address says how it opens: ``run.html#t=1.5&speed=0.1&camera=front&plots=0``, also ``follow=BODY``,
-    ``closures=1``, ``autoplay=0``, ``loop=0`` and ``shadows=0``; with a time it stands still.
+    ``closures=1``, ``autoplay=0``, ``loop=0`` and ``shadows=0``; with a time it is paused.
 
     Args:
         sol: the solution; shown from its first to its last time.
@@ -70,7 +70,7 @@ def animate(
         ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots; what
             sticks or strikes is marked for ``sol`` alone.
         choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
-            first stands in the place of ``sol``.
+            first replaces ``sol``.
         arrows: names of closures and joints whose forces on the body of their second frame, or behind them, are drawn
             as arrows; True for all closures between frames. Where rows depend on each other, those of minimum norm.
         camera: ``"front"`` (along y), ``"top"`` or ``"side"`` (along x), without perspective, or ``"3d"``; when left

@@ -16,7 +16,7 @@ __all__ = ["Squares"]
 
 
 class Signals(Mapping[str, Array]):
-    """The signals of a run by name, each computed when it is asked for."""
+    """The signals of a run by name, each computed when first used."""
 
     def __init__(self, sol: Solution) -> None:
         self.sol, self.found = sol, {}  # type: Solution, dict[str, Array]

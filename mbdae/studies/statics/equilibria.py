@@ -1,4 +1,4 @@
-"""All equilibria of a mechanism with one freedom, on the curves of its poses: one for each of its circuits."""
+"""All equilibria of a mechanism with one degree of freedom, on the curves of poses of all circuits."""
 
 import warnings
 from collections.abc import Iterable, Iterator
@@ -37,7 +37,7 @@ def equilibria(
     span: tuple[float, float] | None = None,
     hold: str | Iterable[str] = (),
 ) -> list[Equilibrium]:
-    """Find all equilibria of a mechanism with one freedom: the zeros of Z^T f along its curves of poses.
+    """Find all equilibria of a mechanism with one degree of freedom: the zeros of Z^T f along its curves of poses.
 
     Besides the curve of the start, those of the other circuits are followed: the assembly modes at three values of the
     input, over its range, that lie on no curve yet (see `mbdae.assembly_modes`).
@@ -46,13 +46,13 @@ def equilibria(
         mech: the mechanism, or what `mbdae.load` takes.
         drive: the joint over which the curves are followed, see `mbdae.kinematics`.
         span: its range in rad or m; one turn to both sides of the start when left out.
-        hold: joints that stand still.
+        hold: locked joints.
 
     Returns:
         The equilibria, stable and unstable ones, along the curves, that of the start first; each once.
 
     Raises:
-        InputError: where drivers or integrators leave no freedom, and as `mbdae.kinematics`.
+        InputError: where drivers or integrators leave no degree of freedom, and as `mbdae.kinematics`.
         UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
     """
     mech = mechanism_of(mech, "equilibria")
@@ -93,7 +93,7 @@ def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Arr
 
 
 def _given(mech: Mechanism, drive: str) -> str:
-    """What leaves no freedom to a mechanism that has one without its drivers and integrators."""
+    """What leaves no degree of freedom to a mechanism that has one without its drivers and integrators."""
     if any(d.speed is not None for d in mech.drivers):
         return f"a driver says how fast {drive!r} moves"
     return f"{'a driver' if mech.drivers else 'an integrator'} says where {drive!r} is"
@@ -114,8 +114,8 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
             found = start if u == start.u else assembly_modes(mech, drive, u, hold=hold)
         except InputError:  # it does not reach there
             continue
-        for doubt in found.doubts:
-            warnings.warn(f"equilibria over {drive!r}: {doubt}", stacklevel=3)
+        for warning in found.warnings:
+            warnings.warn(f"equilibria over {drive!r}: {warning}", stacklevel=3)
         for mode in found.modes:
             if mode.margin < FLAT or any(_passes(mech, curve, mode.q) for curve in curves):
                 continue

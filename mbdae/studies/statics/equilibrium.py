@@ -62,7 +62,7 @@ class Equilibrium(Tabular):
 
     @property
     def stability(self) -> str:
-        """``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` (no freedom is left) or ``"singular"``."""
+        """``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` (no degree of freedom is left) or ``"singular"``."""
         return self.verdict.stability
 
     @property
@@ -164,14 +164,14 @@ def equilibrium(
     From anywhere, by a trust region over the free motions that asks for no potential, so with controllers, motors and
     follower forces, too. States are found with it: currents, and integrators, which ask for their reference. Drivers
     stand where they are at time t. With speeds it is a relative equilibrium: the coordinates given a speed turn or
-    slide steadily and nothing may depend on them (the shaft of a governor); a torque that keeps them so is told.
+    slide steadily and nothing may depend on them (the shaft of a governor); the torque that keeps them so is reported.
 
     Args:
         mech: the mechanism, or what `mbdae.load` takes.
         q: joint values to start from by name, or a whole configuration (nq,); the model's start when left out.
         t: time in s.
         v: constant speeds by joint, in rad/s or m/s.
-        hold: joints that are held where they start; the torques that hold them are told.
+        hold: joints that are held where they start; the torques that hold them are reported.
         find: ``"stable"`` leaves saddles and maxima; ``"any"`` goes to the nearest equilibrium of any kind.
 
     Returns:

@@ -150,7 +150,7 @@ def load_path(
     Raises:
         EquilibriumError: where there is no equilibrium at the first factor.
         UnknownNameError: for a force that does not exist.
-        InputError: for a span that is none, or a mechanism without freedom.
+        InputError: for a span that is none, or a mechanism without a degree of freedom.
     """
     mech = mechanism_of(mech, "load_path")
     first, last = (float(x) for x in span)
@@ -163,7 +163,7 @@ def load_path(
     follow.statics.factor = first
     start = balanced(follow.statics, q0, "stable")[0]
     if not len(start.rho):
-        raise InputError(f"{mech.title!r} has no freedom left: nothing moves with the load")
+        raise InputError(f"{mech.title!r} has no degree of freedom left: nothing moves with the load")
     points, critical, complete = follow.run(start)
     bad = [curvature(p.here.H, p.here.noise).negative for p in points]
     factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.here.q for p in points])

@@ -48,7 +48,7 @@ class Verdict:
         k = len(self.squares)
         freedoms = f"{k} degree{'s' if k != 1 else ''} of freedom"
         return {
-            "rigid": "no freedom is left",
+            "rigid": "no degree of freedom is left",
             "singular": f"no verdict, the closures lose rank here ({freedoms} in this pose)",
             "stable": f"stable, {freedoms}",
             "neutral": f"neutral in {self.neutral} of {freedoms}, unstable in none",
@@ -69,9 +69,9 @@ def verdict(statics: Statics, here: ForceBalance) -> Verdict:
         return Verdict("singular", 0, 0, w, "stiffness")
     motion, bent = linearize_at(statics, here), curvature(here.H, here.noise)
     (k, m), C = (motion.positions.shape[1], motion.speeds.shape[1]), motion.damping
-    doubt = motion.noise[k : k + m, k : k + m]
+    bound = motion.noise[k : k + m, k : k + m]
     potential = symmetric(here.H, here.noise) and not len(here.s)
-    turns, dissipates = not symmetric(C, doubt), not curvature(C, doubt).negative
+    turns, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
     if potential and dissipates and (not turns or (bent.signs > 0).all()):
         return _judged(bent.negative, bent.flat, w, "stiffness")
     growing = spectrum(motion.A, motion.noise).growing

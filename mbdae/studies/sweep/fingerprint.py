@@ -15,7 +15,7 @@ Inner = Callable[[Any], Any]  # the fingerprint of what an object holds
 def fingerprint(x: Any, seen: tuple[int, ...] = ()) -> Any:
     """Return plain data for JSON that differs where functions do: in code, defaults, closures, partial arguments.
 
-    Objects are told apart by what pickle keeps of them, and by their kind alone where it refuses.
+    Objects are distinguished by their pickles, and by their type alone where they cannot be pickled.
     """
     if x is None or isinstance(x, bool | int | float | str):
         return x

@@ -71,7 +71,7 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
         if wanted.reduction is None and not timed:
             raise InputError(f"output {output!r} is kept at times: say which, or what of it, as in 'max {output}'")
     if len(set(outputs)) < len(outputs):
-        raise InputError(f"an output stands twice: {', '.join(map(label, outputs))}")
+        raise InputError(f"an output is given twice: {', '.join(map(label, outputs))}")
 
 
 def label(output: Output) -> str:

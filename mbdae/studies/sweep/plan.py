@@ -47,7 +47,7 @@ Parameters = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]] | Random
 
 
 class Task(NamedTuple):
-    """One run: its number, a seed of its own, and the values of its parameters."""
+    """One run: its number, its seed, and the values of its parameters."""
 
     run: int
     seed: int

@@ -54,7 +54,7 @@ class SweepFile:
             self._open(fresh)
 
     def _open(self, fresh: bool) -> None:
-        """Open the stream, read what stands in it, and cut off what is no whole batch."""
+        """Open the stream, read its batches, and cut off an incomplete one."""
         try:
             self._file = os.open(self.part, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as e:
@@ -88,7 +88,7 @@ class SweepFile:
         if other:
             self.close()
             raise InputError(
-                f"{self.path} holds another sweep, with other {' and '.join(other)}: name another file, or start afresh"
+                f"{self.path} holds another sweep, with other {' and '.join(other)}: name another file, or delete it"
             )
 
     def keep(self, row: Row) -> None:

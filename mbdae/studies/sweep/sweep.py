@@ -84,7 +84,7 @@ def sweep(
             ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table.
         times: number of equidistant times, or the times, at which signals are taken; ends of steps when left out.
         path: file of the table, ``.parquet``; takes pyarrow.
-        seed: each run has a seed of its own, from this one and its number; a model with a parameter ``seed`` gets it.
+        seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
         executor: ``"threads"``, ``"processes"`` or any executor of concurrent.futures: that of a Dask client
             (``client.get_executor()``) or of ``mpi4py.futures``. Threads when left out, if the compiled core is there.
         workers: number of threads or processes; one for each processor when left out.
@@ -175,7 +175,7 @@ def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], setti
 
 
 def _absolute_path(model: Model) -> str | Callable[..., Mechanism]:
-    """A path as other processes, which may stand in other folders, find it."""
+    """A path as other processes, which may run in other folders, find it."""
     if not isinstance(model, str | Path):
         return model
     plain, _ = split_name(str(model))

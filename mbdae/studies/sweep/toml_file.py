@@ -1,4 +1,4 @@
-"""A sweep as it stands in a TOML file.
+"""A sweep described by a TOML file.
 
     model = "slider_crank"                # a name, or a path beside this file
     end = 5.0
@@ -10,7 +10,7 @@
     [random.parameters]
     frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 1e-3 }
 
-Dotted names may be written as they are, or in quotes where they hold blanks or dots of their own.
+Dotted names may be written as they are, or in quotes where they contain blanks or dots.
 """
 
 import tomllib
@@ -38,7 +38,7 @@ class RandomTable(Table):
 
 
 class SweepTable(Table):
-    """Everything that may stand in the file of a sweep; see `mbdae.sweep`.
+    """All keys of the file of a sweep; see `mbdae.sweep`.
 
     Attributes:
         model: a name, or a path beside the file.
@@ -70,7 +70,7 @@ class SweepTable(Table):
 
 
 def read_sweep(path: str | Path) -> dict[str, Any]:
-    """Read a file and return the arguments of `mbdae.sweep` that it stands for.
+    """Read a file and return the arguments of `mbdae.sweep`.
 
     Raises:
         InputError: one line with the key, what is wrong with it, and the known keys.

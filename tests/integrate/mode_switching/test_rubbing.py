@@ -122,5 +122,5 @@ def test_a_drive_against_a_stop_has_no_impact_and_is_named():
     mech = Mechanism(model, drivers=[drive], stops=[mbdae.Stop(joint="x", upper=0.5, name="end")])
     sol = mbdae.solve(mech, (0, 1))
     assert sol.status == "impact"
-    assert sol.message.startswith("'end': closures keep what strikes from giving way, at t = 0.2")
+    assert sol.message.startswith("'end': closures block the relative velocity of the impact, at t = 0.2")
     assert sol.t[-1] == pytest.approx(0.25, abs=1e-12)

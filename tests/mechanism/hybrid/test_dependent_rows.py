@@ -37,5 +37,5 @@ def test_a_row_that_depends_on_kept_ones_changes_nothing(seed, scale):
 def test_bilateral_rows_that_push_into_a_stop_are_rejected():
     M, kept, b, weights, row, v = scene(3, 1.0)
     rows, c = np.array([weights @ kept, row]), np.array([weights @ b - 0.01, 0.0])
-    with pytest.raises(StepError, match="closures keep what strikes from giving way"):
+    with pytest.raises(StepError, match="closures block the relative velocity of the impact"):
         solve_impact(np.linalg.cholesky(M).T, kept, b, rows, c, np.zeros(2), v)

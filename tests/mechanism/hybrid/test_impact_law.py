@@ -93,7 +93,7 @@ def test_energy_never_grows_and_loops_stay_closed():
 
 def test_a_driver_that_pushes_into_a_stop_is_named():
     kept, b, rows = np.array([[1.0, 0]]), np.array([1.0]), np.array([[1.0, 0]])  # v_1 = -1, and v_1 >= 0
-    with pytest.raises(StepError, match="closures keep what strikes from giving way"):
+    with pytest.raises(StepError, match="closures block the relative velocity of the impact"):
         hit(np.eye(2), rows, np.array([-1.0, 0]), np.zeros(1), kept, b)
 
 

@@ -213,7 +213,7 @@ def test_closures_within_windows_carry_in_a_motion():
     of_run = inverse_dynamics(mech, sol, "crank").efforts[inside]
     moved = inverse_dynamics(mech, tuple(np.asarray(x)[inside] for x in (sol.t, sol.q, sol.v, sol.vdot)), "crank")
     np.testing.assert_allclose(moved.efforts, of_run, atol=1e-9)
-    with pytest.raises(InputError, match="'slot 1' is there within windows of 'crank' only"):
+    with pytest.raises(InputError, match="'slot 1' is active only in ranges of 'crank'"):
         kinematics(mech, "crank")
 
 

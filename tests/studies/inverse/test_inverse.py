@@ -150,7 +150,7 @@ def pendulum():
     ("mech", "motion", "actuators", "words"),
     [
         (pendulum, {"t": [0, 1, 2], "upper": [0, 0.1, 0.2], "lower": [0, 0.2, 0]}, "upper", "cannot bring"),
-        (pendulum, {"t": [0, 1, 2], "upper": [0, 0.1, 0.2]}, "upper", "1 freedoms are left"),
+        (pendulum, {"t": [0, 1, 2], "upper": [0, 0.1, 0.2]}, "upper", "move as in the table: 1; name more joints"),
         (pendulum, {"t": [0, 1, 2], "knee": [0, 0.1, 0.2]}, "upper", "unknown joint of one coordinate"),
         (pendulum, {"t": [0, 2, 1], "upper": [0, 1, 2]}, "upper", "must rise"),
         (pendulum, {"upper": [0, 1, 2]}, "upper", "has a column t"),

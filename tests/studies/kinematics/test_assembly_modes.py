@@ -140,18 +140,18 @@ def test_how_many_starts_agreed_is_said():
     assert rarest == min(m.hits for m in found.modes) >= 3
     assert closed >= 3 * np.log(3 / 0.01)  # one more mode as easy as these two would be missed in 1 of 100
     assert share == closed // 3  # with 95 % certainty
-    assert not found.doubts
+    assert not found.warnings
 
 
 def test_too_few_starts_are_said():
     found = assembly_modes(stephenson(), "lever", -2.7, most=4)
     assert found.starts == 4
-    assert "4 starts are too few" in found.doubts[0]
+    assert "4 starts are too few" in found.warnings[0]
     assert "doubtful: 4 starts are too few" in str(found)
 
 
 def test_a_circuit_that_is_not_closed_is_doubtful():
-    """A crank geared to a slider: it slides on without end."""
+    """A crank geared to a slider: it slides without bound."""
     model = pin.Model()
     bar(model, 0, (0, 0), 1.0, "crank")
     slide = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
@@ -159,7 +159,7 @@ def test_a_circuit_that_is_not_closed_is_doubtful():
     mech = Mechanism(model, [Closure.coupling("slide", "crank", (0.1, 0.3))])
     found = assembly_modes(mech, "crank", 0.5)
     assert [m.q[1] for m in found.modes] == pytest.approx([0.1 + 0.3 * 0.5])
-    assert found.doubts == ("circuit 1: it was not followed back to its first pose",)
+    assert found.warnings == ("circuit 1: it was not followed back to its first pose",)
 
 
 def test_a_missed_passage_of_the_input_is_doubtful(monkeypatch):
@@ -167,7 +167,7 @@ def test_a_missed_passage_of_the_input_is_doubtful(monkeypatch):
     whole = circuits._passages
     monkeypatch.setattr(circuits, "_passages", lambda curve, u: whole(curve, u)[:1])
     found = assembly_modes(mbdae.load("four_bar"), "rocker")
-    assert any("does not add up" in doubt for doubt in found.doubts)
+    assert any("does not add up" in warning for warning in found.warnings)
 
 
 def test_a_crank_that_turns_for_ever_closes_its_circuit_after_a_turn():
@@ -175,7 +175,7 @@ def test_a_crank_that_turns_for_ever_closes_its_circuit_after_a_turn():
     linkage = four_bar((2.0, 1.8, 2.2, 1.0), {"q": {"crank": 1.0}, "guess": {"coupler": -2.0, "rocker": 1.5}})
     found = assembly_modes(linkage, "crank")
     assert [m.label for m in found.modes] == ["1a", "2a"]
-    assert found.doubts == ()
+    assert found.warnings == ()
     assert all(m.rising for m in found.modes)
 
 
@@ -187,18 +187,18 @@ def test_a_coupling_that_counts_turns_has_one_mode():
     mech = Mechanism(model, [Closure.coupling("large", "small", (0.0, 3.0))], start=Start(q={"large": 0.3}))
     found = assembly_modes(mech, "large")
     np.testing.assert_allclose([m.q for m in found.modes], [[0.3, 0.1]], atol=1e-12)
-    assert found.doubts == ()
+    assert found.warnings == ()
 
 
 def test_a_parallelogram_has_a_mode_on_each_of_its_branches():
     found = assembly_modes(parallelogram(), "crank")
     assert len(found.modes) == 2
-    assert found.doubts == ()
+    assert found.warnings == ()
 
 
 def test_poses_that_are_not_isolated_end_the_search():
     """A parallelogram is in line at crank = 0, and its rocker rotates about the crank's tip while the crank rests."""
     found = assembly_modes("n_four_bar", "crank_0", 0.0)
-    assert found.doubts == ("poses are not isolated: with the input held, something still moves",)
+    assert found.warnings == ("poses are not isolated: with the input held, something still moves",)
     assert found.starts < 200
     assert all(m.margin < 1e-9 for m in found.modes)

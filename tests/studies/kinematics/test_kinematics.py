@@ -207,7 +207,7 @@ def test_a_table_is_written(tmp_path):
 @pytest.mark.parametrize(
     ("model", "arguments", "words"),
     [
-        ("four_bar", {"drive": "crank", "hold": "rocker"}, "no freedom is left for 'crank'"),
+        ("four_bar", {"drive": "crank", "hold": "rocker"}, "no degree of freedom is left for 'crank'"),
         ("stewart_platform", {"drive": "piston_1"}, "hold 5 of them besides 'piston_1', for instance piston_2"),
         ("stewart_platform", {"drive": "platform"}, "'platform' has 6 coordinates"),
         ("four_bar", {"drive": "crank", "hold": "crank"}, "'crank' is driven: it cannot be held too"),
@@ -227,7 +227,7 @@ def test_a_drive_that_cannot_move():
     mech = mbdae.load("four_bar")
     q = mech.start[0]
     both = mbdae.load("four_bar", closures=[Closure.coupling("crank", "rocker", (q[0] - q[2], 1.0))])
-    with pytest.raises(InputError, match="no freedom is left"):
+    with pytest.raises(InputError, match="no degree of freedom is left"):
         kinematics(both, "crank")
     model = pin.Model()
     bar(model, 0, (0, 0), 1.0, "pinned")
@@ -256,7 +256,7 @@ def test_what_slides_away_is_named(monkeypatch):
     """Upright on the axle, the left wheel goes to infinity where the road comes to the height of the axle's length."""
     mech, seen, step = mbdae.load("car_axis"), [], PoseCurve._step
     monkeypatch.setattr(PoseCurve, "_step", lambda *given: seen.append(given) or step(*given))
-    with pytest.raises(StepError, match=r"'left_x' slides on without end as 'road' comes to 1: give a span that ends"):
+    with pytest.raises(StepError, match=r"'left_x' slides without bound as 'road' comes to 1: give a span that ends"):
         mbdae.kinematics(mech, "road", hold=["left", "right"])
     assert len(seen) < 500, "a hundred lengths in steps of 0.4"
     curve = mbdae.kinematics(mech, "road", hold=["left", "right"], span=(0.0, 0.9), points=10)

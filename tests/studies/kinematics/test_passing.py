@@ -104,7 +104,7 @@ def test_contacts_that_open_are_open():
     found = kinematics(mech, "up", span=(1.0, -1.0), hold=["across", "head", "middle", "tail"])
     nose = next(p for p in found.passed if p.name == "nose")
     np.testing.assert_allclose(nose[1:4], (0.0, -1.0, 1.0), atol=1e-12)
-    with pytest.raises(InputError, match=r"5 freedoms are left \(open: nose, first hinge, .*\): hold 4 of them"):
+    with pytest.raises(InputError, match=r"5 degrees of freedom are left \(open: nose, first hinge, .*\): hold 4"):
         kinematics(mech, "up")
 
 

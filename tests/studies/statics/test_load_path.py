@@ -100,7 +100,7 @@ def test_a_path_cannot_begin_where_anything_is_an_equilibrium(name):
 def test_an_unbounded_slider_needs_a_range():
     """Below its snapping load the toggle has three equilibria; 0.2 of 100 N is z (1 / l - 1 / L0) = 0.2."""
     mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, -20.0]})
-    with pytest.raises(InputError, match="'pin' slides on without end"):
+    with pytest.raises(InputError, match="'pin' slides without bound"):
         mbdae.equilibria(mech, "pin")
     found = mbdae.equilibria(mech, "pin", span=(-1.0, 1.0))
     assert [e.stability for e in found] == ["stable", "unstable", "stable"]
