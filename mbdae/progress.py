@@ -52,14 +52,14 @@ def _in_notebook(label: str) -> Iterator[Tell]:
     from IPython.display import HTML, display
 
     place = display(HTML(_bar(label, None)), display_id=True)
-    text, looked = label, monotonic()
+    text, checked = label, monotonic()
 
     def tell(what: Any, name: str | None = None) -> None:
-        nonlocal text, looked
+        nonlocal text, checked
         said, done = _read(what, name)
         text = text if said is None else said
-        if monotonic() - looked >= OFTEN:
-            looked = monotonic()
+        if monotonic() - checked >= OFTEN:
+            checked = monotonic()
             place.update(HTML(_bar(text, done)))
 
     try:

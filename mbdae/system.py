@@ -171,7 +171,7 @@ class System(Protocol):
     def add(self, y: Array, x: Array) -> Array:
         """Return y (+) x, (n,)."""
 
-    def lost(self, y0: Array, x: Array, y1: Array) -> Array:
+    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:
         """Return the rounding error of x (ny,) in y1 = y0 (+) x (n,), (ny,); zero where the tangent is curved."""
 
     def difference(self, y0: Array, y1: Array) -> Array:
@@ -189,10 +189,10 @@ class System(Protocol):
         """The constraint rows in use, if some are redundant."""
         return ()
 
-    def hold(self, rows: tuple[int, ...]) -> None:
-        """Use these rows from now on, until `settle` selects others."""
+    def use_rows(self, rows: tuple[int, ...]) -> None:
+        """Use these rows from now on, until `update_independent_rows` selects others."""
 
-    def settle(self, t: float, state: State) -> State:
+    def update_independent_rows(self, t: float, state: State) -> State:
         """Select the rows in use of the next step, and return the state projected onto them."""
         return state
 

@@ -72,7 +72,7 @@ def retraced(trace, mech):
     for i, h in enumerate(np.diff(t)):
         rows = next((r for first, r in reversed(trace.sol.in_use) if first <= i), None)
         if rows:
-            system.hold(rows)
+            system.use_rows(rows)
         parts = (h / 2, h / 2) if trace.controlled and not tableau.b_embedded else (h,)
         at = t[i]
         for part in parts:

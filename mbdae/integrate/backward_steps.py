@@ -51,7 +51,7 @@ class BackwardStepper:
         """
         run, tableau = self.run, method(DEFAULTS["method"])
         system = run.system.new_workspace()
-        system.hold(run.system.in_use)
+        system.use_rows(run.system.in_use)
         ts, ys, rates = [run.t], [run.ys[-1]], []
         for t in times.tolist():
             ahead = Jumps(system, (), t, -run.sign)

@@ -109,7 +109,7 @@ class EventDetector:
         for signal in self.signals.values():
             signal.begin(t, y)
 
-    def strike(self) -> None:
+    def restart_after_impact(self) -> None:
         """Begin the next step after an impact, at the time where the last one ended."""
         self._seen = np.nan
 
@@ -121,9 +121,9 @@ class EventDetector:
         modes = [] if named or others or self.by_signal else ["modes switch in Python"]
         return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
 
-    def plain(self) -> list[Any]:
+    def core_data(self) -> list[Any]:
         """Return core data of the signals."""
-        return [(s.signal.plain(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
+        return [(s.signal.core_data(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
 
     def adopt_native(self, native: Any) -> None:
         """Take over events found by the core, and its current values."""
@@ -177,8 +177,8 @@ class EventDetector:
 
         for theta1 in SAMPLES:
             g1 = value(theta1)
-            rising = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
-            if event.direction * rising >= 0:
+            sense = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
+            if event.direction * sense >= 0:
                 if g0 == 0 and theta0 == 0 and g1 != 0 and step.t == self.start[0]:
                     zeros.append(0.0)
                 elif g0 * g1 < 0:

@@ -9,7 +9,8 @@ needed: a singular configuration, an event function, a progress report;
 4. at the end of a smooth interval, restart after the jump, if the core has not.
 
 On both back ends, each step is proposed, taken, compared with the tolerance, projected onto the closures if the run
-projects, and accepted or rejected; then the rows of the next one are chosen (`mbdae.system.System.settle`).
+projects, and accepted or rejected; then the rows of the next one are chosen
+(`mbdae.system.System.update_independent_rows`).
 """
 
 from collections.abc import Callable
@@ -92,7 +93,7 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         if len(run.ts) == before or reject_unresolved_step(run, began):
             continue
         if run.stiffness:
-            run.stiffness.look(run)
+            run.stiffness.check(run)
         if events.stopped:
             drop_later_events(run)
             return True

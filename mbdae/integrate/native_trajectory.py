@@ -67,7 +67,7 @@ class NativeTrajectory:
         """
         kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
         last, j = min(len(self.trace.ts) - 1 - ends, (i // kept + 1) * kept), i
-        while j < last and self.plain(j) and not (j > i and self.trace.renewed[j]):
+        while j < last and self.is_plain_step(j) and not (j > i and self.trace.renewed[j]):
             j += 1
         return j
 
@@ -75,11 +75,11 @@ class NativeTrajectory:
         """Return the first node from which only steps lead to node i; i itself if there is none."""
         kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
         first, j = (i - 1) // kept * kept, i
-        while j > max(0, first) and self.plain(j - 1) and not (j < i and self.trace.renewed[j]):
+        while j > max(0, first) and self.is_plain_step(j - 1) and not (j < i and self.trace.renewed[j]):
             j -= 1
         return j
 
-    def plain(self, i: int) -> bool:
+    def is_plain_step(self, i: int) -> bool:
         """Return whether node i leads to the next by a step of the core, apart from a restarted carry."""
         return not (self.trace.jumped[i] or i + 1 in self.trace.changes or i in self.blocked)
 
@@ -88,7 +88,7 @@ class NativeTrajectory:
         trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
         if trace.checkpoints:
             carries[:-1] = trace.checkpoints.carried(i, j)
-        trace.hold(i)
+        trace.enter_node(i)
         return NodeRange(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
 
     def short(self, i: int, t: float) -> NodeRange:
@@ -97,7 +97,7 @@ class NativeTrajectory:
         _, ts, ys, carries = self.nodes(i, i + 1 if i + 1 < len(trace.ts) else i)
         return NodeRange(range(i, i + 1), np.array([ts[0], t]), np.array([ys[0], ys[0]]), np.array([carries[0]] * 2))
 
-    def walk(self, i: int, j: int, state: State, near: tuple[float, float]) -> RecomputedStates | None:
+    def recompute(self, i: int, j: int, state: State, near: tuple[float, float]) -> RecomputedStates | None:
         """Recompute states from node i to j, or as far as only steps lead there.
 
         Only the last point is the recomputed one; before it those of the run are used.
@@ -106,10 +106,10 @@ class NativeTrajectory:
         if j == i:
             return None
         trace = self.trace
-        trace.hold(i)
+        trace.enter_node(i)
         ts, ys = np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1])
         ys[0] = state.y
-        found = self.core.walk(self.method, trace.halved, self.run, ts, ys, state.carry, *near)
+        found = self.core.recompute(self.method, trace.halved, self.run, ts, ys, state.carry, *near)
         found = self._tried(range(i, j), found)
         if found is None:
             return None

@@ -51,7 +51,7 @@ class Passages:
             self._workspace = self.system.new_workspace()
         self._workspace.enter(self.system.mode)
         if self._workspace.in_use != self.system.in_use:
-            self._workspace.hold(self.system.in_use)
+            self._workspace.use_rows(self.system.in_use)
         return self._workspace
 
     def _ratio(self, t: float, y: Array) -> float:

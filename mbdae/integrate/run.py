@@ -70,13 +70,13 @@ class RunState:
         """Determine rank and rows with closed loops; the start itself is projected if the run projects."""
         with suppress(StepError):
             closed = self.system.restore(self.t, y)
-            self.system.settle(self.t, State(closed))
+            self.system.update_independent_rows(self.t, State(closed))
             self.system.counts.state_projections = 0  # only those of steps are counted
             return closed if self.project else y
         return y
 
     def _begin_at(self, y: Array, restarted: bool = False) -> None:
-        y = self.ys[-1] = self.system.settle(self.t, State(y)).y
+        y = self.ys[-1] = self.system.update_independent_rows(self.t, State(y)).y
         self._note(restarted)
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
@@ -108,7 +108,7 @@ class RunState:
         self.ts.append(self.t)
         self._begin_at(y, restarted=True)
         self.stepper.restart()
-        self.events.strike()
+        self.events.restart_after_impact()
         self.behind_jump()
         if self.singular:
             self.singular.refuse_beginning(self.t, self.ys[-1])
@@ -144,7 +144,7 @@ class RunState:
         self.ys.append(step.state.y)
         self.ts.append(t)
         try:
-            self.state = self.system.settle(t, step.state)
+            self.state = self.system.update_independent_rows(t, step.state)
         except StepError:  # in a singular configuration, where no step can begin
             del self.ts[-1:], self.ys[-1:], self.zs[-1:]
             raise
@@ -196,7 +196,7 @@ class RunState:
         del self.ts[-1:], self.ys[-1:], self.zs[-1:]
         self.t, self.state = self.ts[-1], state
         self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
-        self.system.hold(self.in_use[-1][1])
+        self.system.use_rows(self.in_use[-1][1])
 
     def record(self) -> Solution:
         """Return the run so far as a solution that shares the lists: its dense output serves event detection."""

@@ -67,7 +67,7 @@ class StepMap:
         run.t, run.state = self.t, self.start or State(self.y)
         try:
             if before != rows:
-                system.hold(before)
+                system.use_rows(before)
             if run.singular:
                 run.singular.begin_step()
             step = run.stepper.take(run, theta * self.h)
@@ -77,4 +77,4 @@ class StepMap:
         finally:
             run.t, run.state = now
             if before != rows:
-                system.hold(rows)
+                system.use_rows(rows)

@@ -70,7 +70,7 @@ class StiffnessDetector:
         """Restart the window at node ``first``, after a jump."""
         self.next = max(self.next, first + WINDOW)
 
-    def look(self, run: "RunState") -> None:
+    def check(self, run: "RunState") -> None:
         """Check the steps since the last check; the first stiff one causes a warning."""
         while not self.found and self.next < len(run.ts):
             n = self.next

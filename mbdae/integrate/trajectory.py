@@ -73,7 +73,7 @@ class Trajectory:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
         given: the first point before controllers, modes and projections changed it.
-        system: a workspace, shared by runs with the same parameters: each `hold` prepares it for this run.
+        system: a workspace, shared by runs with the same parameters: each `enter_node` prepares it for this run.
         sensitivity: discrete sensitivity of the maps.
         n_carry: length of the carry.
         core: many steps at once in the compiled core, if supported.
@@ -117,17 +117,17 @@ class Trajectory:
             self.checkpoints = RecordedStates(self.ys, sol.carried[0])
             self.renewed[sol.carried[1]] = True
         elif self.n_carry:
-            self.hold(0)
+            self.enter_node(0)
             self.checkpoints = Checkpoints(
-                len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._walk
+                len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._recompute
             )
 
-    def hold(self, i: int) -> None:
+    def enter_node(self, i: int) -> None:
         """Use the rows that were in use at node i."""
         self._enter(self.sensitivity.parameters)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
-            self.system.hold(rows)
+            self.system.use_rows(rows)
 
     def _enter(self, parameters: Parameters) -> None:
         """Enter the mode of the run in the workspaces."""
@@ -141,14 +141,14 @@ class Trajectory:
 
     def start(self) -> Iterator[TrajectoryPart]:
         """Yield the maps from a given start to the first node."""
-        self.hold(0)
+        self.enter_node(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
             yield LinearMap(self.sensitivity.jumped(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
-            y, struck = self.at_start("struck", lambda: self.sensitivity.struck(t, y))
-            yield LinearMap(struck, False)
+            y, impact = self.at_start("initial impact", lambda: self.sensitivity.initial_impact(t, y))
+            yield LinearMap(impact, False)
         if self.project:
             yield LinearMap(self.at_start("restored", lambda: self.sensitivity.restored(t, y)), False)
         if self.project and (y != self.ys[0]).any():  # runs from a perturbed start may take another Gauss-Newton step
@@ -164,7 +164,7 @@ class Trajectory:
 
     def parts(self, i: int) -> Iterator[TrajectoryPart]:
         """Yield the maps from node i to the next one, each with its partial derivatives."""
-        self.hold(i)
+        self.enter_node(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
         if self.jumped[i]:
             yield LinearMap(self.sensitivity.jumped(t1, y), False)
@@ -179,22 +179,22 @@ class Trajectory:
                 if self.renewed[i + 1]:
                     yield from self._renewal(t1, y)
         if i + 1 in self.changes:
-            self.hold(i + 1)
-            yield LinearMap(self.sensitivity.settled(t1, y), False)
+            self.enter_node(i + 1)
+            yield LinearMap(self.sensitivity.row_update(t1, y), False)
         if i + 1 in self.changes or self.jumped[i]:
             yield from self._renewal(t1, y1)
 
     def carry_restart_parts(self, i: int) -> Iterator[TrajectoryPart]:
         """Yield the maps after a step to node i and its projection, which restart the carry."""
         if self.renewed[i]:
-            self.hold(i)
+            self.enter_node(i)
             yield from self._renewal(float(self.ts[i]), self.ys[i])
 
     def steps(self, i: int, h: float) -> list[StepSensitivityPart]:
         """Return the step of size h from node i; two half steps if the method has no error estimate."""
         t, state = float(self.ts[i]), self.state(i)
         at = self.system, self.sensitivity
-        self.hold(i)  # recomputing a segment may have changed them
+        self.enter_node(i)  # recomputing a segment may have changed them
         try:
             if not self.halved:
                 return [self.tableau.sensitivity(*at, t, h, state)]
@@ -214,7 +214,7 @@ class Trajectory:
     def between(self, i: int, t: float) -> Array:
         """Return the point (n,) after a shorter step from node i."""
         start = self.state(i)
-        self.hold(i)
+        self.enter_node(i)
         y = self._taken(float(self.ts[i]), t - float(self.ts[i]), start).y
         return self.system.restore(t, y) if self.project else y
 
@@ -227,11 +227,11 @@ class Trajectory:
         if self.n_carry:
             yield LinearMap(self.sensitivity.renewed(t, y), True)
 
-    def _walk(self, i: int, j: int, state: State) -> list[State]:
+    def _recompute(self, i: int, j: int, state: State) -> list[State]:
         """Return the states at nodes i, ..., j."""
         states = [state]
         while i < j:
-            if self.core and (found := self.core.walk(i, j, states[-1], (REPEATED, SYNCHRONOUS))):
+            if self.core and (found := self.core.recompute(i, j, states[-1], (REPEATED, SYNCHRONOUS))):
                 states += found.states
                 self.renewed[i + 1 : i + 1 + len(found.states)] = found.renewed
                 i += len(found.states)
@@ -248,7 +248,7 @@ class Trajectory:
         Points and carries are recomputed together, as in the run: in stiff runs, rounding errors that only one of them
         contains would grow from step to step.
         """
-        self.hold(i)
+        self.enter_node(i)
         y1 = self.ys[i + 1]
         if not self.jumped[i]:
             state, self.renewed[i + 1] = self._repeat(i, state)
@@ -258,7 +258,7 @@ class Trajectory:
             if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
                 state = State(y1, state.carry)
         if self.jumped[i] or i + 1 in self.changes:
-            self.hold(i + 1)
+            self.enter_node(i + 1)
             return State(y1, self._restarted_carry(i + 1, y1))
         return state
 

@@ -37,10 +37,10 @@ def effort_units(mech: "Mechanism") -> dict[str, str]:
         elif isinstance(law, PairElement):
             out |= {f"{word}.{name}{end}": unit for unit, word in WORDS.items() for end in ("", ".x", ".y", ".z")}
         else:
-            acts = law.acts(len(along))
-            for i in acts:
+            acting = law.acting_components(len(along))
+            for i in acting:
                 end, unit = along[i]
-                out[f"{WORDS[unit]}.{name}" + (f".{end}" if len(acts) > 1 else "")] = unit
+                out[f"{WORDS[unit]}.{name}" + (f".{end}" if len(acting) > 1 else "")] = unit
         out[f"power.{name}"] = "W"
         for i, end in law.deflections:
             coordinate, unit = along[i] if i >= 0 else ("", "N m" if end.startswith("r") else "N")
@@ -88,9 +88,9 @@ def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
 def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:
     """Return the forces and torques of a law, in the order of their names."""
     if not isinstance(law, PairElement):
-        return [float(tau[i]) for i in law.acts(len(tau))]
+        return [float(tau[i]) for i in law.acting_components(len(tau))]
     law.pair.locate()
-    wrench = sum((part.F for part in law.turning(t, law.pair.relative(v))), np.zeros(6))
+    wrench = sum((part.F for part in law.wrench_partials(t, law.pair.relative(v))), np.zeros(6))
     force = wrench[:3]
     if law.tension:
         return [-float(force @ unit_gap(law.pair)[1])]

@@ -53,8 +53,8 @@ def joint_wrenches(
         for law, _ in system.laws.bound:
             if isinstance(law, PairElement):
                 law.pair.locate()
-                for turning in law.turning(t, law.pair.relative(v)):
-                    _add(outer, law.pair, turning.F)
+                for term in law.wrench_partials(t, law.pair.relative(v)):
+                    _add(outer, law.pair, term.F)
     forces = pin.StdVec_Force()
     for place, wrench in zip(data.oMi, outer, strict=True):
         forces.append(place.actInv(pin.Force(wrench)))

@@ -83,7 +83,7 @@ class PiecewisePolynomial:
         all_of = (t + k * self.period for k in range(first, last + 1) for t in self.starts)
         return [t for t in all_of if low < t < high]
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Core data."""
         rows = self._derivatives[0]
         numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}

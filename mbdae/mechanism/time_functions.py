@@ -58,7 +58,7 @@ class _TimeFunction(Table):
         return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
 
     @abstractmethod
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Core data."""
 
 
@@ -87,8 +87,8 @@ class _Piecewise(_TimeFunction):
     def derivative(self, t: float, k: int = 0) -> float:
         return self.pieces.derivative(t, k)
 
-    def plain(self) -> dict[str, Any]:
-        return self.pieces.plain()
+    def core_data(self) -> dict[str, Any]:
+        return self.pieces.core_data()
 
 
 class Constant(_Piecewise):
@@ -136,7 +136,7 @@ class Harmonic(_TimeFunction):
         value = self.amplitude * sin(angle)
         return value * (self.omega, self.omega * self.omega)[k - 1] if k else value + self.offset
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "harmonic", "a": [self.amplitude, self.omega, self.phase, self.offset]}
 
 
@@ -270,7 +270,7 @@ class Function(_TimeFunction):
     def known(self, k: int) -> bool:  # noqa: D102
         return (self.function, self.rate, self.acceleration)[k] is not None
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": self.at}
 
 

@@ -95,7 +95,7 @@ def collocation_step(
     x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
-    return Step(State(y, found, system.lost(state.y, x, y)), own, errors)
+    return Step(State(y, found, system.rounding_loss(state.y, x, y)), own, errors)
 
 
 def repeated_step(

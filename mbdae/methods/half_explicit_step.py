@@ -40,7 +40,7 @@ def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: f
     errors = h * a.e.dot(F)
     if tableau.project_embedded:
         errors = np.array([chart.project(e) for e in errors])
-    return Step(State(y, carry, system.lost(state.y, x, y)), chart.all_multipliers(z), errors)
+    return Step(State(y, carry, system.rounding_loss(state.y, x, y)), chart.all_multipliers(z), errors)
 
 
 def step_doubling(

@@ -177,8 +177,8 @@ def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:
         angle[i + 1] = _near(angle[i + 1], angle[i] + move)
     if sol.steps is None:
         return angle
-    rising = slice(None) if len(ts) < 2 or ts[-1] > ts[0] else slice(None, None, -1)
-    guess = np.interp(sol.t, ts[rising], angle[rising])
+    ascending = slice(None) if len(ts) < 2 or ts[-1] > ts[0] else slice(None, None, -1)
+    guess = np.interp(sol.t, ts[ascending], angle[ascending])
     return _near(np.arctan2(sol.q[:, iq + 1], sol.q[:, iq]), guess)
 
 

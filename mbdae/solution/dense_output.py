@@ -41,7 +41,7 @@ class DenseOutput:
         if self.modes:
             self.system.enter(self.mode(i))
         if rows and (not self.system.held or rows != self.system.in_use):
-            self.system.hold(rows)
+            self.system.use_rows(rows)
         return self.system
 
     def mode(self, i: int) -> tuple[int, ...]:

@@ -19,7 +19,7 @@ def _opening(mech: "Mechanism") -> list[Unilateral]:
 
 
 def _impact_switches(mech: "Mechanism") -> list[Switch]:
-    return [s for s in mech.switches if s.struck]
+    return [s for s in mech.switches if s.takes_impulse]
 
 
 def mode_units(mech: "Mechanism") -> dict[str, str]:

@@ -46,7 +46,7 @@ class SignalValue(NamedTuple):
         """Whether the core supports it."""
         return self.kind not in IN_PYTHON
 
-    def plain(self) -> tuple[str, int, int, list[int]]:
+    def core_data(self) -> tuple[str, int, int, list[int]]:
         """Core data."""
         return self.kind, self.i, self.rate, list(self.rows)
 

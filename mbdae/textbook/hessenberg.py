@@ -12,7 +12,7 @@ from ..system import Array, Counts, System
 from .implicit import HessenbergStages
 
 Function = Callable[..., Array]
-REMEMBERED = 8
+CACHED = 8
 START = 1e-6  # of 1 + |y|: largest violation of 0 = g at the start
 
 
@@ -110,7 +110,7 @@ class HessenbergSystem(System):
         """Store z at y, and keep it at a few points before."""
         self._roots.pop(y.tobytes(), None)
         self._roots[y.tobytes()] = z
-        if len(self._roots) > REMEMBERED:
+        if len(self._roots) > CACHED:
             del self._roots[next(iter(self._roots))]
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:  # noqa: D102
@@ -127,13 +127,13 @@ class HessenbergSystem(System):
     def add(self, y: Array, x: Array) -> Array:  # noqa: D102
         return y + x
 
-    def lost(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
         return x - (y1 - y0)
 
     def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
         return y1 - y0
 
-    def hold(self, rows: tuple[int, ...]) -> None:
+    def use_rows(self, rows: tuple[int, ...]) -> None:
         """Always solves for all constraints."""
 
     def size(self, y: Array) -> Array:  # noqa: D102

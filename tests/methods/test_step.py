@@ -48,7 +48,7 @@ class Probe(System):
     def project(self, e):
         return 2 * e
 
-    def lost(self, y0, x, y1):
+    def rounding_loss(self, y0, x, y1):
         return None
 
 
@@ -188,7 +188,7 @@ class Sum(Probe):
     def stage(self, t, x, that, xhat, factor):
         return np.ones(self.ny), np.zeros(1)
 
-    def lost(self, y0, x, y1):
+    def rounding_loss(self, y0, x, y1):
         return x - (y1 - y0)
 
     def difference(self, y0, y1):
@@ -240,13 +240,14 @@ def test_the_rounding_error_of_a_sum_is_computed_exactly():
     x = 0.3 * np.finfo(float).eps
     for system in (hessenberg_a().system(), one_body(pin.JointModelPX()).system()):
         y = np.ones(system.ny)
-        np.testing.assert_array_equal(system.lost(y, np.full(system.ny, x), y), x)
+        np.testing.assert_array_equal(system.rounding_loss(y, np.full(system.ny, x), y), x)
     turned = one_body(pin.JointModelSpherical()).system()
     y = np.ones(turned.nq + turned.ny - turned.nv)
-    np.testing.assert_array_equal(turned.lost(y, np.full(turned.ny, x), y), np.repeat([0, x], [3, turned.ny - 3]))
+    loss = turned.rounding_loss(y, np.full(turned.ny, x), y)
+    np.testing.assert_array_equal(loss, np.repeat([0, x], [3, turned.ny - 3]))
     angle = one_body(pin.JointModelRUBZ()).system()  # two coordinates, and one in the tangent
     y = np.ones(angle.nq + angle.ny - angle.nv)
-    np.testing.assert_array_equal(angle.lost(y, np.full(angle.ny, x), y), np.repeat([0, x], [1, angle.ny - 1]))
+    np.testing.assert_array_equal(angle.rounding_loss(y, np.full(angle.ny, x), y), np.repeat([0, x], [1, angle.ny - 1]))
 
 
 @pytest.mark.usefixtures("back_end")

@@ -121,7 +121,7 @@ def test_jansen_walks_as_published():
 def test_jansen_is_driven(legs):
     mech = mbdae.load("jansen_walker", legs=legs)
     card = mbdae.info(mech)
-    assert (card.nv, card.ng, card.freedom) == (6 * legs + 1, 9 * legs + 1, 0)
+    assert (card.nv, card.ng, card.dof) == (6 * legs + 1, 9 * legs + 1, 0)
     assert card.g_loaded < 1e-12
     mass = sum(mech.model.inertias[i].mass for i in range(1, mech.model.njoints))
     assert mass == pytest.approx(

@@ -267,7 +267,7 @@ def test_the_core_satisfies_the_constraint_at_the_points_of_the_tableau(name):
         return float(len(seen) == 2 * (stage - first) + 1)
 
     system = slide(drivers=[Driver.function("slide", lambda t: 0.0, speed, lambda t: 0.0)])
-    system.hold((0,))
+    system.use_rows((0,))
     slopes = np.zeros((n, n))  # of stage i, for a speed of 1 at stage k alone, or the first derivative
     for stage in range(n):
         carry = np.array([float(stage == 0), 0.0]) if first else None

@@ -71,7 +71,7 @@ def test_a_core_does_one_thing_at_a_time():
 
     inside = False
     system = mbdae.load("four_bar", forces=[law]).system(native=backend.load())
-    system.hold((0, 2))
+    system.use_rows((0, 2))
     assert system.core.derivative(0.0, system.mechanism.point()) is None
     inside = True
     assert system.core.derivative(0.0, system.mechanism.point())
@@ -117,7 +117,7 @@ def test_what_is_missing_is_named():
 
 
 def test_rows_that_the_core_lacks_run_in_python(monkeypatch):
-    monkeypatch.setattr(DotProduct2, "plain", FrameRows.plain)
+    monkeypatch.setattr(DotProduct2, "core_data", FrameRows.core_data)
     sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.1))
     assert (sol.stats["backend"], sol.stats["fallback"]) == ("python", "rows of kind DotProduct2")
 

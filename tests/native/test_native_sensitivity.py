@@ -75,14 +75,15 @@ def test_steps_that_cannot_be_taken(system):
     nodes[5][0, 0] = np.nan
     assert system.core.tangent(*nodes, np.ones(shape), np.empty((3, 0))) is None
     run = backend.load().Run()
-    assert system.core.walk(nodes[1], False, run, nodes[4], nodes[5], nodes[6][0], 1e-7, 1e-10) is None
+    assert system.core.recompute(nodes[1], False, run, nodes[4], nodes[5], nodes[6][0], 1e-7, 1e-10) is None
 
 
 def test_steps_of_another_run_are_seen(system):
     nodes, _ = given(system)
     run = backend.load().Run()
     nodes[5][1, 0] += 0.1
-    carries, renewed, steps, _ = system.core.walk(nodes[1], False, run, nodes[4], nodes[5], nodes[6][0], 1e-7, 1e-10)
+    segment = nodes[1], False, run, nodes[4], nodes[5], nodes[6][0]
+    carries, renewed, steps, _ = system.core.recompute(*segment, 1e-7, 1e-10)
     assert steps == 0
     assert carries.shape == nodes[6].shape
     assert renewed == [0, 0, 0]

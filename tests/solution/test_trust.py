@@ -150,7 +150,7 @@ def test_rank_is_one_of_geometry_and_not_of_masses(tmp_path):
         path = tmp_path / "mechanism.py"
         path.write_text(f"def mechanism() -> dict:\n    return {light_links(inertia)!r}\n")
         mech = mbdae.load(path)
-        assert mbdae.info(mech).freedom == 1
+        assert mbdae.info(mech).dof == 1
         sol = mbdae.solve(mech, (0, 1), rtol=1e-8)
         assert sol.success
         assert mbdae.drift(sol).g_max < 1e-12

@@ -135,18 +135,18 @@ def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> flo
     divided by the share, which leaves its mean rate.
     """
     f0, guard, h = followed.value(at(0.0)), followed.guard, abs(step.h)
-    struck = f0 <= followed.band
+    on_guard = f0 <= followed.band
     sharp = _sharp(step)
     if guard.rate is not None:
         r0 = guard.rate(at(0.0))
         theta = _cubic_zero(max(f0, 0.0), followed.value(at(high)), high * h * r0, high * h * guard.rate(at(high)))
         theta, nearest, best = theta * high, 0.0, np.inf
         for _ in range(NEWTON):
-            if not (ROOT * high if struck else 0.0) < theta < high:
+            if not (ROOT * high if on_guard else 0.0) < theta < high:
                 break
             f, derivative = followed.value(at(theta)), h * guard.rate(at(theta))
             if not derivative < 0 or not abs(f) < best:
-                if best <= followed.band and not struck:
+                if best <= followed.band and not on_guard:
                     return nearest
                 break
             nearest, best, move = theta, abs(f), f / derivative
@@ -154,14 +154,14 @@ def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> flo
                 return theta
             theta -= move
     low = 0.0
-    if struck:
+    if on_guard:
         low = next((high / 2**k for k in range(1, HALVINGS) if followed.value(at(high / 2**k)) > 0), 0.0)
         if not low:
             return 0.0
 
     def value(theta: float) -> float:
         f = followed.value(at(theta)) if theta else f0
-        return f / theta if struck else f
+        return f / theta if on_guard else f
 
     return float(brentq(value, low, high, xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
 

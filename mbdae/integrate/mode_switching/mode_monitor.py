@@ -43,7 +43,7 @@ class ModeMonitor:
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
         self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
-        self.struck: dict[int, float] = {}  # time of the last impact of each switch
+        self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
@@ -84,14 +84,14 @@ class ModeMonitor:
         return [s.name for s, gap in self._gaps(self.transition.point(t, y)) if abs(gap) <= near]
 
     def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
-        recent = {i for i, when in self.struck.items() if abs(at.t - when) < self.switches[i].rest}
+        recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
         y, impact = self.transition.resolve_impact(at, recent)
         if impact:
             self.impacts.append(impact)
-            self.struck |= {s.at: at.t for s in self.switches if s.name in impact.where}
+            self.last_impact |= {s.at: at.t for s in self.switches if s.name in impact.where}
         return y, self.transition.choice(run, at.t, y, opened)
 
-    def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
+    def check(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards; 2 and none if it does not end."""
         at = self._points(step)
         fixed = run.stepper.any_size and not run.stepper.controls

@@ -42,7 +42,7 @@ def later(run: "RunState", at: "ModePoint") -> Later:
         system.enter(mode)
         try:
             h = share * (run.ahead.leg(at.t).stop - at.t)
-            start = system.settle(at.t, State(at.y)).y
+            start = system.update_independent_rows(at.t, State(at.y)).y
             carry = system.carry(*system.derivative(at.t, start))
             end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
             point = type(at)(system, at.all_rows, at.t + h, end)

@@ -34,7 +34,7 @@ def truncate_at_guard(run: "RunState", start: State | None) -> list[Guard]:
     assert run.modes
     step = StepMap(run, start)
     try:
-        theta, fired = run.modes.look(run, step)
+        theta, fired = run.modes.check(run, step)
     except StepError:  # a guard cannot be computed: the run ends before
         run.take_back(start or State(step.y))
         raise

@@ -52,10 +52,10 @@ class Transition:
                 together, so that none reopens another; otherwise e = 0 for them.
         """
         mode, system = self.system.mode, self.system
-        found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
-        found = {i: strikes for i, strikes in found.items() if strikes}
-        rate, still = at.rate, at.standstill
-        hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
+        found = {s.at: s.impact_rows(at, mode[s.at], NEAR) for s in self.switches}
+        found = {i: x for i, x in found.items() if x}
+        rate, still = at.rate, at.velocity_tolerance
+        hit = [i for i, (x, *_) in found.items() if x.sign * rate[x.row] <= still or mode[i]]
         touched: list[tuple[int, ImpactRow]] = [(i, s) for i in hit for s in found[i] if s.sign]
         approaching = [i for i, s in touched if s.sign * rate[s.row] < -still]
         bound = [s.row for i in hit if not found[i][0].sign for s in found[i]]
@@ -65,10 +65,10 @@ class Transition:
             return at.y, None
         others = [s.row for i in hit for s in found[i] if not s.sign and np.isnan(s.share)]
         apart = [(i, s) for i in found if i not in hit for s in found[i] if s.sign]
-        rubbing = [(i, s) for i in found for s in found[i] if s.share >= 0]
+        frictional = [(i, s) for i in found for s in found[i] if s.share >= 0]
         if approaching and all(i in soft for i in approaching):
-            rubs = {i for i, _ in rubbing}
-            rests = [(i, s) for i, s in touched if (i in soft or mode[i]) and i not in rubs]
+            with_friction = {i for i, _ in frictional}
+            rests = [(i, s) for i, s in touched if (i in soft or mode[i]) and i not in with_friction]
             others += [s.row for _, s in rests]
             touched = [x for x in touched if x not in rests]
         kept = np.array([*self.always, *others], int)
@@ -78,27 +78,29 @@ class Transition:
         e = np.array([0.0 if i in soft else s.restitution for i, s in both])
         G, g_t = at.values[1:]
         U = np.triu(system.inertia(at.t, at.q))
-        by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in rubbing]
-        rubs_of = [FrictionRow(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in zip(by, rubbing, strict=True)]
+        by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in frictional]
+        pairs = zip(by, frictional, strict=True)
+        friction_rows = [FrictionRow(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in pairs]
         try:
-            blow = solve_impact(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
+            closing = signs[:, None] * G[rows], signs * g_t[rows]
+            impact = solve_impact(U, G[kept], g_t[kept], *closing, e, at.v, friction_rows)
         except StepError as reason:
             raise self._named(reason, at.t, (i for i, _ in both)) from None
         y = at.y.copy()
-        y[system.nq : system.nq + system.nv] = blow.v
-        y[-1] += blow.work
+        y[system.nq : system.nq + system.nv] = impact.v
+        y[-1] += impact.work
         whole = np.zeros(system.ng)
-        whole[rows] = signs * blow.p
-        whole[kept] += blow.P
-        whole[[s.row for _, s in rubbing]] = blow.friction
+        whole[rows] = signs * impact.p
+        whole[kept] += impact.P
+        whole[[s.row for _, s in frictional]] = impact.friction
         hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
         joined = [k for k in dict.fromkeys(missed) if abs(rate[k]) > JUMP * speeds]
         if not approaching and not joined:  # smaller velocity projections onto the rows of a mode do not count
             return y, None
-        struck = [(name, float(p)) for name, p in hits if p > 0]
-        struck += [(system.mechanism.row_names[k], float(whole[k])) for k in joined]
-        where, impulse = zip(*struck, strict=True) if struck else ((), ())
-        loss = -blow.work
+        impulses = [(name, float(p)) for name, p in hits if p > 0]
+        impulses += [(system.mechanism.row_names[k], float(whole[k])) for k in joined]
+        where, impulse = zip(*impulses, strict=True) if impulses else ((), ())
+        loss = -impact.work
         return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)
 
     def choice(self, run: "RunState", t: float, y: Array, opened: set[int]) -> "Mode":
@@ -115,12 +117,12 @@ class Transition:
         found: dict[int, tuple[LoadCandidate, ...]] = {}
         for s in self.switches:
             candidates = s.load_candidates(at, before[s.at], NEAR)
-            if candidates and abs(at.rate[candidates[0].row]) <= at.standstill:
+            if candidates and abs(at.rate[candidates[0].row]) <= at.velocity_tolerance:
                 found[s.at] = candidates
         mode, left = list(before), dict(found)
         for s in self.switches:
             if s.at not in found:
-                mode[s.at] = s.settled(at, (), (), False)
+                mode[s.at] = s.next_state(at, (), (), False)
         waiting, largest = {i for i in opened if i in left}, 0.0
         while True:
             among = {i: c for i, c in left.items() if i not in waiting}
@@ -137,19 +139,19 @@ class Transition:
             left = {i: c for i, c in left.items() if i not in gone}
             for i in gone:  # less friction while slipping changes the load of the others
                 c = among[i] if among[i][0].slips else ()
-                mode[i] = self.switches[i].settled(at, [lam[x.row] for x in c], [rates[x.row] for x in c], False)
+                mode[i] = self.switches[i].next_state(at, [lam[x.row] for x in c], [rates[x.row] for x in c], False)
         for i, c in among.items():
             values = [lam[x.row] for x in c], [rates[x.row] for x in c]
-            mode[i] = self.switches[i].settled(at, *values, held[i])
+            mode[i] = self.switches[i].next_state(at, *values, held[i])
         for i in waiting:
-            mode[i] = self.switches[i].settled(at, (), (), False)
+            mode[i] = self.switches[i].next_state(at, (), (), False)
         alone = {i: c[0] for i, c in among.items() if len(c) == 1 and c[0].one_sided}
         undecided = {i: x for i, x in alone.items() if self._undecided(at, x, lam, rates, LOADED * largest)}
         if undecided:
             others = tuple(0 if i in undecided else k for i, k in enumerate(mode))
             presses = pressing(others, undecided, later(run, at))
             for i, x in undecided.items():
-                mode[i] = self.switches[i].settled(at, lam[[x.row]].tolist(), rates[[x.row]].tolist(), i in presses)
+                mode[i] = self.switches[i].next_state(at, lam[[x.row]].tolist(), rates[[x.row]].tolist(), i in presses)
         return tuple(mode)
 
     def _undecided(self, at: ModePoint, c: LoadCandidate, lam: Array, rates: Array, near: float) -> bool:

@@ -116,7 +116,7 @@ class NativeStepper(Stepper):
         e, j, events = self.run.events, self.run.jumps, run.events
         if self.watched is not events:
             self.watched = events
-            e.watch(events.plain() if events.by_signal else [])
+            e.watch(events.core_data() if events.by_signal else [])
             e.same, e.spacings, e.share, e.iterations = SAME, SHARP, SHARE, ITERATIONS
             of_drivers = self.system.constraints.breaks
             j.times = sorted({*run.ahead.times, *self.system.laws.breaks(), *of_drivers})
@@ -163,7 +163,7 @@ class NativeStepper(Stepper):
                 if watch:
                     watch.end_leg(run)
                 if run.stiffness:
-                    run.stiffness.look(run)
+                    run.stiffness.check(run)
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
                 run.behind_jump()
                 i = n + 1

@@ -155,13 +155,13 @@ class Constraints:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, at, F, turning = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
+            here, at, F, partials_sum = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
             for s, r, w in rows:
                 Da, Db = r.partials(pair)
                 B[s, at] = here.power(w, Da, Db)
                 F += w.dot(lam[s])
-                turning += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
-            K[at[:, None], at] += here.torque(F, *turning.reshape(2, 6, 6))
+                partials_sum += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
+            K[at[:, None], at] += here.torque(F, *partials_sum.reshape(2, 6, 6))
         for part in self.joint_parts:
             part.partials(v, float(lam[part.at]), K, B[part.at])
         B[self.off] = 0.0

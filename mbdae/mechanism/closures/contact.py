@@ -58,7 +58,7 @@ class ConvexBody:
     surface: str
     curve: float
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Return the core data of the shape."""
         nil = (0.0, 0.0, 0.0)
         return {
@@ -141,8 +141,8 @@ class ContactHeightRow(LineRows):
     def __init__(self, shape: ConvexBody) -> None:
         self.shape = shape
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "height", **self.shape.plain()}]
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "height", **self.shape.core_data()}]
 
     def residual(self, pair: Pair) -> Array:  # noqa: D102
         return np.array([self.shape.height(pair)])
@@ -160,8 +160,8 @@ class NoSlipRows(LineRows):
         self.share = np.array([np.cos(angles), np.sin(angles)])
         self.share[np.abs(self.share) < 1e-15] = 0.0
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "grip", **self.shape.plain(), "share": share.tolist()} for share in self.share.T]
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "grip", **self.shape.core_data(), "share": share.tolist()} for share in self.share.T]
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
         n, p, dn, dp = self.shape.touch(pair)

@@ -52,7 +52,7 @@ class BoundJointRow:
         """Unit of g: ``"rad"``, or ``"m"`` where the first joint slides."""
         return "rad" if subspace(self.joints[0])[3:].any() else "m"
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Return the core data of the row."""
         joints = [[j.idx_q, j.nq, j.idx_v] for j in self.joints]
         return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}
@@ -149,8 +149,8 @@ class BoundMotionLawRow(BoundCoordinateRow):
             shares += [abs(rise * round(n))] if rise else []
         self.period = _common(shares, name)
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
-        return {**super().plain(), "law": self.law.plain(), "fold": list(fold_of(self.law))}
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
+        return {**super().core_data(), "law": self.law.core_data(), "fold": list(fold_of(self.law))}
 
     def value(self) -> tuple[float, list[float]]:  # noqa: D102
         x, other = (_coordinate(j.joint_q) for j in self._live)

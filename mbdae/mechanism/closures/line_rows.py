@@ -90,7 +90,7 @@ class KnifeEdge(LineRows):
     def __init__(self, axis: Array) -> None:
         self.axis = axis[:, None]
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         return [{"kind": "knife_edge", "b": self.axis[:, 0].tolist()}]
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
@@ -106,7 +106,7 @@ class Screw(LineRows):
     def __init__(self, axis: Array, lead: float) -> None:
         self.axis, self.lead = axis[:, None], lead
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.lead}]
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
@@ -126,7 +126,7 @@ class Gear(LineRows):
     def __init__(self, axis: Array, share: float) -> None:
         self.axis, self.share = axis[:, None], share
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
@@ -151,7 +151,7 @@ class Bevel(LineRows):
     def __init__(self, a: Array, b: Array, radii: tuple[float, float]) -> None:
         self.a, self.b, self.radii = a[:, None], b[:, None], radii
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         a, b = self.a[:, 0].tolist(), self.b[:, 0].tolist()
         return [{"kind": "bevel", "a": a, "b": b, "length": self.radii[0], "other_length": self.radii[1]}]
 

@@ -44,7 +44,7 @@ class LawTable(Table):
 
     @model_validator(mode="after")
     def _is_smooth(self) -> "LawTable":
-        if not np.isfinite(self.pieces.plain()["a"]).all():
+        if not np.isfinite(self.pieces.core_data()["a"]).all():
             raise ValueError("the numbers of points are too large or too close for a smooth curve")
         return self
 
@@ -62,9 +62,9 @@ class LawTable(Table):
         ends[0, -1] -= (x[-1] - x[0]) * ends[0, -2]
         return PiecewisePolynomial([2 * x[0] - x[-1], *x], [ends[0], *pieces, ends[1]])
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Core data."""
-        return self.pieces.plain()
+        return self.pieces.core_data()
 
 
 Law = Annotated[Union[LawTable, Harmonic], Field(discriminator="kind")]  # noqa: UP007

@@ -49,7 +49,7 @@ def refuse_unfit(mech: "Mechanism", q: Array) -> None:
     for closure, pair in _placed(system, found):
         if closure.within and not closure.within.depth(q[find_joint(mech.model, closure.within.joint).idx_q]) > 0:
             continue
-        if words := unfit(closure, pair, pair.Rb.T @ pair.Ra) or _turning(mech, closure, pair, G):
+        if words := unfit(closure, pair, pair.Rb.T @ pair.Ra) or _free_rotation(mech, closure, pair, G):
             raise InputError(f"closure {closure.name!r}: {words}")
 
 
@@ -121,7 +121,7 @@ def _off_surface(closure: Closure, pair: Pair) -> str:
     return f"contact is false, and joints do not keep it on its surface: it is {height:.3g} m off"
 
 
-def _turning(mech: "Mechanism", closure: Closure, pair: Pair, G: Array) -> str:
+def _free_rotation(mech: "Mechanism", closure: Closure, pair: Pair, G: Array) -> str:
     """Return a message if wheels can rotate about other axes than the closure's, given joints and positional closures.
 
     Bodies that rotate about all axes are held by forces, which are unknown before the run.

@@ -25,8 +25,8 @@ class Roller(LineRows):
     def __init__(self, path: PlaneCurve, radius: float) -> None:
         self.path, self.radius = path, radius
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "roller", "length": self.radius, "path": self.path.plain()}]
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "roller", "length": self.radius, "path": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:  # noqa: D102
         x = pair.Ra.T.dot(pair.pb - pair.pa)[:2]
@@ -56,8 +56,8 @@ class FlatFace(LineRows):
     def __init__(self, path: PlaneCurve, normal: Array) -> None:
         self.path, self.normal = path, normal[:, None]
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "path": self.path.plain()}]
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "path": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:  # noqa: D102
         e, p = self.lines(at_rest(pair))[:2]

@@ -57,11 +57,11 @@ class PlaneCurve:
         self.samples = self.first + self.length * np.arange(n + (not closed)) / n
         places = [self.at(s) for s in self.samples]
         self.points = np.array([p.c for p in places])
-        turning = [p.d[0] * p.dd[1] - p.d[1] * p.dd[0] for p in places]
+        cross = [p.d[0] * p.dd[1] - p.d[1] * p.dd[0] for p in places]
         ahead = np.roll(self.points, -1, axis=0)
         area = float((self.points[:, 0] * ahead[:, 1] - self.points[:, 1] * ahead[:, 0]).sum())
         self.side = 1.0 if area > 0 or not closed else -1.0  # outward side with respect to the direction of the curve
-        self.bends = self.side * np.array(turning) / np.array([(p.d @ p.d) ** 1.5 for p in places])
+        self.bends = self.side * np.array(cross) / np.array([(p.d @ p.d) ** 1.5 for p in places])
 
     def at(self, s: Any) -> ProfilePoint:
         """Evaluate the curve; supports complex steps."""
@@ -95,7 +95,7 @@ class PlaneCurve:
                 break
         found = self.at(s)
         if not np.real(found.d.dot(found.d) - (x - found.c).dot(found.dd)) > SHARP * np.real(found.d.dot(found.d)):
-            raise StepError("singular", "the contact stands in a centre of curvature of the profile: undercut")
+            raise StepError("singular", "the contact is in a centre of curvature of the profile: undercut")
         if not self.closed and not -SHARP <= (np.real(found.s) - self.first) / self.length <= 1 + SHARP:
             raise StepError("singular", "the pin leaves the slot at its end")
         return found
@@ -134,7 +134,7 @@ class PlaneCurve:
         if radius is not None and bend * radius <= -1:
             raise ValueError(f"undercut: the profile is hollow at {at} with a radius of {-1 / bend:.3g} m")
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Core data."""
         kind = {"harmonic": self.harmonic, "closed": self.closed, "side": self.side}
         sizes = {"starts": self.starts.tolist(), "numbers": self.numbers.ravel().tolist(), "degree": DEGREE}

@@ -38,7 +38,7 @@ class FrameRows:
     unit: ClassVar[str]
     positional: ClassVar[bool] = True
 
-    def plain(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[dict[str, Any]]:
         """Return the core data of each row, a kind and its numbers; nothing if the core does not support it."""
         return []
 
@@ -76,7 +76,7 @@ class DotProduct1(FrameRows):
     def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
         self.a, self.b, self.m = a, b, a.shape[1]
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         both = zip(self.a.T.tolist(), self.b.T.tolist(), strict=True)
         return [{"kind": "dot_product_1", "a": a, "b": b} for a, b in both]
 
@@ -106,7 +106,7 @@ class DotProduct2(FrameRows):
     def __init__(self, axes: np.ndarray) -> None:
         self.axes, self.m = axes, axes.shape[1]
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         return [{"kind": "dot_product_2", "a": a} for a in self.axes.T.tolist()]
 
     def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
@@ -138,7 +138,7 @@ class Distance(FrameRows):
     def __init__(self, length: float) -> None:
         self.length = length
 
-    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         return [{"kind": "distance", "length": self.length}]
 
     def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102

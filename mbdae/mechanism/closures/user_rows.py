@@ -92,7 +92,7 @@ class BoundUserRows(BoundJointRow):
             self._own.addJoint(0, j, pin.SE3.Identity(), name)
         self.what = f"rows {row.rows.name!r}"
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """See `BoundJointRow`.
 
         Raises:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
     from ..formulations.index2 import Index2System
 
-Stuff = tuple[str, int, bool, bool]  # kind, index, whether a pair is that of a law, and whether its second frame
-Plain = tuple[list[Stuff], list[Any], list[Any]]
+ModelComponent = tuple[str, int, bool, bool]  # kind, index, whether the pair of a law, and whether its second frame
+CoreData = tuple[list[ModelComponent], list[Any], list[Any]]
 
 
 def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "NativeParameters":
@@ -29,19 +29,19 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     if system.nv > LARGEST:
         raise NotCompiled(f"partials of {system.nv} degrees of freedom")
     system.expand()
-    if parameters.plain is None:
-        parameters.plain = _plain(parameters)
-    return system.core.vary(len(parameters), *parameters.plain)
+    if parameters.core_data is None:
+        parameters.core_data = _core_data(parameters)
+    return system.core.vary(len(parameters), *parameters.core_data)
 
 
-def _plain(parameters: Parameters) -> Plain:
+def _core_data(parameters: Parameters) -> CoreData:
     """Return the changed components, the change by each parameter, and perturbed laws and rows."""
-    numbers: dict[Stuff, int] = {}
+    numbers: dict[ModelComponent, int] = {}
     directions: list[tuple[int, int, list[float]]] = []
     ends = _ends(parameters.system)
     for i, p in enumerate(parameters.all):
-        for stuff, x in _made_of(p, ends):
-            directions.append((i, numbers.setdefault(stuff, len(numbers)), x.tolist()))
+        for component, x in _made_of(p, ends):
+            directions.append((i, numbers.setdefault(component, len(numbers)), x.tolist()))
     changed: list[tuple[int, list[int], list[Any], list[Any]]] = []
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
         factors = weights(p.places_beside, p.h)
@@ -54,26 +54,26 @@ def _plain(parameters: Parameters) -> Plain:
     return list(numbers), directions, changed
 
 
-def _made_of(p: Parameter, ends: dict[int, list[Stuff]]) -> list[tuple[Stuff, Any]]:
+def _made_of(p: Parameter, ends: dict[int, list[ModelComponent]]) -> list[tuple[ModelComponent, Any]]:
     """Return the components that a parameter changes, and the changes."""
-    out: list[tuple[Stuff, Any]] = [(("inertia", j, False, False), x) for j, x in p.inertias.items()]
+    out: list[tuple[ModelComponent, Any]] = [(("inertia", j, False, False), x) for j, x in p.inertias.items()]
     out += [(("place", j, False, False), x) for j, x in p.places.items()]
-    out += [(stuff, x) for i, x in p.frames.items() for stuff in ends.get(i, ())]
+    out += [(component, x) for i, x in p.frames.items() for component in ends.get(i, ())]
     out += [((kind, 0, False, False), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
     return out
 
 
-def _ends(system: "Index2System") -> dict[int, list[Stuff]]:
+def _ends(system: "Index2System") -> dict[int, list[ModelComponent]]:
     """Return the ends of pairs fixed to each frame of the model."""
-    model, out = system.model, {}  # type: Any, dict[int, list[Stuff]]
+    model, out = system.model, {}  # type: Any, dict[int, list[ModelComponent]]
     frames = list(model.frames)
 
-    def stands(number: int, pair: Pair, of_law: bool) -> None:
+    def add_frames(number: int, pair: Pair, of_law: bool) -> None:
         for a, second in ((pair.a, False), (pair.b, True)):
             out.setdefault(frames.index(find_frame(model, a.name)), []).append(("frame", number, of_law, second))
 
     for i, (pair, _) in enumerate(system.constraints.frame_parts.values()):
-        stands(i, pair, False)
+        add_frames(i, pair, False)
     for i, law in enumerate([law for law, _ in system.laws.acting if isinstance(law, PairElement)]):
-        stands(i, law.pair, True)
+        add_frames(i, law.pair, True)
     return out

@@ -74,14 +74,14 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
     s.jacobian(q)
     sliding, W = s.sliding, s.constraints.W
     load = sliding.carried(sliding.whole(rows) @ lam)[0]
-    acts = [k for k, acts in enumerate(sliding.acts) if acts]
-    return [sliding.places[k].lever(W[:, sliding.places[k].rows]) for k in acts], load[acts]
+    active = [k for k, active in enumerate(sliding.active) if active]
+    return [sliding.places[k].lever(W[:, sliding.places[k].rows]) for k in active], load[active]
 
 
 def _acting(s: "Index2System", levers: list[Array]) -> list[tuple[Array, float, float]]:
     """Return S, c and the width of each sliding interface."""
-    acts = [k for k, acts in enumerate(s.sliding.acts) if acts]
-    numbers = [(-float(s.sliding.coefficient[k]), s.sliding.places[k].force.width) for k in acts]
+    active = [k for k, active in enumerate(s.sliding.active) if active]
+    numbers = [(-float(s.sliding.coefficient[k]), s.sliding.places[k].force.width) for k in active]
     return [(S, *x) for S, x in zip(levers, numbers, strict=True)]
 
 

@@ -162,7 +162,7 @@ class Index2Sensitivity(ProjectionSensitivity):
                 out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
         return out
 
-    def struck(self, t: float, y: Array) -> tuple[Array, Array]:
+    def initial_impact(self, t: float, y: Array) -> tuple[Array, Array]:
         """Project v onto the rows of a mode at a start: the point, and its partials, including the impact work."""
         (q, v), (x, out) = self.system.split(y), self.onto_rows(t, y)
         before, after = (self.energy(q, w)[0] for w in (v, v - x))

@@ -63,7 +63,7 @@ class PlacementTree:
         except NotCompiled:
             self.system = other.system()
         self.system.constraints.off = np.empty(0, int)  # partials are those of all rows, in any mode
-        self.system.hold(tuple(range(self.system.ng)))
+        self.system.use_rows(tuple(range(self.system.ng)))
         self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
 
     def whole(self, q: Array) -> Array:

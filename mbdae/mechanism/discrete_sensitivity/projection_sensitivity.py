@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ProjectionSensitivity:
-    """Partial derivatives of `mbdae.system.System.restore` and `settle` of a mechanism.
+    """Partial derivatives of `mbdae.system.System.restore` and `update_independent_rows` of a mechanism.
 
     Args:
         system: a workspace that freezes the rows in use.
@@ -54,8 +54,8 @@ class ProjectionSensitivity:
         out[:nv], out[nv : 2 * nv] = dq, dv
         return out
 
-    def settled(self, t: float, y: Array) -> Array:
-        """Return the partials of v projected onto rows newly in use, `mbdae.system.System.settle`, (ny, ny + k)."""
+    def row_update(self, t: float, y: Array) -> Array:
+        """Return the partials of v projected onto rows newly in use, (ny, ny + k)."""
         return self.onto_rows(t, y)[1]
 
     def onto_rows(self, t: float, y: Array) -> tuple[Array, Array]:

@@ -78,5 +78,5 @@ class ActuatorElement(ForceElement):
 
         return law_partials(law, self.spec.partials, f"actuator {self.name!r}", self.model, t, q, v, s)
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "partials": self.partials}

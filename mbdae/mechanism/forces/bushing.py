@@ -84,7 +84,7 @@ class BushingElement(PairElement):
         velocity = (twist[:3] + skew(twist[3:]) @ self.pair.pb) @ self.pair.Ra
         return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
 
-    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
+    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         """See `PairElement`; a common motion d of both frames and their velocities rotates F by d x* F, hence Da."""
         gap, theta = self.gap()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
@@ -126,7 +126,7 @@ class BushingElement(PairElement):
         gap, theta = self.gap()
         return 0.5 * float(self.k @ gap**2 + self.kr @ theta**2)
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         numbers = [*self.k, *self.kr, *self.d, *self.dr, LARGEST_TURN]
         return {"kind": "bushing", "frames": self.pair, "a": numbers}
 

@@ -53,7 +53,7 @@ class ForceElements:
             InputError: names the force.
         """
         for law, _ in self.bound:
-            if law.lost():
+            if law.direction_undefined():
                 raise InputError(f"force {law.name!r} has no direction where its points coincide: no derivative")
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:

@@ -65,7 +65,7 @@ class ForceElement:
         """Potential energy in J."""
         return 0.0
 
-    def lost(self) -> bool:
+    def direction_undefined(self) -> bool:
         """Return whether its line of action is undefined because its ends coincide; kinematics must be current."""
         return False
 
@@ -74,7 +74,7 @@ class ForceElement:
     by_state = True  # it depends on (t, q, v, s) only, not on multipliers and modes
     deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity index and "", or -1 and a description
 
-    def acts(self, nv: int) -> list[int]:
+    def acting_components(self, nv: int) -> list[int]:
         """Velocity components that it may act on; all if unknown."""
         return list(range(nv))
 
@@ -90,7 +90,7 @@ class ForceElement:
         """Return s just after time t, (ns,); kinematics need not be current."""
         return s
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its arguments.
 
         Raises:
@@ -116,24 +116,24 @@ class PairElement(ForceElement):
 
     pair: Pair
 
-    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
+    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         """Return the wrenches of the conservative and the other part; the pair is located, V = V_b - V_a (6,)."""
         raise NotImplementedError
 
-    def rising(self, t: float) -> Array | float:
+    def wrench_time_rate(self, t: float) -> Array | float:
         """Return the time derivative of the wrench at fixed motion, (6,), or 0; the pair is located."""
         return 0.0
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
-        tau = self.pair.torque(self.rising(t) + np.zeros(6))
+        tau = self.pair.torque(self.wrench_time_rate(t) + np.zeros(6))
         return np.append(tau, tau @ v)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
         here, nv = PairPartials(self.pair, v), len(v)
         at, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))
-        conservative, other = self.turning(t, here.V)
+        conservative, other = self.wrench_partials(t, here.V)
         K, D = here.torque(*other), here.damping(other.C)
         out[-1, at], out[-1, nv + at] = v[at].dot(K), v[at].dot(D) + here.sign * other.F.dot(here.J)
         out[at[:, None], at] = K + here.torque(*conservative)

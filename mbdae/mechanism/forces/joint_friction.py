@@ -121,7 +121,7 @@ class FrictionElement(ForceElement):
         super().__init__(name)
         self.d, self.v0 = d, v0
 
-    def acts(self, nv: int) -> list[int]:  # noqa: D102
+    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
         return np.flatnonzero(self.d).tolist()
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
@@ -133,7 +133,7 @@ class FrictionElement(ForceElement):
         out[:nv, nv:], out[-1, nv:] = np.diag(steep), steep * v + tau
         return out
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}
 
 
@@ -155,5 +155,5 @@ class KineticFrictionElement(ForceElement):
         out[-1, nv:] = -self.d * self.sign
         return out
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "friction", "a": [*(self.d * self.sign).tolist(), 0.0]}

@@ -62,7 +62,7 @@ class JointPID(Force):
         if self.rate is not None:
             memory = {"integral": self.integral} if self.ki else {}
             sample = self._sampled(ix, i, 1 / self.rate)
-            known = {"kind": "pid", "reference": self.reference.plain(), "a": [self.kp, self.ki, self.kd]}
+            known = {"kind": "pid", "reference": self.reference.core_data(), "a": [self.kp, self.ki, self.kd]}
             known |= {"x": ix if at else model.nq + ix, "v": model.nq + i}
             return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory, known)
         terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]

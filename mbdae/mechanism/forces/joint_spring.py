@@ -77,7 +77,7 @@ class CurveElement(ForceElement):
         self.iq, self.iv = map(list, zip(*at, strict=True))
         self.deflections = [(iv, "") for iv in self.iv]
 
-    def acts(self, nv: int) -> list[int]:  # noqa: D102
+    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
         return self.iv
 
     def deflection(self, q: Array) -> Array:  # noqa: D102
@@ -103,10 +103,10 @@ class CurveElement(ForceElement):
         """Return the integral of c from 0 to the deflection, over all coordinates, in J."""
         return float((self.integral(q[self.iq] - self.rest) - self.integral(0.0)).sum())
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         numbers = {"rows": self.iv, "columns": self.iq, "a": [self.rest, self.damping]}
         return {
             "kind": "curve",
             **numbers,
-            "signals": [PiecewisePolynomial.of(x).plain() for x in (self.c, self.integral)],
+            "signals": [PiecewisePolynomial.of(x).core_data() for x in (self.c, self.integral)],
         }

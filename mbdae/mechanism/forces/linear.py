@@ -55,7 +55,7 @@ class LinearElement(ForceElement):
         self.terms, self.springs, self.u = terms, springs, signals
         self.deflections = [(spring.iv, "") for spring in springs]
 
-    def acts(self, nv: int) -> list[int]:  # noqa: D102
+    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
         return sorted({i for row, i, *_ in self.terms if row == "tau"} | {spring.iv for spring in self.springs})
 
     def deflection(self, q: Array) -> Array:  # noqa: D102
@@ -134,8 +134,8 @@ class Linear(ForceElement):
     def potential(self, q: Array) -> float:  # noqa: D102
         return sum(0.5 * k * float(q[iq] - rest) ** 2 for iq, _, k, rest in self.springs)
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
-        signals, orders = [u.plain() for u, _ in self.u], [k for _, k in self.u]
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
+        signals, orders = [u.core_data() for u, _ in self.u], [k for _, k in self.u]
         numbers = {"rows": self.y.tolist(), "columns": self.x.tolist(), "a": self.values.tolist()}
         at_rest = sum(0.5 * k * rest**2 for _, _, k, rest in self.springs)
         return {"kind": "linear", **numbers, "signals": signals, "orders": orders, "offset": at_rest}

@@ -58,7 +58,7 @@ class SpringDamperElement(PairElement):
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair
 
-    def lost(self) -> bool:  # noqa: D102
+    def direction_undefined(self) -> bool:  # noqa: D102
         self.pair.locate()
         (a, b), spec = (self.pair.pa, self.pair.pb), self.spec
         linear = not (spec.damping or spec.stiffness * spec.length or spec.force != Constant(value=0.0))
@@ -73,7 +73,7 @@ class SpringDamperElement(PairElement):
             push -= self.spec.damping * float(line @ v)
         return -self.spec.stiffness * (distance - self.spec.length) * line, push * line if push else 0.0
 
-    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
+    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
         spec, (w, Da, Db) = self.spec, line_wrench_partials(self.pair)
         pull, push = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
         stretch, damper = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
@@ -82,14 +82,14 @@ class SpringDamperElement(PairElement):
             push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w
         )
 
-    def rising(self, t: float) -> Array:  # noqa: D102
+    def wrench_time_rate(self, t: float) -> Array:  # noqa: D102
         return self.spec.force.derivative(t) * line_wrench_partials(self.pair)[0]
 
     def potential(self, q: Array) -> float:  # noqa: D102
         self.pair.locate()
         return 0.5 * self.spec.stiffness * (unit_gap(self.pair)[0] - self.spec.length) ** 2
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         s = self.spec
         numbers = {"frames": self.pair, "a": [s.stiffness, s.damping, s.length]}
-        return {"kind": "spring_damper", **numbers, "signals": [s.force.plain()]}
+        return {"kind": "spring_damper", **numbers, "signals": [s.force.core_data()]}

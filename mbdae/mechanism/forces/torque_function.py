@@ -35,5 +35,5 @@ class TorqueElement(ForceElement):
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         return by_time(lambda t: self.torque(t, q, v)[1], t, v)
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "partials": self.partials}

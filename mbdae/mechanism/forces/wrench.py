@@ -54,7 +54,7 @@ class WrenchElement(PairElement):
         moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
         return (force, moment) if self.steady else (0.0, force + moment)
 
-    def rising(self, t: float) -> Array:  # noqa: D102
+    def wrench_time_rate(self, t: float) -> Array:  # noqa: D102
         n, m = self.vectors(t, derivative=True)
         return np.concatenate([n, m + skew(self.pair.pb) @ n])
 
@@ -64,7 +64,7 @@ class WrenchElement(PairElement):
         n, m = (np.array([s.derivative(t) if derivative else s.at(t) for s in part]) for part in parts)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
 
-    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
+    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
         n, m = self.vectors(t)
         P, Db, none = skew(self.pair.pb), moved_line_partials(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
         force, moment = np.concatenate([n, P @ n]), np.concatenate([np.zeros(3), m])
@@ -81,7 +81,8 @@ class WrenchElement(PairElement):
         self.pair.locate()
         return -float(np.array([s.at(0.0) for s in self.spec.force]) @ self.pair.pb)
 
-    def plain(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
         s = self.spec
         flags = {"turning": s.axes == "frame", "steady": self.steady}
-        return {"kind": "wrench", "frames": self.pair, **flags, "signals": [x.plain() for x in (*s.force, *s.torque)]}
+        signals = [x.core_data() for x in (*s.force, *s.torque)]
+        return {"kind": "wrench", "frames": self.pair, **flags, "signals": signals}

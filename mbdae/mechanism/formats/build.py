@@ -11,7 +11,7 @@ from ..checked_table import HUGE
 from ..frames import WORLD, find_frame, frame_names
 from ..imported_model import ImportedModel
 from .inertias import judged_inertia
-from .joint_tree import Tree, settled, turn_of_z
+from .joint_tree import Tree, resolve_joints, turn_of_z
 from .schema import Body, Frame, MechanismFile, Source
 
 
@@ -48,7 +48,7 @@ def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tup
     refuse_infinite(tree.model)
     refuse_acting(tree.model)
     normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
-    model, visuals = settled(tree.model, tree.visuals, file.joint_type, file.lock, normals)
+    model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
 
 

@@ -127,7 +127,7 @@ class Tree:
         self.visuals.addGeometryObject(g)
 
 
-def settled(
+def resolve_joints(
     model: pin.Model,
     visuals: pin.GeometryModel | None,
     kinds: Mapping[str, str],

@@ -154,13 +154,13 @@ def _with_options(source: Source, free_flyer: bool, key: str) -> Source:
     return source.model_copy(update={"free_flyer": source.free_flyer or free_flyer, "key": key or source.key})
 
 
-def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = True) -> Mechanism:
+def make(recipe: Recipe, functions: Sequence[Any] = (), *, recorded: bool = True) -> Mechanism:
     """Create the mechanism that files describe.
 
     Args:
         recipe: the merged files.
         functions: Python forces, after those of the file.
-        remembered: keep the files for `describe`; False if their values were changed since they were read.
+        recorded: keep the files for `describe`; False if their values were changed since they were read.
 
     Raises:
         UnknownNameError, InputError: for inconsistent input.
@@ -169,7 +169,7 @@ def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = Tr
     if not recipe.parts and not file.body:
         raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
     model, visuals = build(file, recipe.parts, name)
-    source = _source(recipe) if remembered else None
+    source = _source(recipe) if recorded else None
     rest = {"visuals": visuals, "source": source, "motors": recipe.motors}
     rest |= {"left_out": recipe.left_out, "remarks": recipe.remarks}
     try:

@@ -112,7 +112,7 @@ class Template:
         for name, value in changed.items():
             if not name.startswith("joint."):
                 file = replaced(file, name, value, name)
-        return make(recipe._replace(file=file, parts=parts), self.functions, remembered=False)
+        return make(recipe._replace(file=file, parts=parts), self.functions, recorded=False)
 
 
 def check_start(mech: Mechanism, name: str) -> None:
@@ -147,12 +147,12 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
     return other
 
 
-def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
+def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
     """Return a checked table, or an entry of it, with another value at the end of a dotted path.
 
     Args:
-        thing: a table, a list or a dict.
-        path: of the value, below ``thing``.
+        part: a table, a list or a dict.
+        path: of the value, below ``part``.
         value: the value.
         whole: the path from the top, for messages.
 
@@ -162,26 +162,26 @@ def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
     """
     if not path:
         return value
-    key, rest = head(thing, path, whole)
-    if isinstance(thing, Table):
-        said = {k: getattr(thing, k) for k in thing.model_fields_set if k in type(thing).model_fields}
+    key, rest = head(part, path, whole)
+    if isinstance(part, Table):
+        said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
         try:
-            return type(thing)(**{**said, key: replaced(getattr(thing, key), rest, value, whole)})
+            return type(part)(**{**said, key: replaced(getattr(part, key), rest, value, whole)})
         except UnknownNameError:
             raise
         except InputError as e:
             raise InputError(str(e) if str(e).startswith(whole) else f"{whole}: {e}") from None
-    if isinstance(thing, dict):
-        return {**thing, key: replaced(thing.get(key), rest, value, whole)}
+    if isinstance(part, dict):
+        return {**part, key: replaced(part.get(key), rest, value, whole)}
     at = int(key)
-    return (*thing[:at], replaced(thing[at], rest, value, whole), *thing[at + 1 :])
+    return (*part[:at], replaced(part[at], rest, value, whole), *part[at + 1 :])
 
 
-def head(thing: Any, path: str, whole: str) -> tuple[str, str]:
+def head(part: Any, path: str, whole: str) -> tuple[str, str]:
     """Return the first key of a path, which may contain dots, and the rest; entries of lists are numbered."""
-    if isinstance(thing, dict):  # joint = value: the valid joints are known to the model
+    if isinstance(part, dict):  # joint = value: the valid joints are known to the model
         return path, ""
-    keys = _keys(thing)
+    keys = _keys(part)
     found = [k for k in keys if path == k or path.startswith(f"{k}.")]
     if not found:
         above = whole.removesuffix(path).rstrip(".") or "the mechanism"
@@ -190,14 +190,14 @@ def head(thing: Any, path: str, whole: str) -> tuple[str, str]:
     return keys[name], path[len(name) + 1 :]
 
 
-def _keys(thing: Any) -> dict[str, str]:
+def _keys(part: Any) -> dict[str, str]:
     """Return the valid next keys of a path, and the key or index that each means."""
-    if isinstance(thing, MechanismFile):
+    if isinstance(part, MechanismFile):
         return {k: k for k in TABLES}
-    if isinstance(thing, Table):
-        return {k: k for k in type(thing).model_fields}
-    if isinstance(thing, tuple):
-        return _names(thing) or {str(i): str(i) for i in range(len(thing))}
+    if isinstance(part, Table):
+        return {k: k for k in type(part).model_fields}
+    if isinstance(part, tuple):
+        return _names(part) or {str(i): str(i) for i in range(len(part))}
     return {}
 
 

@@ -16,7 +16,7 @@ from ..closures.closure import Axis
 from ..frames import find_joint, joint_names
 from ..imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, mimic_couplings, name_list
 from ..model_settings import Value
-from .joint_tree import settled
+from .joint_tree import resolve_joints
 from .loop_closures import with_loops
 from .reader import KEY, Reader
 from .recorded import Recorded, unread_phrases
@@ -90,7 +90,7 @@ def read_urdf(
         "lock": lock,
     }
     left_out = _not_acting(said, recorded, [n for n in names if n not in changed])
-    model, visuals = settled(said.model, visuals_found(name, said.model, said.tree, places), kinds, lock)
+    model, visuals = resolve_joints(said.model, visuals_found(name, said.model, said.tree, places), kinds, lock)
     return ImportedModel(
         model,
         visuals,

@@ -60,30 +60,30 @@ class ClosureFriction:
                 rows = slice(start, start + CARRIED.get(closure.kind, 1))
                 self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
-        self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # sticking does not slide
+        self.active = np.array([not p.force.sticks for p in self.places], np.uint8)  # sticking does not slide
         self.slip_directions = np.tile([1.0, 0.0], (len(self.places), 1))
         self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.slip_directions, self.places, strict=True)]
 
     def __bool__(self) -> bool:
-        return bool(self.acts.any())
+        return bool(self.active.any())
 
     @property
     def grips(self) -> bool:
         """Return whether any interface can stick instead of sliding."""
-        return any(acts and place.force.sticks for acts, place in zip(self.acts, self.places, strict=True))
+        return any(active and place.force.sticks for active, place in zip(self.active, self.places, strict=True))
 
-    def plain(self) -> list[dict[str, Any]]:
-        """Return the core data of the interfaces; `acts` and `headings` are shared with the core."""
-        return [place.plain() for place in self.places]
+    def core_data(self) -> list[dict[str, Any]]:
+        """Return the core data of the interfaces; `active` and `headings` are shared with the core."""
+        return [place.core_data() for place in self.places]
 
     def slips(self, v: Array) -> tuple[Array, Array, Array]:
         """Return e (k, nv), e . v (k,) and the factors -mu r d (k,). Kinematics and G must be current."""
         W, k = self.constraints.W, len(self.places)
         e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
         for i, p in enumerate(self.places):
-            if p.force.sticks and self.acts[i]:
+            if p.force.sticks and self.active[i]:
                 (e[i], speed[i]), d[i] = p.along_grip(v, W, self.heading[i]), 1.0
-            elif self.acts[i]:
+            elif self.active[i]:
                 e[i], speed[i] = p.slip(v, W[:, p.rows])
                 d[i] = np.tanh(speed[i] / p.force.width)
         return e, speed, -self.coefficient * d
@@ -120,7 +120,7 @@ class ClosureFriction:
     def head(self, v: Array) -> bool:
         """Update the slip directions of sliding interfaces; False if one of them is at rest. W must be current."""
         moving = True
-        for k in np.flatnonzero(self.acts):
+        for k in np.flatnonzero(self.active):
             if (place := self.places[k]).force.sticks:
                 slip = self.constraints.W[:, place.grip].T @ place.pair.relative(v)
                 size = float(np.sqrt(slip @ slip))
@@ -131,7 +131,7 @@ class ClosureFriction:
     def filled(self, v: Array, lam: Array) -> Array:
         """Return multipliers with -mu |F| d in the inactive no-slip rows of sliding interfaces, (ng,)."""
         out = lam.copy()
-        for k in np.flatnonzero(self.acts):
+        for k in np.flatnonzero(self.active):
             if (place := self.places[k]).force.sticks:
                 along, F = place.along(v, self.constraints.W, self.heading[k]), lam[place.rows]
                 out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
@@ -177,7 +177,7 @@ class ClosureFriction:
             if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= STALLED * np.abs(T).max()):
                 return T
             last = change
-        names = ", ".join(repr(p.closure.name) for p, acts in zip(self.places, self.acts, strict=True) if acts)
+        names = ", ".join(repr(p.closure.name) for p, active in zip(self.places, self.active, strict=True) if active)
         raise StepError("friction", f"closures {names}: no friction was found that fits its own load at t = {t:.17g}")
 
     def _wedges(self, t: float, partials: Array) -> None:

@@ -48,17 +48,17 @@ class CompiledSystem(Index2System):
         pairs, rows, drivers = constraints_of(self.constraints)
         law_pairs, laws = laws_of(self.laws)
         blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
-        turning = m.turning.astype(int).tolist()
+        angles = m.turning.astype(int).tolist()
         self.native = native
         lists = self.place.tolist(), random_probe(self.nv).tolist()
-        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, m.angles, *lists
+        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, angles, m.angles, *lists
         form = self.formulation, *self.baumgarte
         try:
             self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), m.flat, *tables, *form)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.sample(samplers_of(self.laws))
-        self.core.slide(self.sliding.plain(), self.sliding.acts, self.sliding.slip_directions)
+        self.core.slide(self.sliding.core_data(), self.sliding.active, self.sliding.slip_directions)
         self._deactivate_rows()
         self._seen = [0] * len(COUNTS)
         self._begun = False
@@ -203,7 +203,7 @@ class CompiledSystem(Index2System):
             self._deactivate_rows()
             for k, (law, _) in enumerate(self.laws.acting):
                 if isinstance(law, KineticFrictionElement):
-                    self.core.change_law(k, law.plain()["a"])
+                    self.core.change_law(k, law.core_data()["a"])
             self._begun = False
 
     def _deactivate_rows(self) -> None:
@@ -211,15 +211,15 @@ class CompiledSystem(Index2System):
         if len(self.mechanism.switches):
             self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
 
-    def hold(self, rows: tuple[int, ...]) -> None:
+    def use_rows(self, rows: tuple[int, ...]) -> None:
         """See `mbdae.system.System`."""
-        super().hold(rows)
+        super().use_rows(rows)
         self.after_python()
 
-    def settle(self, t: float, state: State) -> State:
+    def update_independent_rows(self, t: float, state: State) -> State:
         """See `mbdae.system.System`."""
         if self._begun and self.held and (state.carry is None or self.carried(state) is not None):
-            found = self.core.settle(t, state.y, state.carry)
+            found = self.core.update_independent_rows(t, state.y, state.carry)
             self.after()
             if found is not None:
                 changed, y, carry = found
@@ -228,7 +228,7 @@ class CompiledSystem(Index2System):
                     return State(y, carry, state.compensation)
                 return state
         self.before_python()
-        state = super().settle(t, state)
+        state = super().update_independent_rows(t, state)
         self.after_python()
         return state
 
@@ -241,7 +241,7 @@ class CompiledIndex1(Index1System, CompiledSystem):
     """`Index1System` in the compiled core."""
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """See `Index1System.rate`; `settle` takes over its counters after the step."""
+        """See `Index1System.rate`; `update_independent_rows` takes over its counters after the step."""
         found = self.core.rate(t, y) if self._begun else None
         return super().rate(t, y) if found is None else found
 

@@ -70,14 +70,14 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
     rows: list[Plain] = [{}] * constraints.ng
     for pair, kinds in constraints.frame_parts.values():
         for s, r, _ in kinds:
-            rows[s] = found = [{"pair": len(pairs), **numbers} for numbers in r.plain()]
+            rows[s] = found = [{"pair": len(pairs), **numbers} for numbers in r.core_data()]
             if len(found) != r.m:
                 raise NotCompiled(f"rows of kind {type(r).__name__}")
         pairs.append((_frame(pair.a), _frame(pair.b)))
     for part in constraints.joint_parts:
-        rows[part.at] = part.plain()
+        rows[part.at] = part.core_data()
     drivers = [
-        {"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.plain()}
+        {"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.core_data()}
         for at, d in constraints.driven
     ]
     return pairs, rows, drivers
@@ -102,7 +102,7 @@ def laws_of(laws: ForceElements) -> tuple[list[Any], list[Plain]]:
     pairs: list[Any] = []
     out: list[Plain] = []
     for law, part in laws.acting:
-        numbers = law.plain()
+        numbers = law.core_data()
         pair: Pair | None = numbers.pop("frames", None)
         if pair is not None:
             numbers["pair"] = len(pairs)

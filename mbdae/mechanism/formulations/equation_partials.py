@@ -49,10 +49,10 @@ def equation_partials(
     laws, G = s.laws.partials(t, q, v, u[nv:-1]), s.jacobian()[rows]
     whole = np.zeros(s.ng)
     whole[rows] = lam
-    by_turning, B = s.constraints.partials(v, whole)
+    of_rows, B = s.constraints.partials(v, whole)
     E, K, D = np.eye(n), laws[:, :nv], np.zeros((n, n))
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
-    K[:nv] += by_turning - by_q
+    K[:nv] += of_rows - by_q
     D[:nv, :nv] -= by_v
     if s.sliding:  # its partial derivatives by q and v are neglected: Newton's iteration corrects for them
         e, speed, factor = s.sliding.slips(v)

@@ -80,7 +80,7 @@ class FrictionInterface(NamedTuple):
         parts = (np.zeros(ways.shape), ways) if kind in TURNS else (ways, cross(p[:, None], ways.T).T)
         return np.concatenate(parts, axis=1)
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """Return the core data of the interface."""
         force, kind = self.force, self.closure.kind
         turns = "turns" if kind == "revolute" else "bears"

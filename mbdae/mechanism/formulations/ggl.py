@@ -199,7 +199,7 @@ class LinearizedGGL(Linearized):
     def factorize(self, mu: complex) -> Solver:
         """Factorize the matrix, (n + r + k, n + r + k), n = nv + ns + 1, real or complex."""
         S, KS, BS, upper = self.parts(mu)
-        G, P, (J, _) = self.partials.G, self.kept, self.turning
+        G, P, (J, _) = self.partials.G, self.kept, self.tangent_map
         n, nv, r = len(upper), len(J), len(G)
         PS, JN = P @ S, J @ np.linalg.solve(self.partials.E[:nv, :nv], P.T)
         back = self.back(

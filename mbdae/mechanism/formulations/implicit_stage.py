@@ -88,7 +88,7 @@ class ImplicitStages:
         s, nv = self.system, self.system.nv
         q, u = s.manifold.integrate(self.q, x[:nv]), self.y[s.nq :] + x[nv:]
         local = equation_partials(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
-        return Linearized(local, _turning(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
+        return Linearized(local, _tangent_map(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return y and the multipliers of all rows, (ng,); the next step starts from this mass matrix and G.
@@ -110,7 +110,7 @@ class ImplicitStages:
         return y, s.all_multipliers(U, G, self.rows, z - found[:, 0])
 
 
-def _turning(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:
+def _tangent_map(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:
     """Return J(x) and d(J(x) v)/dx, (nv, nv) each."""
     unit = np.eye(len(v))
     return manifold.tangent(x, unit), np.array([manifold.tangent_rate(x, e, v) for e in unit]).T
@@ -121,19 +121,19 @@ class Linearized(NamedTuple):
 
     Attributes:
         partials: partial derivatives of the equations of motion.
-        turning: J(x) and d(J(x) v)/dx, (nv, nv) each.
+        tangent_map: J(x) and d(J(x) v)/dx, (nv, nv) each.
         counts: counters of the system.
         t: time, for messages.
     """
 
     partials: EquationPartials
-    turning: tuple[Array, Array]
+    tangent_map: tuple[Array, Array]
     counts: Counts
     t: float
 
     def weigh(self, e: Array) -> Array:
         """Return (e_x, E e_u)."""
-        nv = len(self.turning[0])
+        nv = len(self.tangent_map[0])
         return np.concatenate([e[:nv], self.partials.E @ e[nv:]])
 
     def back(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
@@ -143,7 +143,7 @@ class Linearized(NamedTuple):
 
     def parts(self, mu: complex) -> tuple[Array, Array, Array, Array]:
         """Return S, mu K S, B S and the upper left block of the module's matrix."""
-        J, turn = self.turning
+        J, turn = self.tangent_map
         S = np.linalg.inv((np.eye(len(J)) - mu * turn) @ J)
         KS = mu * (self.partials.K @ S)
         upper = self.partials.E - mu * self.partials.D
@@ -153,7 +153,7 @@ class Linearized(NamedTuple):
     def factorize(self, mu: complex) -> Solver:
         """Factorize the module's matrix, real or complex."""
         S, KS, BS, upper = self.parts(mu)
-        G, L, (J, _) = self.partials.G, self.partials.L, self.turning
+        G, L, (J, _) = self.partials.G, self.partials.L, self.tangent_map
         n, nv = len(upper), len(J)
         back = self.back([[upper, -L], [padded(G + mu * (BS @ J), n), np.zeros((len(G), len(G)))]])
 

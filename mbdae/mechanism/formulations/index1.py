@@ -58,9 +58,9 @@ class Index1System(Index2System):
     def chart(self, t: float, y: Array) -> "Index1Chart":  # noqa: D102
         return Index1Chart(self, t, y, super().chart(t, y).rows)
 
-    def settle(self, t: float, state: State) -> State:
+    def update_independent_rows(self, t: float, state: State) -> State:
         """Choose the rows in use; v is not projected: it misses all rows by its drift."""
-        super().settle(t, state)
+        super().update_independent_rows(t, state)
         return state
 
     def normal(self, y: Array) -> Array:

@@ -53,7 +53,7 @@ class Index2System(PinocchioData, System):
         self.beside = independent_rows.AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
         self.floor = 0.0  # smallest pivot ratio: below it, the rank has fallen
         self.rows: Array | None = None
-        self.held = False  # freezes the rows in use, except in `settle`
+        self.held = False  # freezes the rows in use, except in `update_independent_rows`
         self.place = independent_rows.elimination_order(self.constraints.columns)
         self.reason = independent_rows.SelectionTrigger(self.ng)
         self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
@@ -133,7 +133,7 @@ class Index2System(PinocchioData, System):
         """See `mbdae.system.System`."""
         return () if self.rows is None else tuple(self.rows.tolist())
 
-    def hold(self, rows: tuple[int, ...]) -> None:  # noqa: D102
+    def use_rows(self, rows: tuple[int, ...]) -> None:  # noqa: D102
         self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
@@ -272,7 +272,7 @@ class Index2System(PinocchioData, System):
     def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
         return np.concatenate([self.manifold.difference(y0[: self.nq], y1[: self.nq]), y1[self.nq :] - y0[self.nq :]])
 
-    def lost(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
         out = np.zeros(self.ny)
         out[self.nv :] = x[self.nv :] - (y1[self.nq :] - y0[self.nq :])
         if self.manifold.flat:
@@ -281,7 +281,7 @@ class Index2System(PinocchioData, System):
 
     partials, rate_partials = equation_partials.equation_partials, equation_partials.rate_partials
     restore, magnitude = projection.project_state, projection.magnitude
-    choose_rows, settle = row_selection.select_independent_rows, row_selection.update_independent_rows
+    choose_rows, update_independent_rows = row_selection.select_independent_rows, row_selection.update_independent_rows
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
     residuals = residuals.residuals
     interpolant = interpolation.interpolant

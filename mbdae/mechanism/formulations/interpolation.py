@@ -99,7 +99,7 @@ def sampled(
     which: Array,
     theta: Array,
 ) -> Array:
-    """Return y (k, ny) at k points of n steps at once, equal to `interpolant` for `plain` systems.
+    """Return y (k, ny) at k points of n steps at once, equal to `interpolant` for `core_data` systems.
 
     Args:
         system: workspace for forces.

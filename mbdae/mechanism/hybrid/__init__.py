@@ -10,10 +10,10 @@ A kind of switch is a file here with a class, which is discovered. It defines
 * ``of(mechanism)``: the switches of a mechanism, each with its rows;
 * ``active(state)``: the active rows;
 * ``guards(state)``: guard functions: positive while the state lasts; their zeros are located by shorter steps;
-* ``strike(point, state, near)``: rows that take part in an impact, and with which law (`impact_law`);
+* ``impact_rows(point, state, near)``: rows that take part in an impact, and with which law (`impact_law`);
 * ``load_candidates(point, state, near)``: rows that may carry load after an event, and the box for their multipliers
   (`box_lcp`, Gauss's principle);
-* ``settled(...)``: the state that follows from the selected multipliers and accelerations.
+* ``next_state(...)``: the state that follows from the selected multipliers and accelerations.
 
 The loop over steps, guards and transitions is `mbdae.integrate.mode_switching`. A switch whose state sets a force
 (kinetic friction) does so in ``enter(system, state)``.

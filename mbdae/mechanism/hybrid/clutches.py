@@ -46,7 +46,7 @@ class OneWayClutch(UnilateralRow):
             return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
         return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, self.sign),)
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
@@ -77,10 +77,10 @@ class OpposedClutches(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return ()
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, 0.0),)
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         return LOCKED
@@ -140,19 +140,19 @@ class Ratchet(OneWayClutch):
         place = self.place(point)
         return abs(place - round(place)) < AT_TOOTH
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         return super().load_candidates(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if held:
             return LOCKED
         speed = self.speed(point)
-        if abs(speed) > point.standstill:  # if slower, its acceleration decides
+        if abs(speed) > point.velocity_tolerance:  # if slower, its acceleration decides
             return FREE if speed > 0 else BACK
         if len(rates) or point.system.mode[self.at] == LOCKED:
             return FREE

@@ -49,10 +49,10 @@ class CommandedClutch(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("command", self.name, self.at, lambda x: 1.0 if self.commanded_state(x) == state else -1.0),)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, 0.0),) if self.commanded_state(point) == ENGAGED else ()
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         return self.commanded_state(point)
@@ -82,4 +82,4 @@ class SpeedStepDriver(Switch):
         return ()  # its row is active in all modes
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
-        return (Guard("step", self.name, self.at, lambda x: x.standstill - abs(float(x.rate[self.row]))),)
+        return (Guard("step", self.name, self.at, lambda x: x.velocity_tolerance - abs(float(x.rate[self.row]))),)

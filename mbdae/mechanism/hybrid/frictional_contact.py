@@ -54,11 +54,11 @@ class FrictionalContact(Unilateral):
         return self.rows if state == GRIPS else (self.row,) if state == SLIDES else ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
-        rubs = tuple(g._replace(name=self.name, at=self.at) for g in self.friction.guards(state))
-        return (*super().guards(min(state, 1)), *rubs)
+        friction_guards = tuple(g._replace(name=self.name, at=self.at) for g in self.friction.guards(state))
+        return (*super().guards(min(state, 1)), *friction_guards)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
-        found = super().strike(point, min(state, 1), near)
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+        found = super().impact_rows(point, min(state, 1), near)
         return (*found, ImpactRow(self.grip, 0.0, share=self.limit)) if found else ()
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
@@ -76,7 +76,7 @@ class FrictionalContact(Unilateral):
         """Return whether it slides."""
         return self.friction.slips(point)
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if not held:

@@ -28,7 +28,7 @@ class JointStiction(Switch):
         column: of its velocity.
     """
 
-    struck = False
+    takes_impulse = False
     states = ("idle", "sticks", "slips ahead", "slips back")
 
     def __init__(self, spec: Brake, row: int, column: int) -> None:
@@ -80,7 +80,7 @@ class JointStiction(Switch):
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:  # noqa: D102
         return AHEAD if v[self.column] > 0 else BACK if v[self.column] < 0 else IDLE
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if held:

@@ -120,6 +120,6 @@ class ModePoint:
         return float(self.G[row] @ self.vdot + self.gamma[row])
 
     @cached_property
-    def standstill(self) -> float:
+    def velocity_tolerance(self) -> float:
         """Velocity tolerance: speed below which a row counts as at rest."""
         return velocity_tolerance(self.v)

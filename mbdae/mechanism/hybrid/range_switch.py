@@ -29,7 +29,7 @@ class RangeSwitch(Switch):
         columns: indices of the joint in q and in v.
     """
 
-    struck = False
+    takes_impulse = False
     states = ("out of its window", "at work")
 
     def __init__(self, name: str, spec: ActiveRange, rows: Sequence[int], columns: tuple[int, int]) -> None:
@@ -68,11 +68,11 @@ class RangeSwitch(Switch):
         """Return the time in which the joint crosses the shortest window."""
         return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
-        there = self.settled(point, (), (), False) == ON
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+        there = self.next_state(point, (), (), False) == ON
         return tuple(ImpactRow(row, 0.0) for row in self.all_rows) if there else ()
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         v = float(point.v[self.v])

@@ -26,7 +26,7 @@ class RollingStiction(Switch):
         which: index among the frictions of closures.
     """
 
-    struck = False
+    takes_impulse = False
     states = ("idle", "grips", "slides")
 
     def __init__(self, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
@@ -70,7 +70,7 @@ class RollingStiction(Switch):
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether it slides."""
-        return bool(np.linalg.norm(point.rate[self.grip]) > point.standstill)
+        return bool(np.linalg.norm(point.rate[self.grip]) > point.velocity_tolerance)
 
     def direction(self, point: "ModePoint") -> "Array":
         """Return the direction of the slip, or of the impending slip."""
@@ -101,7 +101,7 @@ class RollingStiction(Switch):
         if size:
             point.system.sliding.heading[self.which][:] = -lam[self.grip] / size
 
-    def settled(  # noqa: D102
+    def next_state(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if held:
@@ -112,4 +112,4 @@ class RollingStiction(Switch):
         return SLIDES
 
     def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
-        system.sliding.acts[self.which] = state == SLIDES
+        system.sliding.active[self.which] = state == SLIDES

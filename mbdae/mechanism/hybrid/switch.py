@@ -119,11 +119,11 @@ class Switch:
         states: names of its states.
         rest: duration in s below which a flight ends in rest.
         row: index of its first row.
-        struck: whether impulses act through that row, and only that row.
+        takes_impulse: whether impulses act through that row, and only that row.
     """
 
     row: int
-    struck = True
+    takes_impulse = True
     states: tuple[str, ...] = ("open", "closed")
     rest: float = 0.0
 
@@ -148,7 +148,7 @@ class Switch:
         """Return the guards of a state."""
         raise NotImplementedError
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         """Return rows that take part in an impact at a point: active contacts, within ``near``."""
         return ()
 
@@ -156,7 +156,7 @@ class Switch:
         """Return rows that may carry load after an event; the first one decides for the others."""
         return ()
 
-    def settled(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool) -> int:
+    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool) -> int:
         """Return the state after an event.
 
         Args:

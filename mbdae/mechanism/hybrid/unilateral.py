@@ -35,7 +35,7 @@ class Unilateral(UnilateralRow):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         out: list[Switch] = []
-        rubs = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}  # not handled here
+        frictional = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}
         for spec in mechanism.constraints:
             rows = mechanism.rows_of(spec.name)
             if isinstance(spec, Stop):
@@ -44,7 +44,7 @@ class Unilateral(UnilateralRow):
                     cls(spec, f"{spec.name} {words[side]}" if len(rows) > 1 else spec.name, row, side)
                     for row, (_, side) in zip(rows, spec.ends, strict=True)
                 ]
-            elif isinstance(spec, Closure) and spec.unilateral and spec.name not in rubs:
+            elif isinstance(spec, Closure) and spec.unilateral and spec.name not in frictional:
                 out.append(cls(spec, spec.name, rows[0], SIDES.get(spec.kind, 1.0), tuple(rows[1:])))
         return out
 
@@ -64,7 +64,7 @@ class Unilateral(UnilateralRow):
             return (Guard("touch", self.name, self.at, self.gap, self.speed, self.acceleration),)
         return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
             return ()
         return (ImpactRow(self.row, self.sign, self.restitution), *(ImpactRow(row, 0.0) for row in self.others))

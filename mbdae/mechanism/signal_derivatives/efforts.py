@@ -51,7 +51,7 @@ def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]
     for i, near in motion.perturbed_laws(number):
         found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in near.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])
-    return [*dtau[law.acts(nv)], v @ dtau + tau @ d.v]
+    return [*dtau[law.acting_components(nv)], v @ dtau + tau @ d.v]
 
 
 def _between(motion: MotionTangent, law: PairElement, number: int) -> list[Array]:

@@ -37,8 +37,8 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
             found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
         dF += np.outer(p.quotient(found), dp)
     if motion.system.sliding.regularised_interfaces(name):
-        rubbing, change = friction_wrench(motion, name)
-        F, dF = F + rubbing, dF + change
+        friction, change = friction_wrench(motion, name)
+        F, dF = F + friction, dF + change
     return F, dF
 
 
@@ -53,14 +53,14 @@ def law_wrench(motion: MotionTangent, law: PairElement, number: int) -> tuple[Ar
     law.pair.locate()
     Xa, Xb = motion.pair(law.pair)
     V, dV = motion.relative(law.pair)
-    dF = np.outer(law.rising(motion.t) + np.zeros(6), motion.d.t)
-    for part in (parts := law.turning(motion.t, V)):
+    dF = np.outer(law.wrench_time_rate(motion.t) + np.zeros(6), motion.d.t)
+    for part in (parts := law.wrench_partials(motion.t, V)):
         dF += part.Da.dot(Xa) + part.Db.dot(Xb) + part.C.dot(dV)
     for i, near in motion.perturbed_laws(number):
         found = {}
         for k, other in near.items():
             other.pair.locate()  # type: ignore[attr-defined]
-            found[k] = _sum(other.turning(motion.t, V))  # type: ignore[attr-defined]
+            found[k] = _sum(other.wrench_partials(motion.t, V))  # type: ignore[attr-defined]
         dF += np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
     return _sum(parts), dF
 

@@ -138,7 +138,7 @@ nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, 
     refuse("atol has the wrong length");
   Recomputed out;
   out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
-  if (!done(c, [&](Index2System& s) { walk(s, x.segment, like, out); })) return nb::none();
+  if (!done(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return nb::none();
   return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
 }
 
@@ -177,7 +177,7 @@ void bind_tangents(nb::module_& m, nb::class_<PyCore>& core) {
   nb::class_<PyParameters>(m, "Parameters", "Numbers of a mechanism that vary.");
   core.def("vary", vary, nb::keep_alive<0, 1>(), nb::arg("count"), nb::arg("stuff"), nb::arg("directions"),
            nb::arg("changed"), "Say how parameters change what the mechanism is made of, its laws and its rows.")
-      .def("walk", walk_along, nb::arg("tableau"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
+      .def("recompute", walk_along, nb::arg("tableau"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
            nb::arg("carry"), nb::arg("repeated"), nb::arg("synchronous"),
            "Return what is carried to each node (m + 1, nc), whether it was found anew there, how many steps could be "
            "repeated, and where they end; or None.")

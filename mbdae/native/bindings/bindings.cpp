@@ -26,12 +26,12 @@ int clear(PyObject* self) {
 PyType_Slot collected[] = {
     {Py_tp_traverse, reinterpret_cast<void*>(traverse)}, {Py_tp_clear, reinterpret_cast<void*>(clear)}, {0, nullptr}};
 
-nb::object settle(PyCore& c, double t, const Array& y, const nb::object& carry) {
+nb::object update_independent_rows(PyCore& c, double t, const Array& y, const nb::object& carry) {
   return attempt(c, [&](Index2System& s) {
     State x = state(y, carry, nb::none());
     if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
     if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.carried()) refuse("carry has the wrong length");
-    const bool changed = s.settle(t, x);
+    const bool changed = s.update_independent_rows(t, x);
     return nb::make_tuple(changed, vector(x.y), carried(x));
   });
 }
@@ -111,13 +111,13 @@ void sample(PyCore& c, const nb::list& list) {
   s.samplers = std::move(out);
 }
 
-void slide(PyCore& c, const nb::list& list, const Acts& acts, const Headings& heading) {
+void slide(PyCore& c, const nb::list& list, const Active& active, const Headings& heading) {
   const CoreLock turn(c);
   std::vector<FrictionInterface> out;
   for (nb::handle h : list) out.push_back(sliding_place(nb::cast<nb::dict>(h), c.core->system.constraints));
-  if (acts.size() != out.size() || heading.size() != 2 * out.size()) refuse("as many numbers as places that slide");
-  c.core->system.sliding.use(std::move(out), acts.data(), heading.data());
-  c.acts = acts, c.heading = heading;
+  if (active.size() != out.size() || heading.size() != 2 * out.size()) refuse("as many numbers as places that slide");
+  c.core->system.sliding.use(std::move(out), active.data(), heading.data());
+  c.active = active, c.heading = heading;
 }
 
 void leave_out(PyCore& c, const std::vector<bool>& off, bool sticks) {
@@ -178,7 +178,7 @@ NB_MODULE(_native, m) {
       .def("change_law", change_law, nb::arg("k"), nb::arg("a"), "Give law k other numbers: in a mode they are constant.")
       .def("leave_out", leave_out, nb::arg("off"), nb::arg("sticks"),
            "Say which rows the mode does not have, none for an empty list, and whether joints stick in it.")
-      .def("settle", settle, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
+      .def("update_independent_rows", update_independent_rows, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
            "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
       .def("step", step, nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(),
            nb::arg("low").none(), "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
@@ -188,8 +188,8 @@ NB_MODULE(_native, m) {
       .def("advance", advance_stages, nb::arg("radau"), nb::arg("run"), "Take many steps.")
       .def("expand", expand, nb::arg("model"), "Say what the expanded tree is: partials and implicit methods need it.")
       .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
-      .def("slide", slide, nb::arg("places"), nb::arg("acts").noconvert(), nb::arg("heading").noconvert(),
-           "Say where closures slide by friction of what they carry; acts (k,) and heading (k, 2) are read and written.")
+      .def("slide", slide, nb::arg("places"), nb::arg("active").noconvert(), nb::arg("heading").noconvert(),
+           "Say where closures slide by friction of what they carry; active (k,) and heading (k, 2) are read and written.")
       .def("restore", restored, nb::arg("t"), nb::arg("y"), "Return the point on the closures, or None.");
   bind_points(core), bind_tangents(m, core);
 }

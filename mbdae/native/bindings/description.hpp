@@ -19,7 +19,7 @@ namespace mbdae {
 
 namespace nb = nanobind;
 using Array = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-using Acts = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
+using Active = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 using Headings = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
 [[noreturn]] inline void refuse(const std::string& text) { throw std::invalid_argument(text); }

@@ -86,7 +86,7 @@ struct PyCore {
   }
 
   nb::object model, expanded;  // kept alive
-  Acts acts;
+  Active active;
   Headings heading;
   bool busy = false;  // read and written under the interpreter's lock
   std::thread::id owner;

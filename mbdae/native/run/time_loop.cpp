@@ -94,7 +94,7 @@ void TimeLoop::project(double t) {
 void TimeLoop::look(Proposal& p) {
   const double t = run_.leg.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
   const IndependentRows::Aside aside(s_.rows);
-  // the input of `settle` at the end, to the last bit
+  // the input of `update_independent_rows` at the end, to the last bit
   const bool kept = s_.point.near(next_.y.data()) && !s_.point.exactly(next_.y.data());
   PointValues values(s_, kept ? &aside_ : nullptr);
   State end;  // swapped with `next_` while shorter steps are taken: arrays keep their addresses
@@ -150,7 +150,7 @@ bool TimeLoop::cross() {
   try {
     if (!jumps.leg(s_.samplers, t, leg)) return false;
     s_.jump(t, next.y.data());
-    if (s_.settle(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
+    if (s_.update_independent_rows(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
     s_.derivative(t, next.y.data(), F.data(), z.data());
   } catch (const FallBackToPython&) {
     if (!run_.steps.changes.empty() && run_.steps.changes.back().first == node) run_.steps.changes.pop_back();
@@ -188,7 +188,7 @@ bool TimeLoop::attempt() {
     }
     if (run_.project) project(p.t_next);
     if (!run_.events.events.empty()) look(p);
-    if (s_.settle(p.t_next, next_))
+    if (s_.update_independent_rows(p.t_next, next_))
       run_.steps.changes.emplace_back(static_cast<long>(run_.steps.t.size()), s_.rows.in_use());
   } catch (const FallBackToPython&) {
     return false;

@@ -76,7 +76,7 @@ bool project(Index2System& s, const RepeatTolerances& like, double t, const Stat
 
 }  // namespace
 
-void walk(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& like, Recomputed& out) {
+void recompute(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& like, Recomputed& out) {
   StepSensitivity step(s, nullptr);
   State now, middle, next;
   Numbers move(s.ny);

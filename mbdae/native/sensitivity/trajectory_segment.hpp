@@ -31,7 +31,7 @@ struct Recomputed {
   size_t steps;              // that ended within `repeated`
 };
 
-void walk(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& like, Recomputed& out);
+void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& like, Recomputed& out);
 // Cotangents (ny + nc,) at the last node become those at the first; `extra` (m + 1, ny + nc) are added at the inner
 // nodes, and those of parameters (k,) are accumulated.
 void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries,

@@ -15,8 +15,8 @@ namespace mbdae {
 ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
     : m_(m), constraints_(constraints), rows_(rows) {}
 
-void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint8_t* acts, double* heading) {
-  places_ = std::move(places), acts_ = acts, heading_ = heading;
+void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading) {
+  places_ = std::move(places), active_ = active, heading_ = heading;
   const auto k = static_cast<Eigen::Index>(places_.size());
   e_.setZero(k, m_.nv), speed_.setZero(k), factor_.setZero(k), T_.setZero(k);
   all_.assign(constraints_.rows.size(), 0.0), one_ = all_, v_.resize(m_.nv);
@@ -25,14 +25,14 @@ void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint
 }
 
 ClosureFriction::operator bool() const {
-  return std::any_of(acts_, acts_ + places_.size(), [](std::uint8_t x) { return x != 0; });
+  return std::any_of(active_, active_ + places_.size(), [](std::uint8_t x) { return x != 0; });
 }
 
 void ClosureFriction::slips(const double* v) {
   for (size_t k = 0; k < places_.size(); ++k) {
     const FrictionInterface& place = places_[k];
     e_.row(k).setZero(), speed_[k] = factor_[k] = 0;
-    if (!acts_[k]) continue;
+    if (!active_[k]) continue;
     Pair& pair = constraints_.pairs[place.pair];
     double w[6];
     pair.locate(m_);
@@ -162,7 +162,7 @@ double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbe
   saddle.solve(Zhat, rhs, f);
   whole(rhs, all_.data());
   for (Eigen::Index i = 0; i < k; ++i) {
-    if (acts_[i]) saddle.respond(Zhat, &lam(i, 0), &moves(i, 0));
+    if (active_[i]) saddle.respond(Zhat, &lam(i, 0), &moves(i, 0));
     whole(&lam(i, 0), &responses(i, 0));
   }
   forces(all_, responses);

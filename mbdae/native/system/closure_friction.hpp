@@ -31,9 +31,9 @@ class ClosureFriction {
  public:
   ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
 
-  // acts (k,): which interfaces slide, heading (k, 2): slip directions of rolling contacts; arrays of Python that
+  // active (k,): which interfaces slide, heading (k, 2): slip directions of rolling contacts; arrays of Python that
   // outlive this object.
-  void use(std::vector<FrictionInterface> places, const std::uint8_t* acts, double* heading);
+  void use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading);
   explicit operator bool() const;  // does any interface slide?
 
   // e, e . v and the factors -mu r d at the current kinematics.
@@ -58,7 +58,7 @@ class ClosureFriction {
   Constraints& constraints_;
   const IndependentRows& rows_;
   std::vector<FrictionInterface> places_;
-  const std::uint8_t* acts_ = nullptr;
+  const std::uint8_t* active_ = nullptr;
   double* heading_ = nullptr;
   Rows<double> e_, C_, P_;             // (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
   Vector<double> speed_, factor_, T_;  // (k,)

@@ -17,7 +17,7 @@ class IndependentRows {
 
   int rank = -1;           // -1: unknown
   double floor = 0;        // ratio of pivots below which the rank has fallen
-  bool held = false;       // the rows in use are fixed, except in `settle`
+  bool held = false;       // the rows in use are fixed, except in `update_independent_rows`
   double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T since the last check in Python
   bool estranged = false;  // rows not in use may be independent of the rows in use
 

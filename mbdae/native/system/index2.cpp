@@ -177,7 +177,7 @@ void Index2System::residual_rate(double t, const double* v, double* rate) const 
     for (int c : constraints.rows[k].columns) rate[k] += point.G[static_cast<size_t>(k) * nv + c] * v[c];
 }
 
-bool Index2System::settle(double t, State& s) {
+bool Index2System::update_independent_rows(double t, State& s) {
   if (!ng) return false;
   const double* q = s.y.data();
   double* v = s.y.data() + nq;

@@ -113,7 +113,7 @@ class Index2System {
   void rate(double t, const double* y, double* dy, double* z);
   // Between two steps: select rows, and measure the violation of all. True if the rows changed; then v is projected
   // onto them, and the carried derivative is recomputed.
-  bool settle(double t, State& s);
+  bool update_independent_rows(double t, State& s);
 
   // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
   struct Known {

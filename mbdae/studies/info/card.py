@@ -31,8 +31,8 @@ class Card(Tabular):
         ng: rows of all closures.
         switched: number of rows that are active in some modes only.
         rank: independent rows at the start, without these.
-        freedom: degrees of freedom, nv - rank.
-        position_freedom: nv - rank of the rows that have a g: larger if there are velocity rows.
+        dof: degrees of freedom, nv - rank.
+        position_dof: nv - rank of the rows that have a g: larger if there are velocity rows.
         joints: name and kind of each joint, in the order of q.
         closures: name, kind, frames or joints, and rows of each closure and driver, and the number of its redundant
             rows.
@@ -57,8 +57,8 @@ class Card(Tabular):
     ng: int
     switched: int
     rank: int
-    freedom: int
-    position_freedom: int
+    dof: int
+    position_dof: int
     joints: tuple[tuple[str, str], ...]
     closures: tuple[dict[str, Any], ...]
     forces: tuple[str, ...]
@@ -86,7 +86,7 @@ class Card(Tabular):
         sizes += f", {self.switched} come and go" if self.switched else ""
         q, v = (", ".join(f"{x:.6g}" for x in values) for values in (self.q, self.v))
         return {
-            "sizes": f"{sizes}; degrees of freedom: {self.freedom}",
+            "sizes": f"{sizes}; degrees of freedom: {self.dof}",
             "joints": ", ".join(f"{name} ({kind})" for name, kind in self.joints),
             **({"fixed base": ", ".join(self.fixed)} if self.fixed else {}),
             "closures": "\n".join(closures) or "none",
@@ -130,8 +130,8 @@ class Card(Tabular):
         counts = [f"rank {self.rank}", f"{self._dependent} rows depend on others" if self._dependent else ""]
         counts.append(f"{self.switched} come and go" if self.switched else "")
         rows = f"closure rows {self.ng} ({', '.join(filter(None, counts))})"
-        line = f"  nq {self.nq}, nv {self.nv}, {rows}, degrees of freedom {self.freedom}"
-        return line + (f", {self.position_freedom} of positions" if self.position_freedom != self.freedom else "")
+        line = f"  nq {self.nq}, nv {self.nv}, {rows}, degrees of freedom {self.dof}"
+        return line + (f", {self.position_dof} of positions" if self.position_dof != self.dof else "")
 
     def _closures(self) -> list[str]:
         """A line for each closure, and one where their reactions are not unique."""
@@ -186,8 +186,8 @@ def card(mech: Mechanism) -> Card:
         ng=mech.ng,
         switched=len(switching),
         rank=len(rows),
-        freedom=mech.nv - len(rows),
-        position_freedom=mech.nv - (positions if not mech.positional.all() else len(rows)),
+        dof=mech.nv - len(rows),
+        position_dof=mech.nv - (positions if not mech.positional.all() else len(rows)),
         joints=tuple((n, kind_of(find_joint(mech.model, n))) for n in mech.joint_names),
         closures=tuple(closures),
         forces=tuple(system.laws.names),

@@ -15,7 +15,7 @@ from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..kinematics.passing import Passed, told
+from ..kinematics.passing import Passed, lines_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -200,7 +200,7 @@ class InverseDynamics(Tabular):
             times = ", ".join(f"{t:.6g}" for t in self.impacts[:5]) + (", ..." if len(self.impacts) > 5 else "")
             lines.append(f"  impulses of impacts are in no effort: t = {times} s")
         name, unit = self.over_name.rsplit(" (", 1)
-        lines += told(self.passed, name, unit.rstrip(")"))
+        lines += lines_of(self.passed, name, unit.rstrip(")"))
         lines += [f"  {name!r} stands still: its friction may hold up to {x:.4g} {unit} more or less"
                   for name, x, unit in self._friction()]  # fmt: skip
         return lines

@@ -12,7 +12,7 @@ from .pose_curve import CurvePoint, PoseCurve
 
 SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are searched for zeros
 CLOSE = 1e-5  # of the input: a value so near a branch point is the branch point
-STANDS = 1e-9  # of the arclength's rate: a smaller one of the input is a dead point
+STATIONARY = 1e-9  # of the arclength's rate: a smaller one of the input is a dead point
 
 
 class OnCurve(NamedTuple):
@@ -37,8 +37,8 @@ def events(curve: PoseCurve) -> Events:
     branches: dict[int, BranchPoint] = {}
     hidden = _touching(curve)
     nodes = curve.nodes
-    stands = STANDS * curve.unit
-    if abs(nodes[0].speed) < stands:
+    still = STATIONARY * curve.unit
+    if abs(nodes[0].speed) < still:
         dead.append(OnCurve(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):
         if a.sigma * b.sigma < 0:
@@ -47,7 +47,7 @@ def events(curve: PoseCurve) -> Events:
                 branches[i] = found
             else:
                 hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), roughly=True).u)
-        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < stands) or abs(a.speed) < stands
+        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < still) or abs(a.speed) < still
         if a.speed * b.speed < 0 and i not in branches and not at_start:
             sigma = curve.zero(i, lambda p: p.speed)
             dead.append(OnCurve(i, sigma, curve.at(i, sigma)))

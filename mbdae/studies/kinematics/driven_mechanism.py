@@ -145,8 +145,8 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
         n = Z.shape[1] - 1
         names = joints_to_lock(mech, Z, e, n)
         which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
-        told = f" (open: {', '.join(opens)})" if opens else ""
-        raise InputError(f"{n + 1} degrees of freedom are left{told}: {which}")
+        listed_open = f" (open: {', '.join(opens)})" if opens else ""
+        raise InputError(f"{n + 1} degrees of freedom are left{listed_open}: {which}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
         gamma = system.gamma(q, columns * tau, u) / mech.row_scales
@@ -170,7 +170,7 @@ def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
     along = Z.T @ e
     if not np.abs(along).max() > RANK:
         return []
-    Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # what moves while the drive stands
+    Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # what moves while the drive is fixed
     names = single(mech)
     acting = {str(getattr(f, "joint", "")) for f in mech.forces}
     liking = [1.0 + (mech.joint_kind(j).startswith("P") or j in acting) for j in names]

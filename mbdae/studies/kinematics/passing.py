@@ -141,7 +141,7 @@ def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float
     return out
 
 
-def told(found: Sequence[Passed], over: str, unit: str) -> list[str]:
+def lines_of(found: Sequence[Passed], over: str, unit: str) -> list[str]:
     """Lines that name what is passed."""
     out = []
     for name in dict.fromkeys(p.name for p in found):

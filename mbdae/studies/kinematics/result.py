@@ -17,7 +17,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from .branch_points import BranchPoint
-from .passing import Passed, told
+from .passing import Passed, lines_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -234,7 +234,7 @@ class Kinematics(Tabular):
             lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} ways to go on")
         for u in self.hidden:
             lines.append(f"  several branches cross at once near {round(u, 6) + 0.0:.6g}: the curve goes on straight")
-        lines += told(self.passed, self.drive, self.unit)
+        lines += lines_of(self.passed, self.drive, self.unit)
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")

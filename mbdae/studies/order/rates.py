@@ -17,7 +17,7 @@ from .result import ObservedOrder
 
 HALVINGS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
 LARGE = 0.1  # of the change of a quantity: larger errors are not dominated by the leading order
-SETTLED = 0.1  # spread of the last slopes below which finer steps add nothing
+CONSTANT = 0.1  # spread of the last slopes below which finer steps add nothing
 
 
 def fit(
@@ -36,7 +36,7 @@ def fit(
     Errors count above their floors; one that is a tenth of what the quantity moves by refutes nothing. Reasons name the
     uncertainty of the reference, the largest number of solves, and where no run ended the failure of the last one.
     """
-    end = settled(errors[: above(errors, floors)])
+    end = asymptotic(errors[: above(errors, floors)])
     record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
     if end < HALVINGS + 1:
         counted = f"only {end - 1} halvings" if end else "no error"
@@ -74,9 +74,9 @@ def judged(x: Array, y: Array, least: float) -> tuple[int, str]:
     """
     rates, fitted, last = np.diff(y) / np.diff(x), slope(x, y), slope(x[-1 - LAST :], y[-1 - LAST :])
     change, turns = float(np.ptp(rates)), np.diff(rates)
-    if change > 2 * SETTLED and last >= least and (fitted >= least or (turns > 0).all()):
+    if change > 2 * CONSTANT and last >= least and (fitted >= least or (turns > 0).all()):
         return LAST, "holds"
-    if fitted >= least and (change <= 2 * SETTLED or turns[-1] > 0):
+    if fitted >= least and (change <= 2 * CONSTANT or turns[-1] > 0):
         return HALVINGS, "holds"
     return HALVINGS, "misses" if rates[-1] + change < least else ""
 
@@ -87,14 +87,14 @@ def above(errors: Sequence[float], floors: Sequence[float]) -> int:
     return good.index(False) if False in good else len(good)
 
 
-def settled(errors: Sequence[float]) -> int:
+def asymptotic(errors: Sequence[float]) -> int:
     """Return the number of errors up to the last four halvings whose rates agree; all if there are none.
 
     Steps are halved further for other quantities, which accumulates rounding of many steps beyond its floor.
     """
     rates = np.diff(np.log2(errors))
     ends = range(len(errors), HALVINGS, -1)
-    return next((end for end in ends if np.ptp(rates[end - 1 - HALVINGS : end - 1]) < SETTLED), len(errors))
+    return next((end for end in ends if np.ptp(rates[end - 1 - HALVINGS : end - 1]) < CONSTANT), len(errors))
 
 
 def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
@@ -102,4 +102,4 @@ def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
     if above(errors, floors) < len(errors):
         return True
     slopes = np.diff(np.log2(errors))[-HALVINGS:]
-    return len(slopes) == HALVINGS and float(np.ptp(slopes)) < SETTLED
+    return len(slopes) == HALVINGS and float(np.ptp(slopes)) < CONSTANT

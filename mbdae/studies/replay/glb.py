@@ -78,18 +78,18 @@ class _File:
         rows, index = np.unique(corners.astype("<f4"), axis=0, return_inverse=True)
         directions = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1)[:, None]
         colour = [float(x) for x in rgba or GREY]
-        look: dict[str, Any] = {
+        material: dict[str, Any] = {
             "pbrMetallicRoughness": {"baseColorFactor": colour, "metallicFactor": 0.1, "roughnessFactor": 0.6},
             "doubleSided": True,
         }
-        look |= {"alphaMode": "BLEND"} if colour[3] < 1 else {}
+        material |= {"alphaMode": "BLEND"} if colour[3] < 1 else {}
         return {
             "attributes": {
                 "POSITION": self.numbers(rows[:, :3], VERTICES, bounded=True),
                 "NORMAL": self.numbers(directions, VERTICES),
             },
             "indices": self.numbers(index.ravel(), INDICES),
-            "material": self.once(("look", tuple(colour)), "materials", look),
+            "material": self.once(("look", tuple(colour)), "materials", material),
         }
 
     def bytes(self) -> bytes:

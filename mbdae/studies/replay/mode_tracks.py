@@ -36,7 +36,7 @@ class ModeTrack(NamedTuple):
     struck: list[float]
     strength: list[float]
 
-    def plain(self) -> dict[str, Any]:
+    def core_data(self) -> dict[str, Any]:
         """What the page takes."""
         return {**self._asdict(), "places": [typed(place, "float32") for place in self.places]}
 

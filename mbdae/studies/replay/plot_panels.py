@@ -152,8 +152,8 @@ def _as_read(pane: PlotPanel) -> PlotPanel:
         return replace(pane, title="energies (J), potential from its start", curves=moved)
     if "(rad)" not in pane.title or not any(np.ptp(c.y) > 2 * np.pi for c in pane.curves):
         return pane
-    turning = {c.name for c in pane.curves if np.ptp(c.y) > 2 * np.pi}
-    wrapped = tuple(_wrapped(c) if c.name in turning else c for c in pane.curves)
+    angular = {c.name for c in pane.curves if np.ptp(c.y) > 2 * np.pi}
+    wrapped = tuple(_wrapped(c) if c.name in angular else c for c in pane.curves)
     return replace(pane, title=pane.title.replace("(rad)", "(rad), within π"), curves=wrapped)
 
 

@@ -162,7 +162,7 @@ def page(
         "switched": {
             "held": HELD,
             "struck": STRUCK,
-            "each": [] if choices else [x.plain() for x in mode_tracks_of(sol, q)],
+            "each": [] if choices else [x.core_data() for x in mode_tracks_of(sol, q)],
         },
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }

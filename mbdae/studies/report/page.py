@@ -34,7 +34,7 @@ def page(report: "Report") -> str:
     bodies = {name: write(report) for name, write in zip(SECTIONS, writers, strict=True)}
     c, meta = report.card, report.meta
     backend = f"{report.sol.stats['backend']} back end on {meta['machine']}"
-    summary = f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {backend}, {meta['date']}."
+    summary = f"Degrees of freedom: {c.dof}. mbdae {meta['versions']['mbdae']}, {backend}, {meta['date']}."
     summary += f" Stopped by the user {report.without}." if report.missing else ""
     return document(c.title, summary, meta["versions"]["mbdae"], bodies)
 

@@ -24,7 +24,7 @@ _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameter
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
 
 ALIKE = 1e-9  # of derivatives
-LOOKS = 9  # points of a run where differences are to hold
+CHECKS = 9  # points of a run where differences are to hold
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
@@ -81,7 +81,7 @@ def _bound(sol: Solution, names: Names, make: MechanismFactory) -> tuple[dict[st
     values, mech, (ts, ys) = named_values(make, names), sol.mechanism, sol.nodes[:2]
     own = isinstance(make, Template) and not isinstance(names, Mapping)
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
-    some = np.linspace(0, len(ts) - 1, LOOKS).round().astype(int)
+    some = np.linspace(0, len(ts) - 1, CHECKS).round().astype(int)
     along = [(float(ts[i]), q, v, s) for i in np.unique(some) for q, v, s, _ in [np.split(ys[i], cuts)]]
     parameters = Parameters(make.make, values, backend.load(), own=own, along=along, mode=sol.mode(0) or ())
     _compare(mech, parameters.mech)

@@ -71,7 +71,7 @@ class Sensitivity(Tabular):
         """Derivatives of the multipliers of all rows, (n, ng, k), from the hidden constraint."""
         trace, out = self.trace, np.zeros((len(self.t), self.trace.system.ng, len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            trace.hold(int(self.places[i]))
+            trace.enter_node(int(self.places[i]))
             found = trace.sensitivity.rate(float(t), y).lam
             out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out

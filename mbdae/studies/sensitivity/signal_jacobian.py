@@ -18,7 +18,7 @@ KNOWN = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
 NONE = {
     **dict.fromkeys(RESIDUALS, "it is the largest magnitude over all rows"),
     "mode": "it counts the states of a switch",
-    "impulse": "it stands at the time of an impact alone",
+    "impulse": "it exists at the time of an impact alone",
 }
 
 
@@ -124,7 +124,7 @@ class SignalJacobian:
 
     def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Y' and lam of all rows, and their partial derivatives."""
-        self.trace.hold(i)
+        self.trace.enter_node(i)
         F, lam = self.trace.system.derivative(t, y)
         return F, lam[: self.trace.system.ng], *self.trace.sensitivity.rate(t, y)
 

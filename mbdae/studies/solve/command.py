@@ -127,9 +127,9 @@ def solve(
 
 def _impacts(sol: "Solution") -> str:
     """Return the impacts in words: participants, times, and energy loss."""
-    struck = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
+    names = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
     times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
-    return f"  impacts on {struck}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drives'}"
+    return f"  impacts on {names}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drives'}"
 
 
 def _times(times: Any) -> str:

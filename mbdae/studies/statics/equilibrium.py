@@ -206,12 +206,12 @@ def complete_arguments(
     """
     start = mech.start_at(t)[0] if q is None else mech.assemble(q, t=t)[0]
     if isinstance(v, Mapping):
-        speeds, turning = mech.coordinates(v, of_v=True)
+        speeds, moving = mech.coordinates(v, of_v=True)
     else:
         speeds = np.zeros(mech.nv) if v is None else mech.vector("v", v, mech.nv)
-        turning = np.flatnonzero(speeds)
+        moving = np.flatnonzero(speeds)
     fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
-    held = np.unique(np.array([*fixed, *turning], int))
+    held = np.unique(np.array([*fixed, *moving], int))
     return start, speeds, held, labels(mech, held)
 
 

@@ -12,7 +12,7 @@ from .load_path import LoadPath
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LOOKS = {"limit": ("limit point", "o"), "branch": ("branch point", "s")}
+STYLES = {"limit": ("limit point", "o"), "branch": ("branch point", "s")}
 
 
 @settled
@@ -37,7 +37,7 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         label = None if wrong in seen else "unstable" if wrong else "stable"
         ax.plot(x[run], path.factor[run], label=label, **style)
         seen.add(wrong)
-    for kind, (label, marker) in LOOKS.items():
+    for kind, (label, marker) in STYLES.items():
         at = [e for e in path.critical if e.kind == kind]
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
         if at:

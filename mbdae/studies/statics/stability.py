@@ -46,13 +46,13 @@ class Verdict:
 
     def __str__(self) -> str:
         k = len(self.squares)
-        freedoms = f"{k} degree{'s' if k != 1 else ''} of freedom"
+        dof = f"{k} degree{'s' if k != 1 else ''} of freedom"
         return {
             "rigid": "no degree of freedom is left",
-            "singular": f"no verdict, the closures lose rank here ({freedoms} in this pose)",
-            "stable": f"stable, {freedoms}",
-            "neutral": f"neutral in {self.neutral} of {freedoms}, unstable in none",
-            "unstable": f"unstable, {self.unstable} growing motion{'s' if self.unstable != 1 else ''}, {freedoms}",
+            "singular": f"no verdict, the closures lose rank here ({dof} in this pose)",
+            "stable": f"stable, {dof}",
+            "neutral": f"neutral in {self.neutral} of {dof}, unstable in none",
+            "unstable": f"unstable, {self.unstable} growing motion{'s' if self.unstable != 1 else ''}, {dof}",
         }[self.stability]
 
 

@@ -62,7 +62,7 @@ def test_a_centre_of_curvature_is_named_and_steps_past_it_are_shortened():
     groove = Closure.slot("cam", "follower", {"kind": "fourier", "x": (e, R, 0.0), "y": (0.0, 0.0, R)}, name="groove")
     mech = cam_and_follower(groove)
     for ask in (mech.residual, lambda *at: mbdae.solve(mech, (0, 1), *at)):
-        with pytest.raises(StepError, match=r"'groove': the contact stands in a centre of curvature .*undercut"):
+        with pytest.raises(StepError, match=r"'groove': the contact is in a centre of curvature .*undercut"):
             ask(np.array([np.pi / 2, e]), np.zeros(2))
 
     def lift(p):

@@ -237,7 +237,7 @@ def test_a_wheel_lets_position_rows_alone_move_the_start(tmp_path):
     assert np.abs(mech.residual(q, np.zeros(9))[0]).max() < 1e-12
     np.testing.assert_allclose(np.delete(q, [2, 4]), np.delete(mech.start[0], [2, 4]), atol=1e-7)
     card = mbdae.info(mech)
-    assert (card.freedom, card.position_freedom) == (3, 7)
+    assert (card.dof, card.position_dof) == (3, 7)
     assert "degrees of freedom 3, 7 of positions" in str(card)
     assert "over 2 of 6 rows, 4 have no position level" in str(mbdae.drift(mbdae.solve(mech, (0, 0.1))))
     with pytest.raises(mbdae.MbdaeError, match="closure 'rear_wheel' slips by 1 m/s"):

@@ -56,7 +56,7 @@ def test_an_edge_slides_as_its_closure():
     sol = mbdae.solve(mech, (0, 2), rtol=1e-9)
     np.testing.assert_allclose(sol.y[-1], known.y[-1], atol=1e-12)
     np.testing.assert_allclose(sol.lam[-1], known.lam[-1], atol=1e-12)
-    assert mbdae.info(mech).position_freedom == 3
+    assert mbdae.info(mech).position_dof == 3
     assert mech.row_names == ["across"]
 
 
@@ -116,7 +116,7 @@ def test_rates_of_any_joint_are_those_of_differences(kind):
 
 
 WRONG = {
-    "G is 1 along velocity 0, but the slope of g is 2": lambda p: (2 * p[0], np.array([1.0, 0, 0])),
+    "G is 1 along velocity 0, but the derivative of g is 2": lambda p: (2 * p[0], np.array([1.0, 0, 0])),
     "returned shape (2,), expected shape (3,)": lambda p: (0.0, np.zeros(2)),
     "expected g and G": lambda p: p,
     "ZeroDivisionError": lambda p: (1 / 0, p),

@@ -120,7 +120,7 @@ def test_every_law_has_partials():
 
     for c in below(ForceElement):
         if c.__module__.startswith("mbdae") and c is not PairElement and not issubclass(c, LinearElement):
-            base, name = (PairElement, "turning") if issubclass(c, PairElement) else (ForceElement, "partials")
+            base, name = (PairElement, "wrench_partials") if issubclass(c, PairElement) else (ForceElement, "partials")
             assert getattr(c, name) is not getattr(base, name), c
 
 

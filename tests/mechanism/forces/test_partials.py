@@ -70,4 +70,4 @@ def test_steps_jump_within_linear_laws():
 
 def test_a_law_missing_in_the_core_is_named():
     with pytest.raises(NotCompiled, match="force 'mine' of kind ForceElement"):
-        ForceElement("mine").plain()
+        ForceElement("mine").core_data()

@@ -27,7 +27,7 @@ def from_mujoco(model: pin.Model, qpos: np.ndarray, qvel: np.ndarray | None = No
         InputError: for another length.
     """
     q, v = _checked(model, qpos, qvel)
-    for joint, kind in _turning(model):
+    for joint, kind in _quaternion_joints(model):
         turn = slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
         q[turn] = _unit(q[turn][TO_XYZW])
         if kind == "JointModelFreeFlyer":
@@ -43,7 +43,7 @@ def to_mujoco(model: pin.Model, q: np.ndarray, v: np.ndarray | None = None) -> t
         InputError: for another length.
     """
     qpos, qvel = _checked(model, q, v)
-    for joint, kind in _turning(model):
+    for joint, kind in _quaternion_joints(model):
         turn = slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
         if kind == "JointModelFreeFlyer":
             linear = slice(joint.idx_v, joint.idx_v + 3)
@@ -58,7 +58,7 @@ def pose(position: np.ndarray, quaternion: np.ndarray | None = None) -> pin.SE3:
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(position, float))
 
 
-def _turning(model: pin.Model) -> list[tuple[pin.JointModel, str]]:
+def _quaternion_joints(model: pin.Model) -> list[tuple[pin.JointModel, str]]:
     kinds = ("JointModelSpherical", "JointModelFreeFlyer")
     return [(j, j.shortname()) for j in list(model.joints)[1:] if j.shortname() in kinds]
 
