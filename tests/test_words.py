@@ -33,7 +33,7 @@ PROSE = re.compile(
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
     r"|\b(?:shall|likewise|alike|thither|whereto)\b"
 )
-LIMITS = {"names": 244, "members": 120, "prose of Python": 121, "prose of C++": 2, "pages": 25}
+LIMITS = {"names": 30, "members": 65, "prose of Python": 2, "prose of C++": 0, "pages": 0}
 
 
 def words(name):
@@ -81,7 +81,9 @@ def found_members():
 
 
 def found_in_python():
-    return [f"{p.name}: {w}" for p in sources(".py") for x in comments_and_docstrings(p) for w in PROSE.findall(x)]
+    """Old words in docstrings and comments; a fitted line has a slope."""
+    found = [(p, w) for p in sources(".py") for x in comments_and_docstrings(p) for w in PROSE.findall(x)]
+    return [f"{p.name}: {w}" for p, w in found if not (w.startswith("slope") and p.parent.name == "order")]
 
 
 def found_in_core():

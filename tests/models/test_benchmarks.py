@@ -58,8 +58,8 @@ def test_a02_moves_like_one_crank():
     np.testing.assert_allclose(sol.v[-1, crank], plain.y[1, -1], atol=1e-7)
 
 
-def test_bricard_has_one_freedom():
-    assert mbdae.info(mbdae.load("bricard")).freedom == 1
+def test_bricard_has_one_degree_of_freedom():
+    assert mbdae.info(mbdae.load("bricard")).dof == 1
 
 
 def test_bricard_moves_as_known():

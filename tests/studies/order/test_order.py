@@ -13,7 +13,7 @@ from mbdae.backend import load as load_core
 from mbdae.methods import Tableau
 from mbdae.studies.order import measurement
 from mbdae.studies.order.measurement import LARGEST_RUN, LEAST_OUTPUTS, Measurement
-from mbdae.studies.order.rates import above, done, fit, settled
+from mbdae.studies.order.rates import above, done, fit, asymptotic
 from mbdae.textbook.problems import TEXTBOOK, hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
@@ -179,9 +179,9 @@ def test_rules():
     assert not done(errors[:4], np.zeros(4))
     assert done([1.0, 1e-9], [1e-3, 1e-3])
     noisy = [*3.0 ** -np.arange(6), 3.0**-5, 3.0**-5.5]
-    assert settled(noisy) == 6, "what is added up of rounding"
-    assert settled(3.0 ** -np.arange(8)) == 8
-    assert settled(noisy[3:]) == 5, "no rates agree"
+    assert asymptotic(noisy) == 6, "what is added up of rounding"
+    assert asymptotic(3.0 ** -np.arange(8)) == 8
+    assert asymptotic(noisy[3:]) == 5, "no rates agree"
     found = fit("q", 1, [10 * 2**i for i in range(8)], noisy, [1e-30] * 8, 0.0, 0.0, LARGEST_RUN)
     assert found.observed == pytest.approx(np.log2(3))
     assert found.fitted == (1, 6)

@@ -279,7 +279,7 @@ def test_wrong_arguments_are_refused_before_anything_runs(arguments, words):
         ({"outputs": ["final q.crnk"]}, "did you mean 'q.crank'"),
         ({"outputs": ["maximum q.crank"]}, "(did you mean 'max'?); valid: final, min, max, peak, mean, rms, integral"),
         ({"outputs": ["q.crank"]}, "kept at times"),
-        ({"outputs": ["final t", "final t"]}, "stands twice"),
+        ({"outputs": ["final t", "final t"]}, "given twice"),
         ({"outputs": "final t"}, "outputs is a list"),
         ({"outputs": [3]}, "a text or a function"),
         ({"times": 1}, "at least 2"),
