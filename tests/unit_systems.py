@@ -131,10 +131,10 @@ class UnitSystem(NamedTuple):
             return Constant(value=signal.value * factor)
         if isinstance(signal, Harmonic):
             changed = {"amplitude": signal.amplitude * factor, "offset": signal.offset * factor}
-            return signal.model_copy(update={**changed, "omega": signal.omega / self.time})
+            return Harmonic(**{**signal.model_dump(), **changed, "omega": signal.omega / self.time})
         if isinstance(signal, Polynomial):
             powers = [x * factor / self.time**k for k, x in enumerate(signal.coefficients)]
-            return signal.model_copy(update={"coefficients": tuple(powers)})
+            return Polynomial(**{**signal.model_dump(), "coefficients": tuple(powers)})
         if isinstance(signal, TimeTable | Steps):
             points = tuple((t * self.time, x * factor) for t, x in signal.points)
             return type(signal)(**{**signal.model_dump(), "points": points})

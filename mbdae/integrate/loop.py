@@ -18,6 +18,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import STATUS, InputError, StepError
+from ..mechanism.formulations.index2 import Index2System
+from ..mechanism.formulations.projection import refuse_contradicting_accelerations
 from ..mechanism.hybrid.switches import describe_mode
 from ..solution.solution import Problem
 from .mode_switching.step_truncation import reject_unresolved_step, truncate_at_guard
@@ -45,9 +47,10 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     except StepError as e:
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
             raise InputError(str(e)) from e
-        if e.status == "step_size":  # possibly caused by a driver
+        if e.status in ("step_size", "max_steps"):  # possibly caused by drivers
             try:
                 _check_drivers(run.problem, t0, run.t1)
+                _check_accelerations(run)
             except StepError as wrong:
                 e = wrong
         return e.status, _failure_message(run, e)
@@ -121,3 +124,9 @@ def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
     """Check the derivatives of drivers against their functions."""
     for driver in problem.drivers:
         driver.check_run(t0, t1)
+
+
+def _check_accelerations(run: RunState) -> None:
+    """See that the drivers of a mechanism do not contradict closures or each other where a run ends early."""
+    if isinstance(run.system, Index2System):
+        refuse_contradicting_accelerations(run.system, run.t, run.ys[-1])

@@ -98,14 +98,34 @@ def refuse_contradictions(system: "Index2System", t: float, G: Array, v: Array) 
     Raises:
         StepError: naming the rows, those of drivers first.
     """
-    g_t, mech = system.g_t(t), system.mechanism
-    if not g_t.any():
-        return
-    left, terms = np.abs(G @ v + g_t) / mech.row_scales, (np.abs(G) @ np.abs(v) + np.abs(g_t)) / mech.row_scales
-    if left.max() <= VELOCITY_TOLERANCE * terms.max():
-        return
-    missed = f"no speeds meet all of them, what is left is {left.max() / terms.max():.1g} of the largest"
-    raise StepError("driver", f"{_names(mech, left, g_t)} contradict each other at t = {t:.17g}: {missed}")
+    g_t = system.g_t(t)
+    if g_t.any():
+        _refuse(system, t, G, v, g_t, "speeds")
+
+
+def refuse_contradicting_accelerations(system: "Index2System", t: float, y: Array) -> None:
+    """See that some v' meets all rows of G v' + gamma = 0 at y, also those that depend on others.
+
+    Drivers that part smoothly contradict each other first in their accelerations.
+
+    Raises:
+        StepError: as `refuse_contradictions`.
+    """
+    if system.driven:
+        q, v = system.split(y)
+        U, G = system.inertia(t, q), system.jacobian()
+        gamma = system.gamma(q, v, t)
+        _refuse(system, t, G, -_smallest(U, G, gamma, system.mechanism.row_scales), gamma, "accelerations")
+
+
+def _refuse(system: "Index2System", t: float, G: Array, x: Array, r: Array, what: str) -> None:
+    """Raise where G x + r, (ng,), is more than `VELOCITY_TOLERANCE` of its largest terms."""
+    scales = system.mechanism.row_scales
+    left, terms = np.abs(G @ x + r) / scales, (np.abs(G) @ np.abs(x) + np.abs(r)) / scales
+    if not left.max() <= VELOCITY_TOLERANCE * terms.max():
+        missed = f"no {what} meet all of them, what is left is {left.max() / terms.max():.1g} of the largest"
+        names = _names(system.mechanism, left, system.g_t(t))
+        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {missed}")
 
 
 def _names(mech: "Mechanism", left: Array, first: Array) -> str:

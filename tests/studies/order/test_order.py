@@ -13,7 +13,7 @@ from mbdae.backend import load as load_core
 from mbdae.methods import Tableau
 from mbdae.studies.order import measurement
 from mbdae.studies.order.measurement import LARGEST_RUN, LEAST_OUTPUTS, Measurement
-from mbdae.studies.order.rates import above, done, fit, asymptotic
+from mbdae.studies.order.rates import above, asymptotic, done, fit
 from mbdae.textbook.problems import TEXTBOOK, hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")

@@ -1,0 +1,79 @@
+"""Drivers that part smoothly from what closures and other drivers admit: a run ends there, and names them.
+
+The second driver differs by c t^p from what the first one and the closures prescribe: all agree to p - 1 derivatives
+at t = 0. Which level of the constraints shows it first depends on the method.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from bodies import body, load
+from unit_systems import UNIT_SYSTEMS
+
+import mbdae
+from mbdae import Closure, Driver, Mechanism
+
+RADIUS = 0.1
+NAMES = r"('one' and 'other'|'other' and 'one').* contradict each other"
+
+
+def pair(mech, one, other, begin, rates, c, p):
+    """The mechanism with two drivers; the second one's motion departs by c t^p."""
+    first = Driver.polynomial(one, [begin, rates[0]], name="one")
+    second = Driver.polynomial(other, [begin, rates[1], *[0.0] * (p - 2), c], name="other")
+    return Mechanism(mech.model, mech.closures, drivers=[first, second])
+
+
+def same_joint(_, c, p):
+    mech = mbdae.load("four_bar")
+    return pair(mech, "crank", "crank", float(mech.start[0][0]), (1.0, 1.0), c, p)
+
+
+def gears(folder, c, p):
+    wheels = [body(name, "continuous", axis=[0.0, 0.0, 1.0], xyz=[x, 0.0, 0.0]) for name, x in (("a", 0.0), ("b", 3.0))]
+    mesh = Closure(kind="coupling", joints=("b", "a"), coefficients=(0.0, -2.0), name="mesh")
+    return pair(load(folder, wheels, [mesh]), "a", "b", 0.0, (1.0, -2.0), c, p)
+
+
+def wheel(folder, c, p):
+    """A wheel that rolls on the ground, driven by its hub and by its carriage."""
+    carriage = body("carriage", "prismatic", axis=[1.0, 0.0, 0.0], xyz=[0.0, 0.0, RADIUS])
+    hub = body("hub", "continuous", "carriage", axis=[0.0, 1.0, 0.0])
+    road = {"kind": "rolling", "frames": ("world", "hub"), "radius": RADIUS, "axis": (0.0, 1.0, 0.0), "contact": False}
+    mech = load(folder, [carriage, hub], [Closure(**road, name="road")])
+    return pair(mech, "hub", "carriage", 0.0, (1.0, RADIUS), RADIUS * c, p)
+
+
+SCENES = {"same joint": same_joint, "gears": gears, "wheel": wheel}
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("method", ["pherk5", "herk4", "radau5"])
+@pytest.mark.parametrize(("c", "p"), [(0.5, 2), (0.5, 4), (1e-3, 3)])
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_run_ends_where_drivers_part(tmp_path, scene, c, p, method):
+    sol = mbdae.solve(SCENES[scene](tmp_path, c, p), (0, 1), method=method, max_steps=2000)
+    assert sol.status in ("driver", "newton")
+    np.testing.assert_array_less(c * sol.t[-1] ** p, 1e-6)
+    assert re.search(NAMES, sol.message), sol.message
+
+
+@pytest.mark.parametrize("units", UNIT_SYSTEMS[1:], ids=lambda units: units.name)
+@pytest.mark.parametrize("method", ["pherk5", "radau5"])
+def test_drivers_part_in_all_units(method, units):
+    def run(mech, units):
+        atol = 1e-9 * np.concatenate([units.coordinates(mech), units.speeds(mech), [units.energy]])
+        options = {"rtol": 1e-7, "atol": atol, "first_step": 1e-3 * units.time, "max_steps": 2000}
+        return mbdae.solve(mech, (0, units.time), method=method, **options)
+
+    mech = same_joint(None, 0.5, 4)
+    known, found = run(mech, UNIT_SYSTEMS[0]), run(units.mechanism(mech), units)
+    assert found.status == known.status
+    np.testing.assert_allclose(found.t[-1], known.t[-1] * units.time, rtol=1e-6)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_equal_drivers_are_no_contradiction(tmp_path, scene):
+    sol = mbdae.solve(SCENES[scene](tmp_path, 0.0, 3), (0, 1))
+    assert sol.success, sol.message
