@@ -9,6 +9,7 @@ import pinocchio as pin
 from ..errors import InputError
 from ..system import Array
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
+from .characteristic_rate import characteristic_rate
 from .forces import is_custom
 from .frames import place
 from .pinocchio_data import make_data
@@ -21,6 +22,11 @@ class DynamicsTerms:
     def characteristic_length(self: Any) -> float:
         """Longest distance in m, l > 0, between joints and points where closures act: the unit of lengths."""
         return characteristic_length(self)
+
+    @cached_property
+    def characteristic_rate(self: Any) -> float:
+        """Rate w > 0 in 1/s of motions from the start: the unit of speeds, with the characteristic length."""
+        return characteristic_rate(self)
 
     @cached_property
     def row_scales(self: Any) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ...errors import StepError
+from ...mechanism.hybrid.mode_point import ROUNDING
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
 from ..signal_events import ITERATIONS, SHARE, SHARP
@@ -29,6 +30,7 @@ class TrackedGuard:
 
     Attributes:
         guard: the guard.
+        unit: size of the guard's quantity in this mechanism: a length or angle, a speed, the largest force.
         size: largest magnitude so far.
         level: value at which it ends the mode: 0, or the value within rounding below it at which the mode began, until
             it rises above 0.
@@ -37,6 +39,7 @@ class TrackedGuard:
 
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
         self.guard, f = guard, guard.value(point)
+        self.unit = _unit(guard, point)
         self.size, self.level, self.back = abs(f), 0.0 if guard.loads else min(0.0, f), np.nan
         if guard.rate and guard.bend and f <= self.band and (speed := guard.rate(point)) > 0 > (a := guard.bend(point)):
             self.back = point.t - LATER * 2 * speed / a
@@ -55,7 +58,18 @@ class TrackedGuard:
     @property
     def band(self) -> float:
         """Return the rounding error of the guard."""
-        return BAND * (1 + self.size)
+        return BAND * (self.unit + self.size)
+
+
+def _unit(guard: Guard, point: "ModePoint") -> float:
+    mech = point.system.mechanism
+    rows = mech.switches[guard.at].rows
+    scale = float(mech.row_scales[rows[0]]) if rows else 1.0
+    if guard.kind in ("touch", "pass"):
+        return scale
+    if guard.kind in ("rest", "step"):
+        return scale * point.speed
+    return 1.0 if guard.kind == "command" else point.rounding / ROUNDING
 
 
 def first_guard_root(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..run import RunState
     from ..step_map import StepMap
 
-TOUCHING = 1e-9  # m or rad: largest initial gap of an active contact
+TOUCHING = 1e-9  # rad or characteristic lengths: largest initial gap of an active contact
 SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the smallest ratio to the last one
 COMMANDS = ("command", "step")  # guards of jumps at known times
 SHORT = 1e-7  # of the span: loads that no longer step resolves are jumps
@@ -68,7 +68,7 @@ class ModeMonitor:
         """
         at = self.transition.point(run.t, y)
         for s, gap in self._gaps(at):
-            if gap < -TOUCHING:
+            if gap < -TOUCHING * self.system.mechanism.row_scales[s.rows[0]]:
                 unit = self.system.mechanism.row_units[s.rows[0]]
                 raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
         y, mode = self._settled(run, at, set())
@@ -81,7 +81,8 @@ class ModeMonitor:
 
     def touching(self, t: float, y: Array, near: float) -> list[str]:
         """Return the names of contacts that are closed at a point, or nearly."""
-        return [s.name for s, gap in self._gaps(self.transition.point(t, y)) if abs(gap) <= near]
+        scales, gaps = self.system.mechanism.row_scales, self._gaps(self.transition.point(t, y))
+        return [s.name for s, gap in gaps if abs(gap) <= near * scales[s.rows[0]]]
 
     def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism.hybrid.friction_lcp import FrictionBound, solve_friction_lcp
-from ...mechanism.hybrid.impact_law import RANK, FrictionRow, solve_impact
+from ...mechanism.hybrid.impact_law import RANK, STILL, FrictionRow, solve_impact
 from ...mechanism.hybrid.mode_point import ROUNDING, AllRows, ModePoint
 from ...mechanism.hybrid.switch import ImpactRow, LoadCandidate
 from ...solution.impact_record import Impact
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
     from ..run import RunState
 
-NEAR = 1e-12  # m or rad: closer rows are in contact and are projected: the height of a flight of a microsecond
-EXACT = 1e-13  # of 1 + |v|: accuracy of kept rows after an impact
-JUMP = 1e-6  # of 1 + |v|: speed violation of newly active rows
+NEAR = 1e-12  # rad or characteristic lengths: closer rows are in contact: the height of a microsecond's flight
+EXACT = 1e-13  # of the largest speed: accuracy of kept rows after an impact
+APPROACHING = 1e-9  # of the largest acceleration
+JUMP = 1e-6  # of the largest speed: speed violation of newly active rows
 HELD = 1e-9  # of the accelerations that a limit causes: smaller ones are zero
 LOADED = 1e-10  # of the largest multiplier, including those of newly slipping rows: smaller ones are zero
 
@@ -54,13 +55,13 @@ class Transition:
         mode, system = self.system.mode, self.system
         found = {s.at: s.impact_rows(at, mode[s.at], NEAR) for s in self.switches}
         found = {i: x for i, x in found.items() if x}
-        rate, still = at.rate, at.velocity_tolerance
+        scales = system.mechanism.row_scales
+        rate, still = at.rate / scales, STILL * at.speed
         hit = [i for i, (x, *_) in found.items() if x.sign * rate[x.row] <= still or mode[i]]
         touched: list[tuple[int, ImpactRow]] = [(i, s) for i in hit for s in found[i] if s.sign]
         approaching = [i for i, s in touched if s.sign * rate[s.row] < -still]
         bound = [s.row for i in hit if not found[i][0].sign for s in found[i]]
-        speeds = 1 + float(np.abs(at.v).max())
-        missed = [k for k in (*self.always, *bound) if abs(rate[k]) > EXACT * speeds]
+        missed = [k for k in (*self.always, *bound) if abs(rate[k]) > EXACT * at.speed]
         if not approaching and not missed:
             return at.y, None
         others = [s.row for i in hit for s in found[i] if not s.sign and np.isnan(s.share)]
@@ -76,14 +77,14 @@ class Transition:
         rows = np.array([s.row for _, s in both], int)
         signs = np.array([s.sign for _, s in both])
         e = np.array([0.0 if i in soft else s.restitution for i, s in both])
-        G, g_t = at.values[1:]
+        G, g_t = at.values[1] / scales[:, None], at.values[2] / scales
         U = np.triu(system.inertia(at.t, at.q))
         by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in frictional]
         pairs = zip(by, frictional, strict=True)
         friction_rows = [FrictionRow(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in pairs]
         try:
             closing = signs[:, None] * G[rows], signs * g_t[rows]
-            impact = solve_impact(U, G[kept], g_t[kept], *closing, e, at.v, friction_rows)
+            impact = solve_impact(U, G[kept], g_t[kept], *closing, e, at.v, friction_rows, at.speed)
         except StepError as reason:
             raise self._named(reason, at.t, (i for i, _ in both)) from None
         y = at.y.copy()
@@ -93,8 +94,9 @@ class Transition:
         whole[rows] = signs * impact.p
         whole[kept] += impact.P
         whole[[s.row for _, s in frictional]] = impact.friction
+        whole /= scales
         hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
-        joined = [k for k in dict.fromkeys(missed) if abs(rate[k]) > JUMP * speeds]
+        joined = [k for k in dict.fromkeys(missed) if abs(rate[k]) > JUMP * at.speed]
         if not approaching and not joined:  # smaller velocity projections onto the rows of a mode do not count
             return y, None
         impulses = [(name, float(p)) for name, p in hits if p > 0]
@@ -117,7 +119,7 @@ class Transition:
         found: dict[int, tuple[LoadCandidate, ...]] = {}
         for s in self.switches:
             candidates = s.load_candidates(at, before[s.at], NEAR)
-            if candidates and abs(at.rate[candidates[0].row]) <= at.velocity_tolerance:
+            if candidates and at.is_at_rest(candidates[0].row):
                 found[s.at] = candidates
         mode, left = list(before), dict(found)
         for s in self.switches:
@@ -172,7 +174,9 @@ class Transition:
 
     def _approaches(self, at: ModePoint, c: LoadCandidate, rates: Array) -> bool:
         inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
-        return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
+        mech = self.system.mechanism
+        largest = mech.characteristic_rate**2 + float(np.abs(rates / mech.row_scales).max())
+        return bool(inward > APPROACHING * largest * mech.row_scales[c.row])
 
     def _constrained_accelerations(
         self, at: ModePoint, mode: list[int], found: dict[int, tuple[LoadCandidate, ...]]

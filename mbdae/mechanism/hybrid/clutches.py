@@ -152,7 +152,7 @@ class Ratchet(OneWayClutch):
         if held:
             return LOCKED
         speed = self.speed(point)
-        if abs(speed) > point.velocity_tolerance:  # if slower, its acceleration decides
+        if abs(speed) > point.velocity_tolerance(self.rows[0]):  # if slower, its acceleration decides
             return FREE if speed > 0 else BACK
         if len(rates) or point.system.mode[self.at] == LOCKED:
             return FREE

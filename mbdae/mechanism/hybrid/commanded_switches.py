@@ -81,5 +81,8 @@ class SpeedStepDriver(Switch):
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return ()  # its row is active in all modes
 
+    def _margin(self, point: "ModePoint") -> float:
+        return point.velocity_tolerance(self.row) - abs(float(point.rate[self.row]))
+
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
-        return (Guard("step", self.name, self.at, lambda x: x.velocity_tolerance - abs(float(x.rate[self.row]))),)
+        return (Guard("step", self.name, self.at, self._margin),)

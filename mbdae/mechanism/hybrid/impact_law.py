@@ -24,11 +24,11 @@ from ...errors import StepError
 from ...system import Array
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
-STILL = 1e-10  # of 1 + |v|: smaller speeds count as zero
+STILL = 1e-10  # of the largest speed: smaller ones count as zero
 ROUNDS = 200  # of successive impacts at one instant; the last one with e = 0
 RANK = 1e-7  # of the largest singular value, and of a row: smaller remainders are dependent
 SHARP = 1e-12  # of the speed: accuracy of impulses recovered from velocities
-CONTRADICTION = 1e-6  # of 1 + |v|: largest speed that redundant rows may contradict
+CONTRADICTION = 1e-6  # of the largest speed: largest speed that redundant rows may contradict
 GAIN = 1e-10  # of the kinetic energy: smaller gains are rounding
 
 
@@ -66,13 +66,9 @@ class ImpactSolution(NamedTuple):
     friction: Array
 
 
-def velocity_tolerance(v: Array) -> float:
-    """Return the speed below which a row counts as at rest for velocities v (nv,)."""
-    return STILL * (1 + float(np.abs(v).max()))
-
-
 def solve_impact(
-    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array, frictional: Sequence[FrictionRow] = ()
+    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array,
+    frictional: Sequence[FrictionRow] = (), speed: float = 1.0,
 ) -> ImpactSolution:
     """Solve the impact problem: Newton restitution, contact rows and kept rows, Coulomb friction.
 
@@ -85,21 +81,22 @@ def solve_impact(
         e: coefficients of restitution, (m,).
         v: velocities before, (nv,).
         frictional: friction rows.
+        speed: the largest of rows; `STILL` and `CONTRADICTION` are fractions of it.
 
     Raises:
         StepError: if kept rows and contact rows contradict each other, or friction has no solution or increases the
             energy.
     """
-    problem = _Impact(U, kept, b, rows, v, frictional)
+    problem = _Impact(U, kept, b, rows, v, frictional, speed)
     x, work, still = U @ v, 0.0, problem.still  # x = M^1/2 v
     total, P, friction = np.zeros(len(rows)), np.zeros(len(kept)), np.zeros(len(frictional))
     for k in range(ROUNDS + 1):
-        speed = problem.BU.T @ x + c
-        if k and not (speed < -still).any():
+        rates = problem.BU.T @ x + c
+        if k and not (rates < -still).any():
             break
         last = k == ROUNDS
-        which = np.arange(len(rows)) if last else np.flatnonzero(speed <= still)
-        goal = -(0.0 if last else e[which]) * np.minimum(speed[which], 0.0) - c[which]
+        which = np.arange(len(rows)) if last else np.flatnonzero(rates <= still)
+        goal = -(0.0 if last else e[which]) * np.minimum(rates[which], 0.0) - c[which]
         new, p, q = problem.impact(x, which, goal)
         impulse = problem.pinv @ (new - x - problem.BU[:, which] @ p - problem.BT @ q)
         work += problem.work(x + new, which, p, q, impulse)
@@ -116,7 +113,7 @@ class _Impact:
     """The rows of an impact in x = M^1/2 v: columns of kept rows BG, contact rows BU and friction rows BT, (nv, ..)."""
 
     def __init__(
-        self, U: Array, kept: Array, b: Array, rows: Array, v: Array, frictional: Sequence[FrictionRow]
+        self, U: Array, kept: Array, b: Array, rows: Array, v: Array, frictional: Sequence[FrictionRow], speed: float
     ) -> None:
         tangents = np.array([x.row for x in frictional])
         self.BG, self.BU, self.BT = (
@@ -124,7 +121,7 @@ class _Impact:
         )
         self.b, self.frictional = b, frictional
         self.Q, self.pinv = _range(self.BG)
-        self.still, self.speed = velocity_tolerance(v), 1 + float(np.abs(v).max())
+        self.still, self.speed = STILL * speed, speed
         self.size = float(np.linalg.norm(U @ v))
 
     def impact(self, x: Array, which: Array, goal: Array) -> tuple[Array, Array, Array]:

@@ -10,7 +10,7 @@ from ...system import Array
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import RANK_TOLERANCE
 from ..pinocchio_data import make_data
-from .impact_law import velocity_tolerance
+from .impact_law import STILL
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -120,6 +120,15 @@ class ModePoint:
         return float(self.G[row] @ self.vdot + self.gamma[row])
 
     @cached_property
-    def velocity_tolerance(self) -> float:
-        """Velocity tolerance: speed below which a row counts as at rest."""
-        return velocity_tolerance(self.v)
+    def speed(self) -> float:
+        """The largest speed, in rad and characteristic lengths by time, plus the characteristic rate."""
+        mech = self.system.mechanism
+        return mech.characteristic_rate + float(np.abs(self.v / mech.coordinate_scales).max())
+
+    def is_at_rest(self, row: int) -> bool:
+        """Return whether G v + g_t of a row is zero to within `velocity_tolerance`."""
+        return bool(abs(self.rate[row]) <= self.velocity_tolerance(row))
+
+    def velocity_tolerance(self, row: int) -> float:
+        """Return the speed below which a row counts as at rest, in its unit."""
+        return STILL * self.speed * float(self.system.mechanism.row_scales[row])

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OFF, ON = 0, 1
-SLOW = 1e-9  # rad/s or m/s: slower joints do not cross a window
-AHEAD = 1e-7  # rad or m: lookahead of a joint at the boundary of a window
+SLOW = 1e-9  # of the largest speed: slower joints do not cross a window
+AHEAD = 1e-7  # rad or characteristic lengths: lookahead of a joint at the boundary of a window
 
 
 class RangeSwitch(Switch):
@@ -64,9 +64,12 @@ class RangeSwitch(Switch):
         sign = 1.0 if state == ON else -1.0
         return (Guard("pass", self.name, self.at, lambda x: sign * self.depth(x), loads=True, longest=self.longest),)
 
+    def _scale(self, point: "ModePoint") -> float:
+        return float(point.system.mechanism.coordinate_scales[self.v])
+
     def longest(self, point: "ModePoint") -> float:
         """Return the time in which the joint crosses the shortest window."""
-        return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
+        return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW * point.speed * self._scale(point))
 
     def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         there = self.next_state(point, (), (), False) == ON
@@ -76,5 +79,5 @@ class RangeSwitch(Switch):
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         v = float(point.v[self.v])
-        step = AHEAD if v > 0 else -AHEAD if v < 0 else 0.0
+        step = AHEAD * self._scale(point) * ((v > 0) - (v < 0))
         return ON if self.spec.depth(float(point.q[self.q]) + step) > 0 else OFF

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 IDLE, GRIPS, SLIDES = 0, 1, 2
+ACROSS = 10  # velocity tolerances: where the slip ends along its direction, errors of the run are left across it
 
 
 class RollingStiction(Switch):
@@ -70,7 +71,7 @@ class RollingStiction(Switch):
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether it slides."""
-        return bool(np.linalg.norm(point.rate[self.grip]) > point.velocity_tolerance)
+        return bool(np.linalg.norm(point.rate[self.grip]) > ACROSS * point.velocity_tolerance(self.grip[0]))
 
     def direction(self, point: "ModePoint") -> "Array":
         """Return the direction of the slip, or of the impending slip."""

@@ -65,11 +65,11 @@ class Unilateral(UnilateralRow):
         return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
 
     def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
-        if state != CLOSED and self.gap(point) > near:
+        if state != CLOSED and self.gap(point) > near * point.system.mechanism.row_scales[self.row]:
             return ()
         return (ImpactRow(self.row, self.sign, self.restitution), *(ImpactRow(row, 0.0) for row in self.others))
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
-        if state != CLOSED and self.gap(point) > near:
+        if state != CLOSED and self.gap(point) > near * point.system.mechanism.row_scales[self.row]:
             return ()
         return (LoadCandidate.unilateral(self.row, self.sign), *(LoadCandidate(row) for row in self.others))

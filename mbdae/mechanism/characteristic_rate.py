@@ -1,0 +1,27 @@
+"""Characteristic rate of a mechanism, which makes speeds comparable with zero in any unit of time."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import StepError
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+
+def characteristic_rate(mech: "Mechanism") -> float:
+    """Return w > 0 in 1/s: speeds are compared with w, and w l where they are in m/s.
+
+    It is the largest of |v| and |v'|^1/2 at the start, in rad and characteristic lengths l, and (|gravity| / l)^1/2; 1
+    if all are zero.
+    """
+    v, scales = mech.start[1], mech.coordinate_scales
+    squares = [float(np.linalg.norm(mech.gravity)) / mech.characteristic_length]
+    squares += ((v / scales) ** 2).tolist()
+    try:
+        vdot = mech.system().derivative(0.0, mech.point())[0][mech.nv : 2 * mech.nv]
+        squares += np.abs(vdot / scales).tolist()
+    except StepError:  # the start is singular
+        pass
+    return float(np.sqrt(max(squares, default=0.0))) or 1.0
