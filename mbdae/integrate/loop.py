@@ -71,7 +71,7 @@ def _failure_message(run: RunState, e: StepError) -> str:
     if run.singular and run.singular.next_to(*last) and (met := run.modes.touching(*last, KNOWN)):
         names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
         order = "the order of the two is beyond what its place is known to"
-        return f"{names} met within {KNOWN:g} rad or m of a singular configuration: {order} ({e})"
+        return f"{names} met within {KNOWN:g} rad or characteristic lengths of a singular configuration: {order} ({e})"
     when = "" if "t = " in str(e) else f", at t = {run.t:.17g}"
     mode = (
         f" ({describe_mode(run.modes.switches, run.modes.system.mode)})"

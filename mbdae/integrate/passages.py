@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
 EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singularity to a node: candidate ends of the zone
-CLOSED = 1e-12  # m or rad: smaller violations, and branches separated by the root of it, count as closed
+CLOSED = 1e-12  # rad or characteristic lengths: smaller gaps, and branches apart by the root of it, count as closed
 SAMPLES = 5  # of each step
 LEVEL = 0.999  # of the largest sample: ratios that fall by less are constant
 SHARP = 1e-10  # of a step: tolerance of a minimum
@@ -120,7 +120,7 @@ class Passages:
 
     def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
         """Record the singularity found on step i; end the run there if it cannot pass or changed the branch."""
-        gap = max(np.abs(self.workspace.residual(run.ts[n], *self.workspace.split(run.ys[n]))[0]).max() for n in nodes)
+        gap = max(self._gap(run.ts[n], run.ys[n]) for n in nodes)
         limit = open_limit(self.workspace, t, y, self.largest, gap)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
@@ -130,6 +130,11 @@ class Passages:
             text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
             self.end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
         self.compare(run, nodes[0], nodes[-1])
+
+    def _gap(self, t: float, y: Array) -> float:
+        """Return the largest |g|, in rad or characteristic lengths."""
+        g = self.workspace.residual(t, *self.workspace.split(y))[0]
+        return float(np.abs(g / self.workspace.mechanism.row_scales).max())
 
     def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
         """Return theta -> time and point on step i; linear if an end is too singular for dense output."""

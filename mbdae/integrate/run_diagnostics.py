@@ -11,7 +11,7 @@ from ..mechanism.reactions import scaled
 from ..solution.columns import balance
 from ..solution.solution import Solution
 
-POSITION_TOLERANCE = 0.01  # rad, or of a length: what would have to move by as much to close the loops
+POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that moves
 LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: what is negative by less counts as 0
 DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: projected rows with a smaller remainder are dependent
@@ -32,14 +32,15 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
     found = []
     if system.ng:
         g, G = system.closures(q, ts[-1])
-        reach = float(np.abs(G).max())
-        if not system.largest_g <= POSITION_TOLERANCE * (reach or 1.0):
+        if not system.largest_g <= POSITION_TOLERANCE:
             which = largest_error(mech, g)
-            opened = f"closures were violated by {system.largest_g:.2g}, on arms of {reach:.2g} m"
+            size = f"{system.largest_g:.2g} rad or characteristic lengths of {mech.characteristic_length:.3g} m"
+            opened = f"closures were violated by {size}"
             found.append(f"{opened} ({which.name!r} by {which.text} at the end)")
-        if formulation != "index1" and not system.largest_rate <= VELOCITY_TOLERANCE:
+        slip = 0.0 if formulation == "index1" else _largest_slip(system)
+        if not slip <= VELOCITY_TOLERANCE:
             which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
-            slipped = f"rows that depended on others are not kept: |G v| reached {system.largest_rate:.2g} (1 + |v|)"
+            slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
             found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
     lost = relative_energy_error(sol, system)
     if not lost <= ENERGY_TOLERANCE:
@@ -52,6 +53,12 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
     fixed, kept = "step" in sol.settings, sol.settings["project"] or formulation == "ggl" or not system.ng
     advice = f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
     return "; ".join([f"{'; '.join(found)}: {advice}", *more])
+
+
+def _largest_slip(system: Index2System) -> float:
+    """Return |G v + g_t| over all rows, of the largest speeds; the characteristic rate is added where nothing moves."""
+    slip, speed = system.largest_rate, system.largest_speed
+    return slip / (speed + system.mechanism.characteristic_rate) if not slip <= VELOCITY_TOLERANCE * speed else 0.0
 
 
 def dependent_rows_changed(sol: Solution, system: Index2System) -> str:

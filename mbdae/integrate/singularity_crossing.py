@@ -23,7 +23,7 @@ SAMPLES = 24  # points of the search
 DEPTH = 0.05  # of the current pivot ratio: a singular configuration is below
 OVERSHOOT = 1.3  # times the way, at least: end of the crossing
 AHEAD = 0.7  # times the way: if the end of a run is closer, the crossing leads to it
-KNOWN = 1e-5  # rad or m: required accuracy of the position of a singular configuration
+KNOWN = 1e-5  # rad or characteristic lengths: required accuracy of the position of a singular configuration
 CLOSE = 1e-9  # of the size of G: residual of closures in a singular configuration; bars with a gap keep a larger one
 ROOT_TOLERANCE = 1e-10  # of the way: tolerance of the smallest ratio
 
@@ -123,8 +123,8 @@ def cross_singularity(system: Index2System, run: Any, way: float, first: int) ->
     if beside and (end < AHEAD * abs(dt) or run.leg.restart is not None):
         return None
     lower = ContinuationPolynomial(system, ts[:-1], y, us[:-1], rates[:-1], reach)
-    moved = float(np.abs(system.difference(path(dt), lower(dt))[: system.nv]).max())
-    if moved > KNOWN or not singular_crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE):
+    moved = system.difference(path(dt), lower(dt))[: system.nv] / system.mechanism.coordinate_scales
+    if np.abs(moved).max() > KNOWN or not singular_crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE):
         return None
     t = run.leg.end if end == run.left() else run.t + run.sign * end
     there = path(run.sign * end)

@@ -28,6 +28,11 @@ class DynamicsTerms:
         """Rate w > 0 in 1/s of motions from the start: the unit of speeds, with the characteristic length."""
         return characteristic_rate(self)
 
+    @property
+    def characteristic_speed(self: Any) -> float:
+        """Characteristic length times characteristic rate, in m/s."""
+        return self.characteristic_length * self.characteristic_rate
+
     @cached_property
     def row_scales(self: Any) -> Array:
         """Unit scale of each row's g, (ng,): the characteristic length, or 1 rad."""

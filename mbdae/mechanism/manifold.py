@@ -131,9 +131,9 @@ class Manifold:
             x[self.circles] += 2 * np.pi * np.round((guess - x)[self.circles] / (2 * np.pi))
         return x
 
-    def same(self, q0: np.ndarray, q1: np.ndarray) -> bool:
-        """Return whether two configurations are equal up to rounding; nan is never equal."""
-        return bool(np.abs(q0 - q1).max() <= SAME_POINT * (1 + np.abs(q0).max()))
+    def is_same_point(self, q0: np.ndarray, q1: np.ndarray, scales: np.ndarray) -> bool:
+        """Return whether two configurations, by scales (nq,), are equal up to rounding; nan is never equal."""
+        return bool(np.abs((q0 - q1) / scales).max() <= SAME_POINT * (1 + np.abs(q0 / scales).max()))
 
     def within(self, x: np.ndarray) -> None:
         """Reject coordinates of a step in which a joint rotates too far.

@@ -86,9 +86,10 @@ def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: fl
         t: time.
         y: a point nearby.
         usual: regular pivot ratio, away from singularities.
-        gap: largest |g| nearby, in m or rad.
+        gap: largest |g| nearby, in rad or characteristic lengths.
     """
-    size = float(np.abs(system.closures(system.split(y)[0])[1]).max())
+    mech, G = system.mechanism, system.closures(system.split(y)[0])[1]
+    size = float(np.abs(G * mech.coordinate_scales / mech.row_scales[:, None]).max())
     return usual * min(NEARLY, SINGULAR + ROUND * np.sqrt(gap / size))
 
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from ...errors import InputError, StepError
 from ...mechanism.closures.independent_rows import UNDERWAY
+from ...mechanism.formulations.friction_interface import STILL
 from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode
@@ -39,6 +40,7 @@ class ModeMonitor:
 
     def __init__(self, system: "Index2System") -> None:
         self.system, self.transition = system, Transition(system)
+        system.sliding.still = STILL * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []

@@ -42,13 +42,16 @@ class ClosureFriction:
         closures: closures of the mechanism.
         constraints: rows of the mechanism in the workspace.
 
+    Attributes:
+        still: speed in m/s below which a slip has no direction.
+
     Raises:
         UnknownNameError: for a closure that does not exist.
         InputError: for a closure that neither rotates nor slides, or for an invalid radius.
     """
 
     def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
-        named, self.constraints = {c.name: c for c in closures}, constraints
+        named, self.constraints, self.still = {c.name: c for c in closures}, constraints, STILL
         self.places: list[FrictionInterface] = []
         for force in forces:
             if isinstance(force, CoulombFriction):
@@ -82,7 +85,7 @@ class ClosureFriction:
         e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
         for i, p in enumerate(self.places):
             if p.force.sticks and self.active[i]:
-                (e[i], speed[i]), d[i] = p.along_grip(v, W, self.heading[i]), 1.0
+                (e[i], speed[i]), d[i] = p.along_grip(v, W, self.heading[i], self.still), 1.0
             elif self.active[i]:
                 e[i], speed[i] = p.slip(v, W[:, p.rows])
                 d[i] = np.tanh(speed[i] / p.force.width)
@@ -124,8 +127,8 @@ class ClosureFriction:
             if (place := self.places[k]).force.sticks:
                 slip = self.constraints.W[:, place.grip].T @ place.pair.relative(v)
                 size = float(np.sqrt(slip @ slip))
-                moving &= size > STILL
-                self.heading[k][:] = slip / size if size > STILL else self.heading[k]
+                moving &= size > self.still
+                self.heading[k][:] = slip / size if size > self.still else self.heading[k]
         return moving
 
     def filled(self, v: Array, lam: Array) -> Array:
@@ -133,7 +136,7 @@ class ClosureFriction:
         out = lam.copy()
         for k in np.flatnonzero(self.active):
             if (place := self.places[k]).force.sticks:
-                along, F = place.along(v, self.constraints.W, self.heading[k]), lam[place.rows]
+                along, F = place.along(v, self.constraints.W, self.heading[k], self.still), lam[place.rows]
                 out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
         return out
 

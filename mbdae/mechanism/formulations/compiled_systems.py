@@ -173,6 +173,7 @@ class CompiledSystem(Index2System):
         self.core.least_pivot_ratio = 1.0
         self.largest_g = max(self.largest_g, self.core.largest_g)
         self.largest_rate = max(self.largest_rate, self.core.largest_rate)
+        self.largest_speed = max(self.largest_speed, self.core.largest_speed)
 
     def before_python(self) -> None:
         """Pass the core's rows in use to Python."""
@@ -210,6 +211,7 @@ class CompiledSystem(Index2System):
         off = self.constraints.off
         if len(self.mechanism.switches):
             self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
+            self.core.slowest_slip(self.sliding.still)
 
     def use_rows(self, rows: tuple[int, ...]) -> None:
         """See `mbdae.system.System`."""

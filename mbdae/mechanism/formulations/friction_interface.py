@@ -13,7 +13,7 @@ from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
 
 TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
-STILL = 1e-9  # m/s: a slower slip has no defined direction
+STILL = 1e-9  # of the characteristic speed: a slower slip has no defined direction; in m/s outside of runs
 TURNED = 0.7  # cosine: a slip that rotates further within one step has no reliable direction
 NOTHING = 1e-300  # avoids division by zero
 
@@ -35,14 +35,14 @@ class FrictionInterface(NamedTuple):
     rows: slice
     grip: slice
 
-    def along(self, v: Array, W: Array, heading: Array) -> Array:
+    def along(self, v: Array, W: Array, heading: Array, still: float) -> Array:
         """Return the slip direction (m,) along inactive no-slip rows; updates heading.
 
         Through zero slip the direction is continued: a mode ends there.
         """
         slip = W[:, self.grip].T @ self.pair.relative(v)
         size = float(np.sqrt(slip @ slip))
-        if size <= STILL:
+        if size <= still:
             return heading
         along = slip / size
         ahead = float(along @ heading)
@@ -52,9 +52,9 @@ class FrictionInterface(NamedTuple):
             heading[:] = along
         return along
 
-    def along_grip(self, v: Array, W: Array, heading: Array) -> tuple[Array, float]:
+    def along_grip(self, v: Array, W: Array, heading: Array, still: float) -> tuple[Array, float]:
         """Return e (nv,) and e . v of a sliding no-slip contact, see `along`."""
-        e = self.pair.torque(W[:, self.grip] @ self.along(v, W, heading))
+        e = self.pair.torque(W[:, self.grip] @ self.along(v, W, heading, still))
         return e, float(e @ v)
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:

@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dgesv, dpotrs
 from ...errors import StepError
 from ...system import Array, Solver, StagePartials
 from ..closures import independent_rows
+from ..closures.closure_error import largest_error
 from .implicit_stage import Linearized, padded
 from .implicit_stage_partials import stabilised_stage
 from .index2 import Index2System
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 ITERATIONS = 12
 ROUNDING = 1e-15  # of 1 + |q|: corrections below this are skipped; G belongs to the point before them
 STALLED = 1e-10  # of 1 + |q|: corrections below this are accepted if they no longer shrink
-OPEN = 1e-7  # m or rad: largest residual of rows that are not in use
+OPEN = 1e-7  # rad or characteristic lengths: largest residual of rows that are not in use
 
 
 class GGLSystem(Index2System):
@@ -112,12 +113,13 @@ class GGLChart(Index2Chart):
             return super().solve_stage(that, x, v, xhat, factor, U, G)
         self._slips = slips = dpotrs(U, G[self.kept].T)[0]
         B, dx = m.tangent(x, slips), m.tangent(x, v)
-        last, scale = np.inf, 1 + np.abs(self.q).max()
+        mech = s.mechanism
+        last, scale = np.inf, 1 + np.abs(self.q / mech.q_scales).max()
         for _ in range(ITERATIONS):
             xhat_i = xhat + factor * dx
             g, Ghat = s.closures(m.integrate(self.q, xhat_i), that)
             _, _, dmu, info = dgesv(factor * Ghat[self.kept] @ m.velocity(xhat_i, B), -g[self.kept])
-            size = abs(factor) * np.abs(B @ dmu).max()
+            size = abs(factor) * np.abs(B @ dmu / mech.coordinate_scales).max()
             if info or not np.isfinite(size):
                 break
             if size <= ROUNDING * scale or (size > 0.5 * last and size <= STALLED * scale):
@@ -128,10 +130,10 @@ class GGLChart(Index2Chart):
         raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {that:.17g}")
 
     def _watch(self, t: float, g: Array) -> None:
-        gap = float(np.abs(g).max(initial=0.0))
-        if gap > OPEN:
-            name = self.system.mechanism.row_names[int(np.abs(g).argmax())]
-            raise StepError("rank", f"closure {name!r} opens by {gap:.2g} at t = {t:.17g}: other rows keep it no more")
+        mech = self.system.mechanism
+        if np.abs(g / mech.row_scales).max(initial=0.0) > OPEN:
+            gap = largest_error(mech, g)
+            raise StepError("rank", f"{gap.says('opens')} at t = {t:.17g}: other rows keep it no more")
 
     def start(self) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""

@@ -57,7 +57,8 @@ class Index2System(PinocchioData, System):
         self.place = independent_rows.elimination_order(self.constraints.columns)
         self.reason = independent_rows.SelectionTrigger(self.ng)
         self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
-        self.largest_g = self.largest_rate = 0.0  # |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
+        # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
+        self.largest_g = self.largest_rate = self.largest_speed = 0.0
         self._last_q = np.full(self.nq, np.nan)
         self._last = (np.empty(0), np.empty(0))  # U and G there
 
@@ -138,7 +139,7 @@ class Index2System(PinocchioData, System):
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, with kinematics current there; reuses the last stage if it ended here."""
-        if self.manifold.same(q, self._last_q):
+        if self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
             pin.computeJointJacobians(self.model, self.workspace, q)
             return self._last
         U = self.inertia(t, q)

@@ -19,7 +19,7 @@ ITERATIONS = 10
 ROUNDING = 1e-14  # of 1 + |q|, or of |v|: residuals below are left alone
 FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
 UNMOVED = 1e-13  # rad or m: the partials of smaller projections are left out
-VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of its largest terms or 1 + |v|: what is not kept by less
+VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of its largest terms, or of the speeds: less counts as zero
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
 

@@ -173,6 +173,7 @@ NB_MODULE(_native, m) {
           [](PyCore& c, double x) { c.core->system.rows.least_pivot_ratio = x; })
       .def_prop_ro("largest_g", [](const PyCore& c) { return c.core->system.largest_g; })
       .def_prop_ro("largest_rate", [](const PyCore& c) { return c.core->system.largest_rate; })
+      .def_prop_ro("largest_speed", [](const PyCore& c) { return c.core->system.largest_speed; })
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def("change_law", change_law, nb::arg("k"), nb::arg("a"), "Give law k other numbers: in a mode they are constant.")
@@ -190,6 +191,8 @@ NB_MODULE(_native, m) {
       .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
       .def("slide", slide, nb::arg("places"), nb::arg("active").noconvert(), nb::arg("heading").noconvert(),
            "Say where closures slide by friction of what they carry; active (k,) and heading (k, 2) are read and written.")
+      .def("slowest_slip", [](PyCore& c, double speed) { c.core->system.sliding.still = speed; }, nb::arg("speed"),
+           "Set the speed below which a slip has no direction.")
       .def("restore", restored, nb::arg("t"), nb::arg("y"), "Return the point on the closures, or None.");
   bind_points(core), bind_tangents(m, core);
 }

@@ -30,9 +30,9 @@ struct Tolerances {
   std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
   // formulations/ggl.py
   int meeting;             // iterations
-  double met, halted, gaping;  // of 1 + |q|, of 1 + |q|, m or rad
+  double met, halted, gaping;  // of 1 + |q| twice, rad or characteristic lengths
   // formulations/closure_friction.py
-  double still, turned;             // m/s, a cosine
+  double still, turned;             // a speed, a cosine
   int loading;                      // iterations
   double loaded, settled, nothing;  // of the largest T, twice
 };

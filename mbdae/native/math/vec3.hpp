@@ -6,6 +6,13 @@
 
 namespace mbdae {
 
+// The largest magnitude of x by its scales.
+inline double largest_scaled(const double* x, const std::vector<double>& scales) {
+  double out = 0;
+  for (size_t i = 0; i < scales.size(); ++i) out = std::max(out, std::fabs(x[i]) / scales[i]);
+  return out;
+}
+
 inline double largest(const double* x, int n) {
   double s = 0;
   for (int i = 0; i < n; ++i) s = std::max(s, std::fabs(x[i]));

@@ -38,7 +38,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
   const std::vector<int>& kept = positions_.kept();
   if (kept.empty()) return HalfExplicitStep::meet(that, factor, dx);
   const Tolerances& limits = s_.mechanics.limits;
-  const double scale = 1 + largest(q0_.data(), nq_);
+  const double scale = 1 + largest_scaled(q0_.data(), limits.q_scales);
   double last = INFINITY;
   for (int k = 0; k < limits.meeting; ++k) {
     place(dx, factor);
@@ -47,7 +47,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
     s_.constraints.gaps(that, gap_.data());
     for (int r : kept) gap_[r] /= -factor;
     correct(Ghat_);
-    const double size = std::fabs(factor) * largest(move_.data(), nv_);
+    const double size = std::fabs(factor) * largest_scaled(move_.data(), limits.coordinate_scales);
     if (!std::isfinite(size)) throw StepTooLong();
     if (size <= limits.met * scale || (size > 0.5 * last && size <= limits.halted * scale)) {
       if (!positions_.shared) meet_velocities();
@@ -91,8 +91,9 @@ void GGLStep::watch(double that) {
   std::fill(gap_.begin(), gap_.end(), 0.0);
   s_.constraints.value(s_.mechanics, q_met_.data(), others, Ghat_.data(), gap_.data());
   s_.constraints.gaps(that, gap_.data());
+  const Tolerances& limits = s_.mechanics.limits;
   for (int r : others)
-    if (std::fabs(gap_[r]) > s_.mechanics.limits.gaping) throw FallBackToPython();
+    if (std::fabs(gap_[r]) > limits.gaping * limits.row_scales[r]) throw FallBackToPython();
 }
 
 void GGLStep::project(double* e) {

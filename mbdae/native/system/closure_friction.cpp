@@ -13,7 +13,7 @@
 namespace mbdae {
 
 ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
-    : m_(m), constraints_(constraints), rows_(rows) {}
+    : still(m.limits.still), m_(m), constraints_(constraints), rows_(rows) {}
 
 void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading) {
   places_ = std::move(places), active_ = active, heading_ = heading;
@@ -52,7 +52,7 @@ void ClosureFriction::along_grip(size_t k, const double* v, double* w) {
   pair.relative(m_, v, V);
   for (size_t i = 0; i < m; ++i) constraints_.rows[place.grip[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
   const double size = std::sqrt(dot(now, now, 2));
-  if (size > limits.still) {
+  if (size > still) {
     for (double& x : now) x /= size;
     const double ahead = dot(now, heading, 2);
     if (ahead < 0)

@@ -35,6 +35,7 @@ class ClosureFriction {
   // outlive this object.
   void use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading);
   explicit operator bool() const;  // does any interface slide?
+  double still;                     // m/s: a slower slip has no direction
 
   // e, e . v and the factors -mu r d at the current kinematics.
   void slips(const double* v);

@@ -96,8 +96,10 @@ void Configuration::stand(const double* q) {
 bool Configuration::near(const double* q) const {
   if (!stands_) return false;
   double size = 0, move = 0;
-  for (int i = 0; i < m_.nq; ++i)
-    size = std::max(size, std::fabs(q[i])), move = std::max(move, std::fabs(q[i] - q_[i]));
+  for (int i = 0; i < m_.nq; ++i) {
+    const double unit = 1 / m_.limits.q_scales[i];
+    size = std::max(size, unit * std::fabs(q[i])), move = std::max(move, unit * std::fabs(q[i] - q_[i]));
+  }
   return move <= m_.limits.same_point * (1 + size);
 }
 

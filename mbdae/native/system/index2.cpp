@@ -113,14 +113,17 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
 }
 
 bool Index2System::is_known(double t, const double* q, const double* v, const double* s) const {
-  auto near = [&](const double* x, const double* y, int n) {
-    const double least = mechanics.limits.same_point * (1 + largest(x, n));
-    for (int i = 0; i < n; ++i)
-      if (!(std::fabs(x[i] - y[i]) <= least)) return false;
-    return true;
+  auto near = [&](const double* x, const double* y, int n, const std::vector<double>* scales = nullptr) {
+    double size = 0, apart = 0;
+    for (int i = 0; i < n; ++i) {
+      const double unit = scales ? 1 / (*scales)[i] : 1;
+      size = std::max(size, unit * std::fabs(x[i])), apart = std::max(apart, unit * std::fabs(x[i] - y[i]));
+    }
+    return apart <= mechanics.limits.same_point * size;
   };
   if (known.motion != mechanics.motion()) return false;
-  return near(&t, &known.t, 1) && near(q, known.q.data(), nq) && near(v, known.v.data(), nv) && near(s, known.s.data(), ns);
+  return near(&t, &known.t, 1) && near(q, known.q.data(), nq, &mechanics.limits.q_scales) &&
+         near(v, known.v.data(), nv, &mechanics.limits.coordinate_scales) && near(s, known.s.data(), ns);
 }
 
 void Index2System::derivative(double t, const double* y, double* F, double* z) {
@@ -198,8 +201,10 @@ bool Index2System::update_independent_rows(double t, State& s) {
   }
   gap_ = point.g;
   constraints.gaps(t, gap_.data());
-  largest_g = std::max(largest_g, largest(gap_.data(), ng));
-  largest_rate = std::max(largest_rate, largest(rate_.data(), ng) / (1 + largest(v, nv)));
+  const Tolerances& limits = mechanics.limits;
+  largest_g = std::max(largest_g, largest_scaled(gap_.data(), limits.row_scales));
+  largest_rate = std::max(largest_rate, largest_scaled(rate_.data(), limits.row_scales));
+  largest_speed = std::max(largest_speed, largest_scaled(v, limits.coordinate_scales));
   return changed;
 }
 

@@ -70,7 +70,8 @@ class Index2System {
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
-  double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
+  // |g| and |G v + g_t| over all rows, and |v|, at the ends of steps; lengths in characteristic lengths
+  double largest_g = 0, largest_rate = 0, largest_speed = 0;
 
   int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry from step to step
   Numbers carry(const Numbers& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage

@@ -20,10 +20,6 @@ double norm_of(const double* x, const std::vector<double>& scales) {
   return norm(scaled(x, scales).data(), static_cast<int>(scales.size()));
 }
 
-double largest_of(const double* x, const std::vector<double>& scales) {
-  return largest(scaled(x, scales).data(), static_cast<int>(scales.size()));
-}
-
 // Whether v misses rows of G v + g_t = 0; without g_t, that of drivers, all rows have v = 0 in common.
 bool contradicts(const Index2System& s, double t, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
@@ -44,7 +40,7 @@ bool contradicts(const Index2System& s, double t, const double* v) {
 
 void add_magnitude(const Index2System& s, const double* y, double* size) {
   const std::vector<double>& scales = s.mechanics.limits.coordinate_scales;
-  const double speed = largest_of(y + s.nq, scales);
+  const double speed = largest_scaled(y + s.nq, scales);
   for (int i = 0; i < s.nv; ++i) size[i] += scales[i], size[s.nv + i] += scales[i] * speed;
 }
 
@@ -57,7 +53,7 @@ double largest_move(const Numbers& move, const Numbers& magnitude, int measured,
 bool felt(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
   return s.constraints.sticks ||
-         norm_of(rate, limits.row_scales) > limits.rounding * largest_of(v, limits.coordinate_scales);
+         norm_of(rate, limits.row_scales) > limits.rounding * largest_scaled(v, limits.coordinate_scales);
 }
 
 void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
@@ -86,9 +82,9 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   };
   double move = 0;
   for (int i = 0; i < limits.iterations; ++i) {
-    if (norm_of(g.data(), limits.row_scales) <= limits.rounding * (1 + largest_of(q, limits.q_scales))) break;
+    if (norm_of(g.data(), limits.row_scales) <= limits.rounding * (1 + largest_scaled(q, limits.q_scales))) break;
     smallest(positional(), g);
-    move = largest_of(x.data(), limits.coordinate_scales);
+    move = largest_scaled(x.data(), limits.coordinate_scales);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), nearer.data());
     s.mechanics.poses(nearer.data());
@@ -104,7 +100,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
     for (int k : s.constraints.all) point.scale(k);
   }
   if (!(norm_of(g.data(), limits.row_scales) <= limits.open) &&
-      !(move <= limits.stalled * (1 + largest_of(q, limits.q_scales))))
+      !(move <= limits.stalled * (1 + largest_scaled(q, limits.q_scales))))
     throw FallBackToPython();
   Numbers rate(ng, 0.0);
   s.constraints.speed(t, rate.data());

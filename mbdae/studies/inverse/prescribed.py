@@ -20,7 +20,8 @@ from ..kinematics.result import Kinematics
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
 RANK = 1e-9  # of the largest singular value of G
-CONTRADICTS = 1e-4  # rad or m: tolerated violation of the closures by a table
+CONVERGED = 1e-10  # rad or characteristic lengths: size of the last correction
+CONTRADICTS = 1e-4  # rad or characteristic lengths: tolerated violation of the closures by a table
 ITERATIONS = 20
 
 
@@ -112,10 +113,12 @@ def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
             raise InputError(f"{name} of a motion is finite and has shape ({len(t)}, {width}), got {x.shape}")
     free = Mechanism(mech.model, mech.closures)
     system = free.system()
+    speed, acceleration = (float(np.abs(x / free.coordinate_scales).max()) for x in (v, a))
+    sizes = 1.0, speed, acceleration + speed**2
     for i in range(len(t)) if free.ng else ():
-        for values, what in zip(_misses(system, q[i], v[i], a[i]), ("", "/s", "/s^2"), strict=True):
+        for values, size, what in zip(_misses(system, q[i], v[i], a[i]), sizes, ("", "/s", "/s^2"), strict=True):
             gap = largest_error(free, values, what)
-            if gap.size > CONTRADICTS * (1 + np.abs((q, v, a)[("", "/s", "/s^2").index(what)][i]).max()):
+            if gap.relative > CONTRADICTS * size:
                 raise InputError(f"the motion opens closure {gap.name!r} by {gap.text} at t = {t[i]:.9g}")
     return Prescribed(t, q, v, a, {}, (t, "t (s)"))
 
@@ -203,9 +206,9 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
         q, G = found.q, found.G
         if i == 0:
             _check_dof(free, G, at)
-        if not (found.missed < CONTRADICTS and np.abs(found.g).max(initial=0.0) < CONTRADICTS):
+        if not (found.missed < CONTRADICTS and np.abs(found.g / free.row_scales).max(initial=0.0) < CONTRADICTS):
             raise InputError(f"the closures do not let the joints follow the table at point {i + 1}: they miss it by "
-                             f"{found.missed:.3g} rad or m")  # fmt: skip
+                             f"{found.missed:.3g} rad or characteristic lengths")  # fmt: skip
         v = _solve(G, np.zeros(len(G)), at, targets[1, i])
         gamma = system.gamma(q, v, 0.0)
         G = system.jacobian(q)
@@ -225,16 +228,17 @@ class _Posed(NamedTuple):
 def _at_targets(system: Any, q: Array, joints: list[Any], target: Array) -> _Posed:
     """The configuration with g = 0 and joints next to their targets (k,), by Gauss-Newton steps from q."""
     at, circles = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
+    scales = system.mechanism.coordinate_scales
     for _ in range(ITERATIONS):
         g, G = system.closures(q, 0.0)
         miss = target - np.array([_coordinate(q, j) for j in joints])
         miss = np.where(circles, (miss + np.pi) % (2 * np.pi) - np.pi, miss)
         x = _solve(G, -g, at, miss)
-        x /= max(1.0, 2.0 * float(np.abs(x).max()))
-        q = system.manifold.integrate(q, x)
-        if np.abs(x).max() < 1e-10:
+        size = float(np.abs(x / scales).max())
+        q = system.manifold.integrate(q, x / max(1.0, 2.0 * size))
+        if size < CONVERGED:
             break
-    return _Posed(q, g, G, float(np.abs(miss).max()))
+    return _Posed(q, g, G, float(np.abs(miss / scales[at]).max()))
 
 
 def _coordinate(q: Array, joint: Any) -> float:

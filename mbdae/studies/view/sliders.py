@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 POSES = 121  # per slider
 MOST = 16  # sliders per page
 INDEPENDENT = 1e-6  # of the size of a free direction: below, a coordinate depends on those chosen before
-SLACK = 1e-6  # rad or m: tolerated excess over a limit
+SLACK = 1e-6  # rad or characteristic lengths: tolerated excess over a limit
 CLOSED = 1e-8  # of |g|: a joint outside all loops leaves them closed
 
 
@@ -123,7 +123,7 @@ def _stretch(slider: Slider) -> Slider:
         u=u[chosen],
         q=slider.q[k[chosen]],
         start=int(np.flatnonzero(chosen == here)[0]),
-        dead_points=tuple(d for d in slider.dead_points if np.abs(ends - d).min() < SLACK),
+        dead_points=tuple(d for d in slider.dead_points if np.abs(ends - d).min() < SLACK * np.ptp(u)),
         ended="dead" if slider.ended == "closed" and len(turns) else slider.ended,
         beyond=tuple(slider.beyond[i] for i in k[chosen]),
     )
@@ -168,8 +168,9 @@ def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[A
 def _beyond(mech: Mechanism, poses: Array) -> Iterator[str]:
     low, high = mech.model.lowerPositionLimit, mech.model.upperPositionLimit
     single = {find_joint(mech.model, n).idx_q: n for n in mech.joint_names if limits_of(mech, n) is not None}
+    slack = SLACK * mech.q_scales
     for pose in poses:
-        yield next((n for i, n in single.items() if not low[i] - SLACK <= pose[i] <= high[i] + SLACK), "")
+        yield next((n for i, n in single.items() if not low[i] - slack[i] <= pose[i] <= high[i] + slack[i]), "")
 
 
 def limits_of(mech: Mechanism, name: str) -> Array | None:
@@ -193,4 +194,4 @@ def value_of(q: Array, joint: object) -> float:
 
 def _gap(system: "Index2System", q: Array) -> float:
     g = system.closures(q, 0.0)[0]
-    return float(np.abs(g).max(initial=0.0))
+    return float(np.abs(g / system.mechanism.row_scales).max(initial=0.0))

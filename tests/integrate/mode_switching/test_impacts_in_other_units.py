@@ -6,7 +6,7 @@ import pytest
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
-from mbdae import Mechanism, Stop
+from mbdae import Closure, CoulombFriction, Mechanism, Stop
 
 SPANS = {"slider_crank_with_stop": 0.7, "pendulum_on_stop": 3.0, "bouncing_chain": 0.6}
 REST = 1e-6  # s
@@ -52,3 +52,22 @@ def test_a_start_passes_its_stop_by_the_same_in_all_units(units, beyond, passed)
             mbdae.solve(mech, (0, units.time), q)
     else:
         assert mbdae.solve(mech, (0, 1e-3 * units.time), q).status == "finished"
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("units", UNIT_SYSTEMS[1:], ids=lambda units: units.name)
+def test_a_ball_slides_until_it_rolls_in_all_units(units):
+    """At 2 v_0 / (7 mu g)."""
+    model, speed, mu, radius = pin.Model(), 2.0, 0.3, 0.1
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(joint, pin.Inertia(1.5, np.zeros(3), 0.6 * radius**2 * np.eye(3)), pin.SE3.Identity())
+    model.addBodyFrame("centre", joint, pin.SE3.Identity(), 0)
+    ball = Mechanism(model, [Closure.rolling("world", "centre", radius=radius, name="floor")])
+    other = units.mechanism(ball)
+    sliding = Mechanism(other.model, other.closures, [CoulombFriction(closure="floor", coefficient=mu, exact=True)])
+    q = np.array([0, 0, radius, 0, 0, 0, 1.0]) * units.configuration(ball)
+    v = speed * np.array([np.cos(0.7), np.sin(0.7), 0, 0, 0, 0]) * units.speeds(ball)
+    atol = 1e-12 * np.concatenate([units.coordinates(ball), units.speeds(ball)])
+    sol = mbdae.solve(sliding, (0, 0.4 * units.time), q, v, rtol=1e-10, atol=atol, first_step=1e-3 * units.time)
+    assert [mode for _, mode in sol.modes] == [(2,), (1,)]
+    assert sol.t[sol.modes[1][0]] == pytest.approx(2 * speed / (7 * mu * 9.81) * units.time, rel=1e-10)
