@@ -131,7 +131,7 @@ REFUSED["singular start"] = {
         "the closures lose rank in this pose, from which several branches lead: start beside it",
     ),
     # on either branch the motor's 0.3 N m act against a weight of at most 9.81 |0.5 * 0.05 - 0.4 * 0.075| = 0.05 N m
-    **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no equilibrium found in "),
+    **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no stable equilibrium found"),
 }
 REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
 REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is active only in ranges of 'crank'")

@@ -250,7 +250,7 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float
         pull = np.abs(here.free.Z @ here.rho) / statics.sizes.l
         worst = mech.coordinate_joint(int(pull.argmax()))
         where = f"{search.residual:.2e} of the largest force met is left, most at joint {worst!r}"
-        text = f"no equilibrium found in {search.iterations} iterations: {where}"
+        text = f"no {'stable ' * (find == 'stable')}equilibrium found in {search.iterations} iterations: {where}"
         raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
     if statics.v.any():
         refuse_unsteady(statics, here)
