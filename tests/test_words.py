@@ -33,7 +33,7 @@ PROSE = re.compile(
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
     r"|\b(?:shall|likewise|alike|thither|whereto)\b"
 )
-LIMITS = {"names": 30, "members": 65, "prose of Python": 2, "prose of C++": 0, "pages": 0}
+LIMITS = {"names": 16, "members": 60, "prose of Python": 1, "prose of C++": 0, "pages": 0}
 
 
 def words(name):

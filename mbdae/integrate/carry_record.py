@@ -19,10 +19,10 @@ class CarryRecord:
         """Return the number of further nodes that can be kept after the first n."""
         return max(SHORT - n, 0)
 
-    def note(self, i: int, carry: Any, anew: bool = False) -> None:
+    def note(self, i: int, carry: Any, restarted: bool = False) -> None:
         """Store the carry at node i."""
         if i < SHORT and isinstance(carry, np.ndarray):
-            self.extend(i, carry[None], [0] if anew else [])
+            self.extend(i, carry[None], [0] if restarted else [])
 
     def extend(self, first: int, carries: Array, renewed: list[int]) -> None:
         """Store the carries of several nodes, (k, nc), some of them restarted."""

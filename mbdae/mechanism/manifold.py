@@ -78,7 +78,7 @@ class Manifold:
         self.places: list[int] = []  # their first index in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
         self.angles: list[tuple[int, int]] = []  # tangent indices of angles, indices of their cosines and sines in q
-        self.turning = np.zeros(model.nv, bool)  # tangent components that are angles of unlimited range
+        self.angular = np.zeros(model.nv, bool)  # tangent components that are angles of unlimited range
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v, joint.idx_q)
         self.planar = [(k, s) for (_, s, ad, _), k in zip(self.blocks, self.places, strict=True) if ad is _se2]
@@ -93,11 +93,11 @@ class Manifold:
             ad, turn = BLOCKS[kind]
             self.blocks.append((name, slice(at, at + joint.nv), ad, turn))
             self.places.append(place)
-            self.turning[at : at + joint.nv][turn] = True
+            self.angular[at : at + joint.nv][turn] = True
             if ad is _se2:
                 self.angles.append((at + 2, place + 2))
         elif joint.nq != joint.nv:  # unbounded revolute: commutative, J = 1
-            self.turning[at : at + joint.nv] = True
+            self.angular[at : at + joint.nv] = True
             self.circles.append(at)
             self.angles.append((at, place))
 
@@ -150,7 +150,7 @@ class Manifold:
         """Magnitude of the tangent components, (nv,): |q| for lengths and bounded angles, 1 for rotations."""
         if self.flat:
             return np.abs(q)
-        return np.where(self.turning, 1.0, np.abs(self.difference(pin.neutral(self.model), q)))
+        return np.where(self.angular, 1.0, np.abs(self.difference(pin.neutral(self.model), q)))
 
     def tangent(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return x' = J(x) v, (nv,).

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..mechanism.formulations.interpolation import plain, sampled
+from ..mechanism.formulations.interpolation import sampled, samples_at_once
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def at_once(sol: Any, times: Array) -> Array | None:
     ts, ys, zs = map(np.asarray, sol.nodes)
     if not isinstance(sol.problem, Mechanism) or len(ts) < 2 or len(times) < 2:
         return None
-    if not plain(sol.system, sol.settings["dense_order"]):
+    if not samples_at_once(sol.system, sol.settings["dense_order"]):
         return None
     sign = 1.0 if ts[-1] > ts[0] else -1.0
     if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():

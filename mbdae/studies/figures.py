@@ -97,7 +97,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return inner
 
 
-def settled(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
+def fixed_layout(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
     """Like `styled`, with a fixed layout: a figure is the same however often it is written."""
 
     @wraps(draw)
@@ -123,7 +123,7 @@ def sheet(width: float, height: float) -> "Figure":
     return Sheet(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
 
 
-def plain(text: str) -> str:
+def escaped(text: str) -> str:
     """Return a user's text with dollar signs escaped, so that they do not start a formula."""
     return text.replace("$", r"\$")
 

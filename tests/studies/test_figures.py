@@ -238,7 +238,7 @@ def test_dollars_in_names_are_dollars(tmp_path, four_bar):
 @pytest.mark.parametrize("ratio", [1.05, 1.3, 2.0, 2.8, 3.5, 4.5, 1e3, 1e7, 1e12])
 @pytest.mark.parametrize("low", [105.0, 95.0, 0.0021])
 def test_labels_of_logarithmic_axes_do_not_overlap(low, ratio):
-    @figures.settled
+    @figures.fixed_layout
     def drawing():
         figure = figures.sheet(figures.WIDTH, 3.5)
         ax = figure.subplots(1, 2)[0]

@@ -73,7 +73,7 @@ class ModeMonitor:
             if gap < -TOUCHING * self.system.mechanism.row_scales[s.rows[0]]:
                 unit = self.system.mechanism.row_units[s.rows[0]]
                 raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
-        y, mode = self._settled(run, at, set())
+        y, mode = self._resolved_mode(run, at, set())
         self.modes = [(0, mode)]
         self._enter(mode, run)
         return y
@@ -86,7 +86,7 @@ class ModeMonitor:
         scales, gaps = self.system.mechanism.row_scales, self._gaps(self.transition.point(t, y))
         return [s.name for s, gap in gaps if abs(gap) <= near * scales[s.rows[0]]]
 
-    def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+    def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
         y, impact = self.transition.resolve_impact(at, recent)
         if impact:
@@ -138,7 +138,7 @@ class ModeMonitor:
         """
         if not any(g.kind in COMMANDS for g in self.violated_guards(run.t, y)):
             return y
-        y, mode = self._settled(run, self.transition.point(run.t, y), set())
+        y, mode = self._resolved_mode(run, self.transition.point(run.t, y), set())
         if mode != self.system.mode:
             self.modes.append((len(run.ts) - 1, mode))
         self._enter(mode, run)
@@ -159,7 +159,7 @@ class ModeMonitor:
         if run.singular:
             run.singular.end_leg(run)
         opened = {g.at for g in fired if g.kind == "let go"}
-        y, mode = self._settled(run, self.transition.point(run.t, run.ys[-1]), opened)
+        y, mode = self._resolved_mode(run, self.transition.point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)
         if run.project:
             y = self.system.restore(run.t, y)

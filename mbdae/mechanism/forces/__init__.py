@@ -29,7 +29,7 @@ def _new(value: Any) -> bool:
 
 _FOUND += plugins("mbdae.forces", _new, "a class of forces with a kind and name of its own").values()
 FORCES: tuple[type[Force], ...] = tuple(c for c in _FOUND if issubclass(c, Force) and c is not Force)
-"""Every force that may stand in a file, found in the files of this folder."""
+"""Every force of files, found in the files of this folder."""
 PYTHON_FORCES = tuple(c for c in _FOUND if issubclass(c, PythonForce) and c is not PythonForce)
 NAMES = {c.__name__: c for c in (*FORCES, *PYTHON_FORCES)}
 

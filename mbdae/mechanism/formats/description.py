@@ -15,7 +15,7 @@ from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
 from ..model_serialization import model_from_data, model_to_data
 from ..model_settings import Motor
-from .load import Recipe, make, of_file, plain
+from .load import Recipe, make, of_file, table_of
 from .schema import MechanismFile
 from .sources import restored
 
@@ -37,7 +37,7 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         solve=mech.settings,
         duration=mech.duration,
     )
-    return {"name": mech.title, "file": plain(file), "model": model_to_data(mech.model), "functions": functions}
+    return {"name": mech.title, "file": table_of(file), "model": model_to_data(mech.model), "functions": functions}
 
 
 class _Functions(Table):

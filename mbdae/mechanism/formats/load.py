@@ -182,7 +182,7 @@ def _source(recipe: Recipe) -> dict[str, Any]:
     """Return the description of a mechanism from files."""
     return {
         "name": recipe.name,
-        "file": plain(recipe.file),
+        "file": table_of(recipe.file),
         "parts": [p.record for p in recipe.parts],  # called when written: meshes are large
         "motors": [list(m) for m in recipe.motors],
         "left_out": list(recipe.left_out),
@@ -206,7 +206,7 @@ def recipe_of(mech: Mechanism) -> Recipe:
     return Recipe(file, said["name"], parts, mech.motors, mech.left_out, said["parameters"])
 
 
-def plain(file: MechanismFile) -> dict[str, Any]:
+def table_of(file: MechanismFile) -> dict[str, Any]:
     """Return the file as JSON data; closures and bodies without defaults, since keys depend on the kind."""
     bodies = [x.model_dump(mode="json", exclude_defaults=True) for x in file.body]
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]

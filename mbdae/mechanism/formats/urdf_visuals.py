@@ -10,7 +10,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ..allowed_paths import AllowedPaths
 from ..checked_table import HUGE
-from ..scene.meshes import stand_in
+from ..scene.meshes import placeholder
 
 TOKEN = 10_000_000  # m: the size of boxes in the place of meshes
 
@@ -53,7 +53,7 @@ def _visuals(model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.Ge
         size = 2 * g.geometry.halfSide if isinstance(g.geometry, coal.Box) else np.zeros(3)
         if size[1] == size[2] == TOKEN:
             path, g.meshScale = meshes[round(size[0] - TOKEN)]
-            g.meshPath, g.geometry = str(path), stand_in(path, g.meshScale)
+            g.meshPath, g.geometry = str(path), placeholder(path, g.meshScale)
     return visuals
 
 

@@ -48,7 +48,7 @@ class CompiledSystem(Index2System):
         pairs, rows, drivers = constraints_of(self.constraints)
         law_pairs, laws = laws_of(self.laws)
         blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
-        angles = m.turning.astype(int).tolist()
+        angles = m.angular.astype(int).tolist()
         self.native = native
         lists = self.place.tolist(), random_probe(self.nv).tolist()
         tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, angles, m.angles, *lists

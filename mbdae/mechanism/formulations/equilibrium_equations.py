@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 GRAVITY = "gravity"
-SETTLE = 20  # iterations for states
+STATE_ITERATIONS = 20  # iterations for states
 ROUNDED = 1e-15  # of a state: smaller changes are rounding
 
 
@@ -200,7 +200,7 @@ class Statics:
         """Return the states (ns,) with h = 0, as far as h determines them."""
         if not len(s):
             return s
-        for _ in range(SETTLE):
+        for _ in range(STATE_ITERATIONS):
             rates, _, hs = self.rates(q, s)
             change = partial_inverse(hs, EPS * self.sizes.states(hs)) @ rates
             s = s - change

@@ -85,7 +85,7 @@ def interpolant(
     return at
 
 
-def plain(system: "Index2System", order: int) -> bool:
+def samples_at_once(system: "Index2System", order: int) -> bool:
     """Return whether `sampled` applies: coordinates in a vector space, no actuator states, no refinement."""
     return system.manifold.flat and not system.ns and order <= PLAIN_ORDER
 
@@ -99,7 +99,7 @@ def sampled(
     which: Array,
     theta: Array,
 ) -> Array:
-    """Return y (k, ny) at k points of n steps at once, equal to `interpolant` for `core_data` systems.
+    """Return y (k, ny) at k points of n steps at once, equal to `interpolant` where `samples_at_once`.
 
     Args:
         system: workspace for forces.

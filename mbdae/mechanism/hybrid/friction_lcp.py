@@ -23,7 +23,7 @@ MOST = 60  # iterations with each; one reduces the error to about mu |W_tn|/W_nn
 SAME = 1e-15  # of the largest limit: changes below this mean convergence
 NEWTON = 8  # iterations; within one linear piece of the problem one is enough
 WIDTH = 1e-3  # of a limit: finite-difference width
-SETTLED = 1e-12  # of the largest limit: convergence at the level of rounding
+CONVERGED = 1e-12  # of the largest limit: convergence at the level of rounding
 
 
 class FrictionBound(NamedTuple):
@@ -61,7 +61,7 @@ def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: d
         x = problem.loads(bound)
         new = problem.limits(x)
         change, size = float(np.abs(new - bound).max()), float(new.max())
-        if change <= SAME * size or (change <= SETTLED * size and change >= last / 2):
+        if change <= SAME * size or (change <= CONVERGED * size and change >= last / 2):
             return x
         if k == MOST - 1 and (found := problem.newton(new)) is not None:
             return found
@@ -104,7 +104,7 @@ class _Limited:
             x = self.loads(bound)
             new = self.limits(x)
             size = float(new.max())
-            if float(np.abs(new - bound).max()) <= SETTLED * size:
+            if float(np.abs(new - bound).max()) <= CONVERGED * size:
                 return x
             moves = np.diag(WIDTH * np.maximum(bound, size))
             S = np.eye(len(bound)) - np.array([(self.limits(self.loads(bound + m)) - new) / m.sum() for m in moves]).T

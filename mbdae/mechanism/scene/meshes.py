@@ -97,7 +97,7 @@ def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
     return Mesh("triangles", vertices=np.array(vertices), faces=faces)
 
 
-def stand_in(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
+def placeholder(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
     """Return a geometry with the bounds of a scaled mesh file, including points without a face.
 
     Raises:

@@ -41,7 +41,7 @@ def surfaces(mesh: Mesh, *, pictures: bool = False) -> list[Surface] | None:
         return None
     try:
         found = list(_read(mesh))
-    except (ValueError, LookupError, AttributeError, TypeError, ET.ParseError, RecursionError):
+    except (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, ET.ParseError, RecursionError):
         return None
     merged: dict[Colour | None, list[np.ndarray]] = {}
     for corners, rgba in found:
@@ -86,12 +86,12 @@ def _stl(data: bytes) -> np.ndarray:
 
 
 def _obj(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
-    looks: dict[bytes, Colour] = {}
+    colours: dict[bytes, Colour] = {}
     for library in mesh.companions.values():
         for name, text in re.findall(rb"newmtl[ \t]+(\S+)(.*?)(?=newmtl|\Z)", library, re.DOTALL):
             if kd := re.search(rb"\bKd[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", text):
                 opacity = re.search(rb"^[ \t]*d[ \t]+(\S+)", text, re.MULTILINE)
-                looks[name] = (*map(float, kd.groups()), float(opacity[1]) if opacity else 1.0)
+                colours[name] = (*map(float, kd.groups()), float(opacity[1]) if opacity else 1.0)
     points: list[list[float]] = []
     parts: dict[Colour | None, list[list[int]]] = {}
     faces = parts.setdefault(None, [])
@@ -100,7 +100,7 @@ def _obj(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
         if word == b"v":
             points.append([float(x) for x in rest.split()[:3]])
         elif word == b"usemtl":
-            faces = parts.setdefault(looks.get(rest.strip()), [])
+            faces = parts.setdefault(colours.get(rest.strip()), [])
         elif word == b"f":
             corners = [int(CORNER.match(text)[1]) for text in rest.split()]  # type: ignore[index]
             used = [c - 1 if c > 0 else len(points) + c for c in corners]

@@ -65,7 +65,7 @@ class MotionTangent:
         counts = [len(factor_joints(joint)) for joint in list(self.model.joints)[1:]]
         self.ends = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
 
-    def stand(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
+    def evaluate(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
         """Evaluate at a point with directions d; `system` is at the same point, with accelerations for v' = 0."""
         self.t, self.q, self.v, self.s, self.vdot, self.lam, self.d = t, q, v, s, vdot, lam, d
         model, data, n = self.expanded, self.data, self.expanded.njoints

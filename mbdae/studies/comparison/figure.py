@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, line_style, logarithmic, plain, settled, sheet
+from ..figures import WIDTH, escaped, fixed_layout, line_style, logarithmic, sheet
 from .comparison import QUANTITIES, Comparison
 from .run_result import RunResult
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SYMBOLS = {"lam": r"\lambda"}
 
 
-@settled
+@fixed_layout
 def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
     """Draw the error over linear solves and over wall time; errors below the uncertainty are bounds.
 
@@ -41,7 +41,7 @@ def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
         axes[0].text(0.02, 0.02, "not known by the reference", transform=axes[0].transAxes, fontsize=7, color="0.35")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     t0, t1 = result.t_span
-    figure.suptitle(plain(f"{result.title}, {t0:g} to {t1:g} s\n{result.computed_by}"), fontsize=9)
+    figure.suptitle(escaped(f"{result.title}, {t0:g} to {t1:g} s\n{result.computed_by}"), fontsize=9)
     return figure
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..figures import WIDTH, beside, line_style, logarithmic, own_style, plain, positive, settled, sheet
+from ..figures import WIDTH, beside, escaped, fixed_layout, line_style, logarithmic, own_style, positive, sheet
 from .drift import History
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@settled
+@fixed_layout
 def drifts(runs: Sequence[History]) -> "Figure":
     """Draw |g|, and the relative error of the energy balance, of several runs over time.
 
@@ -30,14 +30,14 @@ def drifts(runs: Sequence[History]) -> "Figure":
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
         for ax, values in ((top, run.g), (bottom, run.energy if energies else run.Gv)):
             if values is not None:
-                _line(ax, run.t, values, (i + 0.5) / len(runs), label=plain(label), **style)
+                _line(ax, run.t, values, (i + 0.5) / len(runs), label=escaped(label), **style)
     top.set_ylabel("max $|g|$ (m, rad)" if energies else "max $|g|$")
     bottom.set_ylabel("$|E - E_0 - W|$ / scale" if energies else "max $|g_t + g_y f|$")
     bottom.set_xlabel("$t$ (s)")
     bottom.set_xlim(min(run.t[0] for run in runs), max(run.t[-1] for run in runs))
     figure.align_ylabels([top, bottom])
     beside(top)
-    figure.suptitle(plain(f"Drift of {', '.join(titles)}"), fontsize=9)
+    figure.suptitle(escaped(f"Drift of {', '.join(titles)}"), fontsize=9)
     return figure
 
 

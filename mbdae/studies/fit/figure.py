@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..figures import WIDTH, plain, settled, sheet
+from ..figures import WIDTH, escaped, fixed_layout, sheet
 from .result import Fit
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ COLOURS = ("#0072B2", "#D55E00")
 HEIGHT = 2.2  # inches per signal
 
 
-@settled
+@fixed_layout
 def compared(fit: Fit) -> "Figure":
     """Draw each signal of each run, measured and computed, and its residuals in noise levels next to it."""
     panels = [(i, name) for i, signals in enumerate(fit.measured) for name in signals]
@@ -24,7 +24,7 @@ def compared(fit: Fit) -> "Figure":
         left.plot(t, fit.measured[i][name], ".", color=COLOURS[1], markersize=3, label="measured")
         left.plot(t, fit.computed[i][name], color=COLOURS[0], label="computed")
         of = f", {Path(fit.names[i]).name}" if len(fit.names) > 1 else ""
-        left.set_ylabel(plain(f"{name}{of} ({fit.units[name]})" if fit.units.get(name) else name + of))
+        left.set_ylabel(escaped(f"{name}{of} ({fit.units[name]})" if fit.units.get(name) else name + of))
         left.set_xlabel("$t$ (s)")
         right.plot(t, fit.residuals[i][name], ".", color=COLOURS[0], markersize=3)
         right.axhline(0.0, color="0.4", linewidth=0.7)
@@ -32,5 +32,5 @@ def compared(fit: Fit) -> "Figure":
         right.set_xlabel("$t$ (s)")
     axes[0][0].legend()
     ratio = fit.chi2 / fit.dof if fit.dof else float("nan")
-    figure.suptitle(plain(f"Fit of {fit.model}: chi^2 / degrees of freedom = {ratio:.3g}"), fontsize=9)
+    figure.suptitle(escaped(f"Fit of {fit.model}: chi^2 / degrees of freedom = {ratio:.3g}"), fontsize=9)
     return figure

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import COLOURS, WIDTH, beside, own_style, plain, settled, sheet
+from ..figures import COLOURS, WIDTH, beside, escaped, fixed_layout, own_style, sheet
 from .result import InverseDynamics
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MOST = 7  # largest number of joints in a figure
 
 
-@settled
+@fixed_layout
 def demands(found: InverseDynamics) -> "Figure":
     """Draw efforts with peak and RMS, powers, and the largest forces in joints."""
     kinds = list(dict.fromkeys(found.units))
@@ -27,25 +27,25 @@ def demands(found: InverseDynamics) -> "Figure":
                 continue
             style = own_style(i)
             ax.plot(
-                found.over, found.efforts[:, i], label=plain(f"{d.name}: peak {d.peak:.3g}, RMS {d.rms:.3g}"), **style
+                found.over, found.efforts[:, i], label=escaped(f"{d.name}: peak {d.peak:.3g}, RMS {d.rms:.3g}"), **style
             )
             for level, line in ((d.peak, ":"), (d.rms, "--")):
                 ax.axhline(level, color=style["color"], lw=0.7, ls=line)
             ax.plot(d.at, found.efforts[np.abs(found.over - d.at).argmin(), i], "o", ms=3, color=style["color"])
         beside(ax, labelspacing=0.3)
     for i, name in enumerate(found.names):
-        axes[-2].plot(found.over, found.power[:, i], label=plain(name), **own_style(i))
+        axes[-2].plot(found.over, found.power[:, i], label=escaped(name), **own_style(i))
     axes[-2].axhline(0.0, color="0.5", lw=0.7)
     axes[-2].set_ylabel("power (W)")
     sizes = np.linalg.norm(found.joints[:, :, :3], axis=2)
     largest = np.argsort(-np.nanmax(sizes, axis=0))[:MOST]
     for i, j in enumerate(sorted(largest)):
-        label = plain(found.mechanism.joint_names[j])
+        label = escaped(found.mechanism.joint_names[j])
         axes[-1].plot(found.over, sizes[:, j], label=label, **own_style(i) | {"color": COLOURS[i % len(COLOURS)]})
     axes[-1].set_ylabel("joint forces (N)")
     beside(axes[-1], labelspacing=0.3)
-    axes[-1].set_xlabel(plain(found.over_name))
+    axes[-1].set_xlabel(escaped(found.over_name))
     axes[-1].set_xlim(found.over.min(), found.over.max())
     figure.align_ylabels(axes)
-    figure.suptitle(plain(f"Inverse dynamics of {found.mechanism.title}"), fontsize=9)
+    figure.suptitle(escaped(f"Inverse dynamics of {found.mechanism.title}"), fontsize=9)
     return figure

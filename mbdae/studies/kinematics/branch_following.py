@@ -12,7 +12,7 @@ STEP = 0.02  # from a branch point onto a branch
 
 def branch_off(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve | None:
     """A curve from a branch point along a tangent (nv,); None where no closed configuration is found there."""
-    other, step = PoseCurve(curve.system, curve.turning), STEP
+    other, step = PoseCurve(curve.system, curve.angular), STEP
     other.r = curve.r
     for _ in range(6):
         q = curve.integrate(point.q, step * direction)

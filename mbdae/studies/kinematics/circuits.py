@@ -35,17 +35,17 @@ class Circuit(NamedTuple):
     warning: str
 
 
-def circuit(system: "Index2System", turning: Array, period: float, q: Array, u: float) -> Circuit:
+def circuit(system: "Index2System", angular: Array, period: float, q: Array, u: float) -> Circuit:
     """Follow the circuit of a closed pose q (nq,) at the input u.
 
     Args:
         system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
-        turning: which coordinates are angles, (nv,).
+        angular: which coordinates are angles, (nv,).
         period: of the input, 2 pi for an angle, else 0.
         q: the pose.
         u: the input there.
     """
-    curve = PoseCurve(system, turning, period)
+    curve = PoseCurve(system, angular, period)
     try:
         first = curve.begin(q, u)
     except (StepError, np.linalg.LinAlgError):
@@ -56,7 +56,7 @@ def circuit(system: "Index2System", turning: Array, period: float, q: Array, u: 
         signs = sum(_side(p, curve) for p in passages)
         warning = "" if signs == turns else f"the input rises and falls {len(passages)} times, which does not add up"
     else:
-        back = PoseCurve(system, turning, period)
+        back = PoseCurve(system, angular, period)
         back.begin(q, u, -first.tau)
         turned = _passages(back, u)
         passages += [p._replace(tau=-p.tau, speed=-p.speed) for p in turned[1:]]
@@ -122,4 +122,4 @@ def _passage(curve: PoseCurve, i: int, step: tuple[float, float], w: float) -> C
         at = curve.at(i, float(brentq(lambda x: curve.at(i, x).u - w, *step, xtol=1e-9)))
     else:
         at = curve.at(i, step[0] if abs(low) < abs(high) else step[1])
-    return curve.landed(at, w) or at
+    return curve.at_input(at, w) or at

@@ -116,8 +116,8 @@ def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: i
         sigma = _inverse(a, b, u, 1e-12 * curve.unit)
     for aside in (0.0, CLOSE, -CLOSE):  # a singular pose has no tangent: one beside it
         near = curve.at(i, min(max(sigma + aside * (b.s - a.s), low), high), roughly=True)
-        if (landed := curve.landed(near, near.u if aside else u)) is not None:
-            return landed
+        if (found_there := curve.at_input(near, near.u if aside else u)) is not None:
+            return found_there
     return _by_arclength(curve, i, low, high, u)
 
 

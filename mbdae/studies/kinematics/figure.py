@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...mechanism.coordinate_units import coordinate_units
-from ..figures import COLOURS, NAMES, WIDTH, beside, own_style, plain, settled, sheet
+from ..figures import COLOURS, NAMES, WIDTH, beside, escaped, fixed_layout, own_style, sheet
 from .result import Kinematics, neighbours
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ STEEP = 50.0  # times the median rate: more, beside dead points, is cut off
 PARTS = ("q.", "v.", "a.")
 
 
-@settled
+@fixed_layout
 def curves(found: Kinematics) -> "Figure":
     """Draw coordinates, velocities and accelerations per unit of the drive, and the transmission angle over the input.
 
@@ -33,7 +33,7 @@ def curves(found: Kinematics) -> "Figure":
     for ax, (part, kind) in zip(axes, rows, strict=False):
         names = [n for n in moving if unit[n] == kind]
         for i, name in enumerate(names):
-            _curve(ax, found, signals.get(part + name[2:], np.full(len(found.u), np.nan)), plain(name[2:]), i)
+            _curve(ax, found, signals.get(part + name[2:], np.full(len(found.u), np.nan)), escaped(name[2:]), i)
         per = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}$^2$"}[part]
         ax.set_ylabel(f"{ {'q.': NAMES[kind], 'v.': 'rates', 'a.': 'accelerations'}[part] } ({per})")
         if part == "q.":
@@ -47,9 +47,9 @@ def curves(found: Kinematics) -> "Figure":
             ax.axvline(u, color="0.5", lw=0.7, ls=":")
         for b in found.branch_points:
             ax.axvline(b.u, color="0.5", lw=0.7, ls="--")
-    axes[-1].set_xlabel(plain(f"{found.drive} ({found.unit})"))
+    axes[-1].set_xlabel(escaped(f"{found.drive} ({found.unit})"))
     figure.align_ylabels(axes)
-    figure.suptitle(plain(f"{found.mechanism.title} over {found.drive}"), fontsize=9)
+    figure.suptitle(escaped(f"{found.mechanism.title} over {found.drive}"), fontsize=9)
     return figure
 
 

@@ -66,7 +66,7 @@ class ModeSearch:
         self.starts = self.closed = 0
         self.warnings: list[str] = []
         drive, self.period = moved.drivers[-1], 0.0
-        if drive.joint and self.curve.turning[find_joint(moved.model, drive.joint).idx_v]:
+        if drive.joint and self.curve.angular[find_joint(moved.model, drive.joint).idx_v]:
             self.period = 2 * np.pi
         self.kept = {d.joint: d.follow(u)[0] for d in moved.drivers if d.joint and d.motion is not None}
         sliding = [abs(d.follow(u)[0]) for d in moved.drivers if moved.row_units[moved.rows_of(d.name)[0]] == "m"]
@@ -144,7 +144,7 @@ class ModeSearch:
             self.warnings.append(f"circuit {number}: its first pose is singular")
             self.modes.append(FoundMode(q, number, True))
             return self.modes[-1]
-        passed, warning = circuit(self.system, self.curve.turning, self.period, q, self.u)
+        passed, warning = circuit(self.system, self.curve.angular, self.period, q, self.u)
         if warning:
             self.warnings.append(f"circuit {number}: {warning}")
         new = FoundMode(q, number, passed[0][1])

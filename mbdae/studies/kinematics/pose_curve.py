@@ -70,7 +70,7 @@ class PoseCurve:
 
     Args:
         system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
-        turning: which coordinates are angles that come again after a turn, (nv,).
+        angular: which coordinates are angles that come again after a turn, (nv,).
         period: of the input: the curve is closed when the pose of the start comes again after a multiple of it; 0 where
             the input must come back, too.
 
@@ -82,8 +82,8 @@ class PoseCurve:
         ended: ``"range"``, ``"closed"`` (the pose of the start comes again), ``"stuck"``, or ``"long"`` (without end).
     """
 
-    def __init__(self, system: "Index2System", turning: Array, period: float = 0.0) -> None:
-        self.system, self.turning, self.period = system, turning, period
+    def __init__(self, system: "Index2System", angular: Array, period: float = 0.0) -> None:
+        self.system, self.angular, self.period = system, angular, period
         rows, self.columns = system.mechanism.row_scales, system.mechanism.coordinate_scales
         self.unit, self.rows = float(rows[-1]), np.append(rows[:-1], 1.0)
         self.r = system.nv - 1
@@ -155,7 +155,7 @@ class PoseCurve:
 
     def travelled(self) -> Array:
         """Return how far the last node lies from the first in each coordinate that is no angle, (nv,), 0 in angles."""
-        return np.abs(self.difference(self.nodes[0].q, self.nodes[-1].q)) * ~self.turning
+        return np.abs(self.difference(self.nodes[0].q, self.nodes[-1].q)) * ~self.angular
 
     def comes_back(self, change: float) -> bool:
         """Whether a change of the input is none, or a multiple of its period."""
@@ -176,7 +176,7 @@ class PoseCurve:
         """Put the last node where the input leaves its range at u."""
         i = len(self.nodes) - 2
         at = self.at(i, self.zero(i, lambda p: p.u - u))
-        self.nodes[-1], self.ended = self.landed(at, u) or at, "range"
+        self.nodes[-1], self.ended = self.at_input(at, u) or at, "range"
         return self
 
     def passing(self, i: int, pose: CurvePoint) -> CurvePoint | None:
@@ -202,7 +202,7 @@ class PoseCurve:
     def wrapped(self, q0: Array, q1: Array) -> Array:
         """q1 (-) q0 up to full turns of its angles, (nv,)."""
         x = self.difference(q0, q1)
-        return np.where(self.turning, x - 2 * np.pi * np.round(x / (2 * np.pi)), x)
+        return np.where(self.angular, x - 2 * np.pi * np.round(x / (2 * np.pi)), x)
 
     def at(self, i: int, sigma: float, *, roughly: bool = False) -> CurvePoint:
         """The point at the arclength sigma behind node i, before node i + 1; roughly, loops are not closed exactly.
@@ -233,7 +233,7 @@ class PoseCurve:
         h = self.nodes[i + 1].s - self.nodes[i].s
         return float(brentq(lambda sigma: value(self.at(i, sigma)), 0.0, h, xtol=1e-15, rtol=1e-14))
 
-    def landed(self, near: CurvePoint, u: float) -> CurvePoint | None:
+    def at_input(self, near: CurvePoint, u: float) -> CurvePoint | None:
         """The point with the input u near another one; None where it is not found: [G; e_in] x = -[g; c - u]."""
         found = self._correct(near.q, u, land=True)
         return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import COLOURS, WIDTH, beside, logarithmic, own_style, plain, positive, settled, sheet
+from ..figures import COLOURS, WIDTH, beside, escaped, fixed_layout, logarithmic, own_style, positive, sheet
 from .linear_system import LinearSystem
 from .modes import Modes
 from .root_locus import RootLocus
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 ORDERS = (1, 2, 3)  # multiples of the speed in a Campbell diagram
 
 
-@settled
+@fixed_layout
 def roots(modes: Modes) -> "Figure":
     """Draw the eigenvalues in the complex plane, and the shape of each mode."""
     figure = sheet(WIDTH, 3.2)
@@ -25,15 +25,15 @@ def roots(modes: Modes) -> "Figure":
     for i, shape in enumerate(modes.shapes[:6]):
         if shape.any():
             style = own_style(i) | {"linestyle": "-"}
-            right.plot(shape.real / np.abs(shape).max(), marker="o", label=plain(modes.describe(i)), **style)
+            right.plot(shape.real / np.abs(shape).max(), marker="o", label=escaped(modes.describe(i)), **style)
     right.set_xlabel("velocity component")
     right.set_ylabel("shape (largest part 1)")
     right.legend(loc="best", fontsize=6)
-    figure.suptitle(plain(modes.mechanism.title), fontsize=9)
+    figure.suptitle(escaped(modes.mechanism.title), fontsize=9)
     return figure
 
 
-@settled
+@fixed_layout
 def locus(found: RootLocus, campbell: bool) -> "Figure":
     """Draw real parts and frequencies over the parameter, and the roots in the complex plane."""
     figure = sheet(WIDTH, 5.2)
@@ -57,14 +57,14 @@ def locus(found: RootLocus, campbell: bool) -> "Figure":
     real.set_ylabel("Re (1/s)")
     hertz.set_ylabel("|Im| / 2$\\pi$ (Hz)")
     for ax in (real, hertz):
-        ax.set_xlabel(plain(found.name))
+        ax.set_xlabel(escaped(found.name))
     plane.set_xlabel("Re (1/s)")
     plane.set_ylabel("Im (1/s)")
-    figure.suptitle(plain(found.model), fontsize=9)
+    figure.suptitle(escaped(found.model), fontsize=9)
     return figure
 
 
-@settled
+@fixed_layout
 def frequency_response(system: LinearSystem, hertz: np.ndarray) -> "Figure":
     """Draw gain and phase of each output over the frequency, for each input."""
     figure = sheet(WIDTH, 4.4)
@@ -73,7 +73,7 @@ def frequency_response(system: LinearSystem, hertz: np.ndarray) -> "Figure":
     k = 0
     for i, output in enumerate(system.outputs):
         for j, name in enumerate(system.inputs):
-            label = plain(f"{output} / {name}")
+            label = escaped(f"{output} / {name}")
             gain.plot(hertz, positive(np.abs(H[:, i, j])), label=label, **own_style(k))
             phase.plot(hertz, np.degrees(np.unwrap(np.angle(H[:, i, j]))), **own_style(k))
             k += 1
@@ -83,7 +83,7 @@ def frequency_response(system: LinearSystem, hertz: np.ndarray) -> "Figure":
     phase.set_ylabel("phase (degrees)")
     phase.set_xlabel("frequency (Hz)")
     beside(gain)
-    figure.suptitle(plain(system.title), fontsize=9)
+    figure.suptitle(escaped(system.title), fontsize=9)
     return figure
 
 

@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, beside, own_style, plain, positive, settled, sheet
+from ..figures import WIDTH, beside, escaped, fixed_layout, own_style, positive, sheet
 from .result import Optimum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@settled
+@fixed_layout
 def search(found: Optimum) -> "Figure":
     """Draw the cost, and the parameters from 0 at the start to 1 at the optimum, over the evaluated points."""
     figure = sheet(WIDTH, 4.0)
@@ -23,7 +23,7 @@ def search(found: Optimum) -> "Figure":
     upper.set_ylabel("cost")
     for i, (name, end) in enumerate(found.values.items()):
         way = np.array([t.values[name] for t in found.history])
-        lower.plot((way - way[0]) / ((end - way[0]) or 1.0), ".", label=plain(name), **own_style(i))
+        lower.plot((way - way[0]) / ((end - way[0]) or 1.0), ".", label=escaped(name), **own_style(i))
     lower.set_ylabel("share of the way")
     lower.set_xlabel("point")
     beside(lower)

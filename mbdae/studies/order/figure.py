@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, beside, line_style, logarithmic, plain, settled, sheet
+from ..figures import WIDTH, beside, escaped, fixed_layout, line_style, logarithmic, sheet
 from .result import ObservedOrder, OrderStudy
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ AXES = {
 }
 
 
-@settled
+@fixed_layout
 def convergence(study: OrderStudy) -> "Figure":
     """Draw the errors over the step size, one panel per quantity: the fitted slope solid, the claimed one dotted.
 
@@ -46,7 +46,7 @@ def convergence(study: OrderStudy) -> "Figure":
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
         beside(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
     title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed\n{study.computed_by}"
-    figure.suptitle(plain(title), fontsize=9)
+    figure.suptitle(escaped(title), fontsize=9)
     return figure
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from ...solution.solution import Solution
 from ...system import Array
-from ..figures import WIDTH, settled, sheet
+from ..figures import WIDTH, fixed_layout, sheet
 from .glb import GREY, SPRING, towards
 from .solids import coil, parts, solid
 
@@ -24,7 +24,7 @@ HIGHEST = 3.6  # inches
 LAMP = np.array([-0.35, 0.5, 0.79])  # where light comes from: to the right, up, towards the eye
 
 
-@settled
+@fixed_layout
 def posture(sol: Solution) -> "Figure":
     """Draw a mechanism at the start of a run, from where its motion is seen best, with axes where that is plane."""
     from matplotlib.collections import PolyCollection

@@ -73,7 +73,7 @@ class _File:
         return self.known[key, rgba]
 
     def primitive(self, surface: Surface, rgba: tuple[float, ...] | None) -> dict[str, Any]:
-        """Triangles with normals; where an edge is sharp, its points stand twice."""
+        """Triangles with normals; where an edge is sharp, its points are duplicated."""
         corners = np.hstack([surface.points[surface.faces.ravel()], np.round(normals(surface), 3)])
         rows, index = np.unique(corners.astype("<f4"), axis=0, return_inverse=True)
         directions = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1)[:, None]
@@ -227,12 +227,12 @@ def _flashing(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Arr
     """Seconds (n,) and the sizes of a mark there, (n,), which an impact makes large and which then falls to 0."""
     if not mark.struck:
         return np.zeros(1), np.zeros(1)
-    struck = np.abs(np.array(mark.struck) - times[0]) / speed
+    impacts = np.abs(np.array(mark.struck) - times[0]) / speed
     end = abs(times[-1] - times[0]) / speed
-    at = np.concatenate([[0.0], struck, struck - SUDDEN, struck + FLASH])
+    at = np.concatenate([[0.0], impacts, impacts - SUDDEN, impacts + FLASH])
     at = np.unique(at[(at >= 0) & (at <= end)].astype("f4"))
-    last = np.searchsorted(struck.astype("f4"), at, side="right") - 1
-    age = (at - struck[last]) / FLASH
+    last = np.searchsorted(impacts.astype("f4"), at, side="right") - 1
+    age = (at - impacts[last]) / FLASH
     return at, np.where((last < 0) | (age > 1), 0.0, 2.5 * np.array(mark.strength)[last] * (1 - np.maximum(age, 0)))
 
 

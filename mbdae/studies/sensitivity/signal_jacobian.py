@@ -136,7 +136,7 @@ class SignalJacobian:
         nv, k, every = s.nv, self.trace.sensitivity.k, np.eye(rates.shape[1])
         parts = every[:nv], every[nv : 2 * nv], every[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
         d = TangentDirections(*parts, every[s.ny : s.ny + k], every[-1])
-        self.motion.stand(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
+        self.motion.evaluate(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
         found = {at: family.rows(self.motion) for at, family in self.families.items()}
         return {name: found[id(family)][i] for name, (family, i) in self.columns.items()}
 

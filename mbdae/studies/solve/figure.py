@@ -10,7 +10,7 @@ from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.signals import find, signals, units
 from ...solution.solution import Solution
-from ..figures import COLOURS, NAMES, WIDTH, beside, logarithmic, own_style, plain, positive, settled, sheet
+from ..figures import COLOURS, NAMES, WIDTH, beside, escaped, fixed_layout, logarithmic, own_style, positive, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ LABELLED = 24  # largest number of curves in a legend
 RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 
 
-@settled
+@fixed_layout
 def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     """Draw signals over time by unit; by default coordinates, velocities, residuals and the energy balance.
 
@@ -42,7 +42,7 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     axes: Any = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
     for ax, (u, group) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(group):
-            ax.plot(sol.t, columns[name], label=plain(name), **own_style(i))
+            ax.plot(sol.t, columns[name], label=escaped(name), **own_style(i))
         ax.set_ylabel(f"{NAMES.get(u, u)} ({u})" if u not in ("1", "") else NAMES[u])
         beside(ax, labelspacing=0.3)
     if not names:
@@ -50,7 +50,7 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     axes[-1].set_xlabel("$t$ (s)")
     axes[-1].set_xlim(sol.t[0], sol.t[-1])
     figure.align_ylabels(axes)
-    figure.suptitle(plain(f"{mech.title}, {sol.settings.get('method', '')}"), fontsize=9)
+    figure.suptitle(escaped(f"{mech.title}, {sol.settings.get('method', '')}"), fontsize=9)
     return figure
 
 
@@ -67,13 +67,13 @@ def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
     axes: Any = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for ax, (k, group) in zip(axes, shown.items(), strict=True):
         for i, name in enumerate(group):
-            ax.plot(sol.t, columns[name], label=plain(name), **own_style(i))
+            ax.plot(sol.t, columns[name], label=escaped(name), **own_style(i))
         ax.set_ylabel(f"${k}$")
         if len(group) <= LABELLED:
             beside(ax, labelspacing=0.3)
     axes[-1].set_xlabel("$t$")
     axes[-1].set_xlim(sol.t[0], sol.t[-1])
-    figure.suptitle(plain(f"{sol.problem.title}, {sol.settings.get('method', '')}"), fontsize=9)
+    figure.suptitle(escaped(f"{sol.problem.title}, {sol.settings.get('method', '')}"), fontsize=9)
     return figure
 
 

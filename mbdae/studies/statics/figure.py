@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import UnknownNameError
 from ...mechanism.coordinate_units import coordinate_units
-from ..figures import COLOURS, WIDTH, beside, plain, settled, sheet
+from ..figures import COLOURS, WIDTH, beside, escaped, fixed_layout, sheet
 from .load_path import LoadPath
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 STYLES = {"limit": ("limit point", "o"), "branch": ("branch point", "s")}
 
 
-@settled
+@fixed_layout
 def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     """Draw the factor on the load over a coordinate; unstable equilibria dashed, limit and branch points marked.
 
@@ -42,8 +42,8 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
         if at:
             ax.plot(near, [e.factor for e in at], marker, color="black", label=label)
-    ax.set_xlabel(plain(f"{name} ({coordinate_units(path.mechanism).get(name, '')})"))
-    ax.set_ylabel(plain(f"factor on {path.load}"))
-    ax.set_title(plain(path.mechanism.title))
+    ax.set_xlabel(escaped(f"{name} ({coordinate_units(path.mechanism).get(name, '')})"))
+    ax.set_ylabel(escaped(f"factor on {path.load}"))
+    ax.set_title(escaped(path.mechanism.title))
     beside(ax)
     return figure

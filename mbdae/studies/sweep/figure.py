@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ..figures import WIDTH, plain, settled, sheet
+from ..figures import WIDTH, escaped, fixed_layout, sheet
 from .table import Sweep
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ HEIGHT = 2.1  # inches of a row
 COLOURS = ("#0072B2", "#D55E00")
 
 
-@settled
+@fixed_layout
 def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     """Draw a result of every run over each parameter that is a number, and how often it has which value.
 
@@ -43,11 +43,11 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     panels = list(axes.flat)
     for ax, parameter in zip(panels, parameters, strict=False):
         ax.plot(sweep[parameter][known], y[known], ".", color=COLOURS[0], markersize=3, alpha=0.7)
-        ax.set_xlabel(plain(parameter))
+        ax.set_xlabel(escaped(parameter))
         ax.locator_params(axis="x", nbins=3)
     unit = sweep.meta.get("units", {}).get(name)
     for row in axes:
-        row[0].set_ylabel(plain(f"{name} ({unit})" if unit else name))
+        row[0].set_ylabel(escaped(f"{name} ({unit})" if unit else name))
     last = panels[len(parameters)]
     last.hist(y[known], bins="sqrt", color=COLOURS[0], orientation="horizontal")
     last.axhline(y[known].mean(), color=COLOURS[1], linewidth=1.2)
@@ -56,5 +56,5 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
         ax.set_visible(False)
     failed = "" if known.all() else f", {(~known).sum()} without a value"
     title = f"{sweep.meta['manifest']['model']}: {len(sweep)} runs{failed}"
-    figure.suptitle(plain(title), fontsize=9)
+    figure.suptitle(escaped(title), fontsize=9)
     return figure

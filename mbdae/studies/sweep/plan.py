@@ -69,7 +69,7 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
     runs = enumerate(_runs(parameters, int(seed)))
-    out = [Task(i, own_seed(int(seed), i), {n: plain(n, x) for n, x in run.items()}) for i, run in runs]
+    out = [Task(i, own_seed(int(seed), i), {n: builtin_value(n, x) for n, x in run.items()}) for i, run in runs]
     if not out:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
     return out
@@ -116,7 +116,7 @@ def names(runs: Iterable[Task]) -> list[str]:
     return list(dict.fromkeys(name for task in runs for name in task.values))
 
 
-def plain(name: str, value: Any) -> Any:
+def builtin_value(name: str, value: Any) -> Any:
     """A value as a number, a text, a truth value or a list of numbers.
 
     Raises:
@@ -126,7 +126,7 @@ def plain(name: str, value: Any) -> Any:
     if isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, list | tuple | np.ndarray) and len(value):
-        inner = [plain(name, x) for x in value]
+        inner = [builtin_value(name, x) for x in value]
         if all(isinstance(x, int | float) and not isinstance(x, bool) for x in inner):
             return [float(x) for x in inner]
     raise InputError(f"parameter {name!r} takes numbers, texts or lists of numbers, got {value!r:.60}")

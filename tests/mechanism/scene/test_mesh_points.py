@@ -8,7 +8,7 @@ from fuzz_seeds import CUBE, DAE, STL
 
 from mbdae.errors import InputError
 from mbdae.mechanism.scene.mesh_points import points_of
-from mbdae.mechanism.scene.meshes import stand_in
+from mbdae.mechanism.scene.meshes import placeholder
 
 BINARY = b"\0" * 80 + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 7)
 PLACED = "<translate>0 0 1</translate><rotate>0 0 1 90</rotate><scale>2 1 1</scale>"
@@ -29,7 +29,7 @@ def test_meshes_have_the_bounds_of_their_points(tmp_path, name, content, low, hi
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     points = points_of(tmp_path / name)
     np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [low, high], atol=1e-12)
-    geometry = stand_in(tmp_path / name, np.array([1.0, -2.0, 3.0]))
+    geometry = placeholder(tmp_path / name, np.array([1.0, -2.0, 3.0]))
     geometry.computeLocalAABB()
     box = geometry.aabb_local
     np.testing.assert_allclose([box.min_, box.max_], np.sort(np.array([low, high]) * [1, -2, 3], axis=0), atol=1e-12)

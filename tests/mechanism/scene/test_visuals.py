@@ -9,7 +9,9 @@ import scenes
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.scene.make_scene import make_scene
+from mbdae.mechanism.scene.meshes import Mesh
 from mbdae.mechanism.scene.scene import Mark, Strut
+from mbdae.mechanism.scene.surfaces import surfaces
 
 
 def is_rotation(quaternion):
@@ -220,3 +222,9 @@ def test_unknown_geometry_is_named():
     visuals.addGeometryObject(pin.GeometryObject("floor", 0, pin.SE3.Identity(), plane))
     with pytest.raises(InputError, match=r"floor.*Halfspace.*capsule"):
         make_scene(pin.Model(), visuals)
+
+
+def test_a_mesh_with_an_index_beyond_all_integers_is_damaged(tmp_path):
+    text = scenes.collada(tmp_path / "squares.dae").read_text()
+    assert surfaces(Mesh("dae", text.encode()))
+    assert surfaces(Mesh("dae", text.replace("<p>0", f"<p>{10**30}").encode())) is None

@@ -32,8 +32,8 @@ def test_a_curve_has_no_point_where_closures_lose_rank():
     mech, q = parallelogram(), np.array([5e-10, -5e-10, 5e-10])
     curve = PoseCurve(driven_mechanism(mech, "crank", (), q).system(), angle_components(mech.model))
     close = curve.begin(q, q[0])
-    assert curve.landed(close, 0.0) is None
-    assert curve.landed(close, 4e-10) is not None
+    assert curve.at_input(close, 0.0) is None
+    assert curve.at_input(close, 4e-10) is not None
 
 
 def test_four_bar_over_two_turns():

@@ -147,7 +147,7 @@ def read_mjcf(path: Path, places: AllowedPaths, source: Source) -> ImportedModel
 
     Args:
         path: the file; what it includes is found as MuJoCo finds it.
-        places: where that may stand.
+        places: where the file may be.
         source: with the name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first
             keyframe, if there is one, when left out.
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ....errors import InputError
 from ...allowed_paths import AllowedPaths
-from ...scene.meshes import stand_in
+from ...scene.meshes import placeholder
 from ..inertias import judged_inertia
 from ..recorded import Recorded
 from .elements import YES, SdfElements
@@ -108,7 +108,7 @@ def visuals_of(
                 else:
                     scale = np.array(of.numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
                     found = places.find(mesh.text("uri") or "")
-                    shape, path = stand_in(found, scale), str(found)
+                    shape, path = placeholder(found, scale), str(found)
             except InputError as error:
                 if mesh is None:
                     raise
