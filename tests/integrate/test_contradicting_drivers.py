@@ -70,6 +70,28 @@ def test_the_stabilised_form_ends_there_too(tmp_path, scene, options):
     assert re.search(NAMES, sol.message), sol.message
 
 
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("options", [{"project": False}, {"step": 0.01}, {"formulation": "index1"}], ids=str)
+@pytest.mark.parametrize("scene", SCENES)
+def test_runs_that_project_nothing_name_them_at_the_end(tmp_path, scene, options):
+    options = {"method": "dop853", **options} if "formulation" in options else options
+    sol = mbdae.solve(SCENES[scene](tmp_path, 0.5, 4), (0, 1), **options)
+    assert sol.status == "doubtful"
+    assert re.search(r"('one'|'other') and .*('one'|'other').* contradict each other", sol.message), sol.message
+
+
+@pytest.mark.parametrize("options", [{"step": 0.02}, {"step": 0.02, "formulation": "ggl"}, {"formulation": "ggl"}], ids=str)
+@pytest.mark.parametrize(("name", "joint"), [("four_bar", 0), ("bricard", 0)])
+def test_a_driven_overconstrained_loop_is_no_contradiction(name, joint, options):
+    """Its redundant rows are kept to the drift of the run alone."""
+    mech = mbdae.load(name)
+    q, v = mech.start
+    driver = Driver.at_speed(list(mech.model.names)[1 + joint], 0.5, start=q[joint])
+    sol = mbdae.solve(mbdae.load(name, drivers=[driver]), (0, 1), **options)
+    assert "contradict" not in sol.message
+    assert sol.t[-1] == 1, sol.message
+
+
 @pytest.mark.parametrize("units", UNIT_SYSTEMS[1:], ids=lambda units: units.name)
 @pytest.mark.parametrize("method", ["pherk5", "radau5"])
 def test_drivers_part_in_all_units(method, units):

@@ -110,6 +110,18 @@ def contradicting_positions(system: "Index2System", t: float, q: Array) -> str:
     return _names(system.mechanism, left, system.g_t(t))
 
 
+def contradictions(system: "Index2System", t: float, y: Array) -> str:
+    """Return the names of the rows that no q or v close to a point satisfy together; empty if there are none."""
+    if not system.driven:
+        return ""
+    q, v = system.split(y)
+    U = system.inertia(t, q)
+    if names := contradicting_positions(system, t, q):
+        return names
+    (*_, q), _, G, _ = project_positions(system, t, q, U)
+    return _missed(system, t, G, project_velocity(system, t, U, G, v), system.g_t(t))[0]
+
+
 def refuse_contradictions(system: "Index2System", t: float, G: Array, v: Array) -> None:
     """See that v, (nv,), meets all rows of G v + g_t = 0, also those that depend on others.
 
@@ -140,12 +152,19 @@ def refuse_contradicting_accelerations(system: "Index2System", t: float, y: Arra
 
 def _refuse(system: "Index2System", t: float, G: Array, x: Array, r: Array, what: str) -> None:
     """Raise where G x + r, (ng,), is more than `VELOCITY_TOLERANCE` of its largest terms."""
+    names, size = _missed(system, t, G, x, r)
+    if names:
+        missed = f"no {what} meet all of them, what is left is {size:.1g} of the largest"
+        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {missed}")
+
+
+def _missed(system: "Index2System", t: float, G: Array, x: Array, r: Array) -> tuple[str, float]:
+    """Return the names of the rows where G x + r != 0, empty within `VELOCITY_TOLERANCE`; its size, of its terms."""
     scales = system.mechanism.row_scales
     left, terms = np.abs(G @ x + r) / scales, (np.abs(G) @ np.abs(x) + np.abs(r)) / scales
-    if not left.max() <= VELOCITY_TOLERANCE * terms.max():
-        missed = f"no {what} meet all of them, what is left is {left.max() / terms.max():.1g} of the largest"
-        names = _names(system.mechanism, left, system.g_t(t))
-        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {missed}")
+    if left.max() <= VELOCITY_TOLERANCE * terms.max():
+        return "", 0.0
+    return _names(system.mechanism, left, system.g_t(t)), left.max() / terms.max()
 
 
 def _names(mech: "Mechanism", left: Array, first: Array) -> str:
