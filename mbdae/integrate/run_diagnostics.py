@@ -6,7 +6,7 @@ from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.closures.preconditions import lost_precondition
 from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.formulations.projection import VELOCITY_TOLERANCE
+from ..mechanism.formulations.projection import VELOCITY_TOLERANCE, contradictions
 from ..mechanism.reactions import scaled
 from ..solution.columns import balance
 from ..solution.solution import Solution
@@ -29,7 +29,7 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
     formulation, mech = sol.settings["formulation"], sol.mechanism
     ts, ys, _ = sol.nodes
     q, v = system.split(ys[-1])
-    found = []
+    found, names = [], ""
     if system.ng:
         g, G = system.closures(q, ts[-1])
         if not system.largest_g <= POSITION_TOLERANCE:
@@ -42,6 +42,7 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
             which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
             slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
             found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
+        names = contradictions(system, ts[-1], ys[-1]) if found else ""
     lost = relative_energy_error(sol, system)
     if not lost <= ENERGY_TOLERANCE:
         found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")
@@ -52,7 +53,8 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
         return "; ".join(more)
     fixed, kept = "step" in sol.settings, sol.settings["project"] or formulation == "ggl" or not system.ng
     advice = f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
-    return "; ".join([f"{'; '.join(found)}: {advice}", *more])
+    why = f"{names} contradict each other" if names else advice
+    return "; ".join([f"{'; '.join(found)}: {why}", *more])
 
 
 def _largest_slip(system: Index2System) -> float:

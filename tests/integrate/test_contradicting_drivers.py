@@ -59,6 +59,39 @@ def test_a_run_ends_where_drivers_part(tmp_path, scene, c, p, method):
     assert re.search(NAMES, sol.message), sol.message
 
 
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("options", [{"method": "pherk5"}, {"method": "radau5"}, {"step": 0.01}], ids=str)
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_stabilised_form_ends_there_too(tmp_path, scene, options):
+    """Position rows end the run of a joint and of gears, speeds that of a wheel, whose rolling has no position rows."""
+    sol = mbdae.solve(SCENES[scene](tmp_path, 0.5, 4), (0, 1), formulation="ggl", max_steps=2000, **options)
+    assert sol.status in ("rank", "driver")
+    np.testing.assert_array_less(0.5 * sol.t[-1] ** 4, 1e-6)
+    assert re.search(NAMES, sol.message), sol.message
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("options", [{"project": False}, {"step": 0.01}, {"formulation": "index1"}], ids=str)
+@pytest.mark.parametrize("scene", SCENES)
+def test_runs_that_project_nothing_name_them_at_the_end(tmp_path, scene, options):
+    options = {"method": "dop853", **options} if "formulation" in options else options
+    sol = mbdae.solve(SCENES[scene](tmp_path, 0.5, 4), (0, 1), **options)
+    assert sol.status == "doubtful"
+    assert re.search(r"('one'|'other') and .*('one'|'other').* contradict each other", sol.message), sol.message
+
+
+@pytest.mark.parametrize("formulation", ["index2", "ggl"])
+@pytest.mark.parametrize("options", [{"step": 0.02}, {}], ids=str)
+@pytest.mark.parametrize("name", ["four_bar", "bricard"])
+def test_a_driven_overconstrained_loop_is_no_contradiction(name, options, formulation):
+    """Its redundant rows are kept to the drift of the run alone."""
+    mech = mbdae.load(name)
+    driver = Driver.at_speed(mech.model.names[1], 0.5, start=mech.start[0][0])
+    sol = mbdae.solve(mbdae.load(name, drivers=[driver]), (0, 1), formulation=formulation, **options)
+    assert "contradict" not in sol.message
+    assert sol.t[-1] == 1, sol.message
+
+
 @pytest.mark.parametrize("units", UNIT_SYSTEMS[1:], ids=lambda units: units.name)
 @pytest.mark.parametrize("method", ["pherk5", "radau5"])
 def test_drivers_part_in_all_units(method, units):

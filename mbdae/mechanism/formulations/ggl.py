@@ -13,13 +13,14 @@ import numpy as np
 from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
-from ...system import Array, Solver, StagePartials
+from ...system import Array, Solver, StagePartials, State
 from ..closures import independent_rows
 from ..closures.closure_error import largest_error
 from .implicit_stage import Linearized, padded
 from .implicit_stage_partials import stabilised_stage
 from .index2 import Index2System
 from .index2_step import Index2Chart
+from .projection import contradicting_positions, project_velocity, refuse_contradictions
 
 if TYPE_CHECKING:
     from ..discrete_sensitivity.parameter_partials import Parameters
@@ -70,6 +71,19 @@ class GGLSystem(Index2System):
             within = np.searchsorted(self.positions, kept)
             out[self.positions] = independent_rows.all_multipliers(U, G[self.positions], within, mu)
         return out
+
+    def update_independent_rows(self, t: float, state: State) -> State:
+        """See `Index2System`; drivers are checked against all velocity rows, which no projection does here.
+
+        Raises:
+            StepError: if speeds contradict each other.
+        """
+        state = super().update_independent_rows(t, state)
+        if self.driven:
+            q, v = self.split(state.y)
+            U, G = self.point(t, q)
+            refuse_contradictions(self, t, G, project_velocity(self, t, U, G, v))
+        return state
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0), (2 ng,), from the hidden constraint."""
@@ -123,17 +137,19 @@ class GGLChart(Index2Chart):
             if info or not np.isfinite(size):
                 break
             if size <= ROUNDING * scale or (size > 0.5 * last and size <= STALLED * scale):
-                self._watch(that, g)
+                self._watch(that, g, m.integrate(self.q, xhat_i))
                 s.slip = slips @ self.mu
                 return dx, Ghat[self.rows]
             self.mu, dx, last = self.mu + dmu, dx + B @ dmu, size
         raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {that:.17g}")
 
-    def _watch(self, t: float, g: Array) -> None:
+    def _watch(self, t: float, g: Array, q: Array) -> None:
         mech = self.system.mechanism
         if np.abs(g / mech.row_scales).max(initial=0.0) > OPEN:
             gap = largest_error(mech, g)
-            raise StepError("rank", f"{gap.says('opens')} at t = {t:.17g}: other rows keep it no more")
+            names = contradicting_positions(self.system, t, q)
+            why = f"{names} contradict each other" if names else "other rows keep it no more"
+            raise StepError("rank", f"{gap.says('opens')} at t = {t:.17g}: {why}")
 
     def start(self) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""
@@ -164,7 +180,7 @@ class GGLChart(Index2Chart):
         s, r = self.system, len(self.rows)
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
-        self._watch(t, g)
+        self._watch(t, g, s.split(y)[0])
         return y, np.concatenate([lam, s.all_shifts(s._last[0], G, self.kept, z[r:])])
 
     def all_multipliers(self, z: Array) -> Array:

@@ -18,6 +18,7 @@ TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
 ROUNDING = 1e-14  # of 1 + |q|, or of |v|: residuals below are left alone
 FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
+CONTRADICTED = 0.1  # of |g|: rows contradict each other if no correction to first order removes more
 UNMOVED = 1e-13  # rad or m: the partials of smaller projections are left out
 VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of its largest terms, or of the speeds: less counts as zero
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
@@ -53,13 +54,12 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
     if not np.linalg.norm(g / mech.row_scales) <= OPEN and not move <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
         gap = largest_error(mech, g)
         text = f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}"
-        left = (g - G @ _smallest(U, G, g, mech.row_scales)) / mech.row_scales
-        if system.driven and np.linalg.norm(left) > FALLING * np.linalg.norm(g / mech.row_scales):
-            text += f", {_names(mech, left, system.g_t(t))} contradict each other"
+        if names := contradicting_positions(system, t, q):
+            text += f", {names} contradict each other"
         raise StepError("newton", text)
     rate = G @ v + system.g_t(t)
     if tight or speeds_felt(system, rate, v):
-        v = v - _smallest(U, G, rate, mech.row_scales)
+        v = project_velocity(system, t, U, G, v)
         refuse_contradictions(system, t, G, v)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 
@@ -88,6 +88,38 @@ def project_positions(
         path.append(nearer)
         g, G = residual
     return path, g, G, move
+
+
+def project_velocity(system: "Index2System", t: float, U: Array, G: Array, v: Array) -> Array:
+    """Return v - M^-1/2 (G M^-1/2)^+ (G v + g_t), (nv,), over all rows."""
+    return v - _smallest(U, G, G @ v + system.g_t(t), system.mechanism.row_scales)
+
+
+def contradicting_positions(system: "Index2System", t: float, q: Array) -> str:
+    """Return the names of the rows of a driven mechanism that no q nearby satisfies together; empty if there are none.
+
+    Where Gauss-Newton steps end, g has a component outside the range of G.
+    """
+    if not system.driven:
+        return ""
+    U, scales = system.inertia(t, q), system.mechanism.row_scales
+    _, g, G, _ = project_positions(system, t, q, U)
+    left = (g - G @ _smallest(U, G, g, scales)) / scales
+    if not np.linalg.norm(left) > max(OPEN, CONTRADICTED * float(np.linalg.norm(g / scales))):
+        return ""
+    return _names(system.mechanism, left, system.g_t(t))
+
+
+def contradictions(system: "Index2System", t: float, y: Array) -> str:
+    """Return the names of the rows that no q or v close to a point satisfy together; empty if there are none."""
+    if not system.driven:
+        return ""
+    q, v = system.split(y)
+    U = system.inertia(t, q)
+    if names := contradicting_positions(system, t, q):
+        return names
+    (*_, q), _, G, _ = project_positions(system, t, q, U)
+    return _missed(system, t, G, project_velocity(system, t, U, G, v), system.g_t(t))[0]
 
 
 def refuse_contradictions(system: "Index2System", t: float, G: Array, v: Array) -> None:
@@ -120,12 +152,19 @@ def refuse_contradicting_accelerations(system: "Index2System", t: float, y: Arra
 
 def _refuse(system: "Index2System", t: float, G: Array, x: Array, r: Array, what: str) -> None:
     """Raise where G x + r, (ng,), is more than `VELOCITY_TOLERANCE` of its largest terms."""
+    names, size = _missed(system, t, G, x, r)
+    if names:
+        missed = f"no {what} meet all of them, what is left is {size:.1g} of the largest"
+        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {missed}")
+
+
+def _missed(system: "Index2System", t: float, G: Array, x: Array, r: Array) -> tuple[str, float]:
+    """Return the names of the rows where G x + r != 0, empty within `VELOCITY_TOLERANCE`; its size, of its terms."""
     scales = system.mechanism.row_scales
     left, terms = np.abs(G @ x + r) / scales, (np.abs(G) @ np.abs(x) + np.abs(r)) / scales
-    if not left.max() <= VELOCITY_TOLERANCE * terms.max():
-        missed = f"no {what} meet all of them, what is left is {left.max() / terms.max():.1g} of the largest"
-        names = _names(system.mechanism, left, system.g_t(t))
-        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {missed}")
+    if left.max() <= VELOCITY_TOLERANCE * terms.max():
+        return "", 0.0
+    return _names(system.mechanism, left, system.g_t(t)), left.max() / terms.max()
 
 
 def _names(mech: "Mechanism", left: Array, first: Array) -> str:

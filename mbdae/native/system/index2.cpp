@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "math/vec3.hpp"
+#include "system/projection.hpp"
 
 namespace mbdae {
 
@@ -199,6 +200,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
     }
     residual_rate(t, v, rate_.data());
   }
+  if (formulation == Formulation::ggl && contradicts(*this, t, v)) throw FallBackToPython();
   gap_ = point.g;
   constraints.gaps(t, gap_.data());
   const Tolerances& limits = mechanics.limits;

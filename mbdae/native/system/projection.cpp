@@ -20,7 +20,8 @@ double norm_of(const double* x, const std::vector<double>& scales) {
   return norm(scaled(x, scales).data(), static_cast<int>(scales.size()));
 }
 
-// Whether v misses rows of G v + g_t = 0; without g_t, that of drivers, all rows have v = 0 in common.
+}  // namespace
+
 bool contradicts(const Index2System& s, double t, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
   Numbers g_t(s.ng, 0.0);
@@ -35,8 +36,6 @@ bool contradicts(const Index2System& s, double t, const double* v) {
   }
   return !(missed <= limits.kept * terms);
 }
-
-}  // namespace
 
 void add_magnitude(const Index2System& s, const double* y, double* size) {
   const std::vector<double>& scales = s.mechanics.limits.coordinate_scales;

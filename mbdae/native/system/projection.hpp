@@ -8,6 +8,9 @@ namespace mbdae {
 // Whether G v + g_t (ng,) exceeds rounding; any nonzero value counts if joints stick.
 bool felt(const Index2System& system, const double* rate, const double* v);
 
+// Whether v misses rows of G v + g_t = 0 at the current point; without g_t, that of drivers, all have v = 0 in common.
+bool contradicts(const Index2System& system, double t, const double* v);
+
 // size (ny,) of y, and what it is measured by where y is near zero: characteristic lengths and the largest speed.
 void add_magnitude(const Index2System& system, const double* y, double* size);
 
