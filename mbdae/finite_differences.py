@@ -63,14 +63,14 @@ class ConvergedDifference(NamedTuple):
 
 
 def converged_difference(
-    values: Callable[[float], Mapping[int, Array]], h: float, noise: float = 0.0, times: int = TIMES
+    values: Callable[[float], Mapping[int, Array]], h: float, noise: float | Array = 0.0, times: int = TIMES
 ) -> ConvergedDifference:
     """Return the derivative of arrays with a width at which narrower differences agree.
 
     Args:
         values: the arrays (n, ...) at k h, as for `central_difference`, for a width h.
         h: the widest.
-        noise: error of each value, in addition to rounding.
+        noise: error of each value, in addition to rounding; one number, or (n,).
         times: largest number of reductions of the width.
 
     Raises:

@@ -22,7 +22,7 @@ CLOSED = 1e-12  # rad or characteristic lengths: smaller gaps, and branches apar
 SAMPLES = 5  # of each step
 LEVEL = 0.999  # of the largest sample: ratios that fall by less are constant
 SHARP = 1e-10  # of a step: tolerance of a minimum
-SAME = 1e-6  # s: minima closer than this are one
+SAME = 1e-4  # of the steps that are searched: minima closer than this are one
 
 
 class Passages:
@@ -123,7 +123,8 @@ class Passages:
         gap = max(self._gap(run.ts[n], run.ys[n]) for n in nodes)
         limit = open_limit(self.workspace, t, y, self.largest, gap)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
-        if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
+        same = SAME * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
+        if found is None or any(abs(found.t - other.t) <= same for other in self.found):
             return
         self.found.append(found)
         if not self.controlled and not self.kept and gap > CLOSED:

@@ -112,5 +112,6 @@ def relative_energy_error(sol: Solution, system: Index2System) -> float:
     some = ys[np.unique(np.linspace(0, len(ys) - 1, SAMPLES + 1).astype(int))]
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic, potential = np.array([system.energy(*system.split(y)) for y in some]).T
-        error, scale = balance(some[:, system.nq : system.nq + system.nv], kinetic, potential, some[:, -1])
+        v = some[:, system.nq : system.nq + system.nv]
+        error, scale = balance(system.mechanism, v, kinetic, potential, some[:, -1])
     return float(error.max() / scale) if scale else 0.0

@@ -80,7 +80,8 @@ def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: f
 def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = START) -> None:
     """Reject a start at time t that violates a closure or a driver by more than ``most``, 1e-6 by default.
 
-    The limit for g is in rad and characteristic lengths; for G v + g_t relative to 1/s and the largest velocity.
+    The limit for g is in rad and characteristic lengths; for G v + g_t relative to the characteristic rate and the
+    largest velocity.
 
     Raises:
         InputError: names the closure with the largest violation, and its size; or a violated precondition.
@@ -89,9 +90,9 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: fl
         return
     g, Gv = mech.residual(q, v, t)
     speed = np.abs(v / mech.coordinate_scales).max()
-    for residual, per, allowed in ((g, "", most), (Gv, "/s", most * (1 + speed))):
+    for residual, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
         gap = largest_error(mech, residual, per)
-        if gap.relative > allowed:
+        if gap.relative > most * size and (not per or gap.relative > most * (mech.characteristic_rate + size)):
             raise InputError(
                 f"the start is not consistent: {gap.says()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import StepError
+from ..errors import MbdaeError
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -16,12 +16,13 @@ def characteristic_rate(mech: "Mechanism") -> float:
     It is the largest of |v| and |v'|^1/2 at the start, in rad and characteristic lengths l, and (|gravity| / l)^1/2; 1
     if all are zero.
     """
-    v, scales = mech.start[1], mech.coordinate_scales
+    scales = mech.coordinate_scales
     squares = [float(np.linalg.norm(mech.gravity)) / mech.characteristic_length]
-    squares += ((v / scales) ** 2).tolist()
     try:
-        vdot = mech.system().derivative(0.0, mech.point())[0][mech.nv : 2 * mech.nv]
-        squares += np.abs(vdot / scales).tolist()
-    except StepError:  # the start is singular
+        q, v = mech.start if mech.start_values.assemble else mech.given  # which is checked with this rate
+        squares += ((v / scales) ** 2).tolist()
+        y = np.concatenate([q, v, list(mech.states.values()), [0.0]])
+        squares += np.abs(mech.system().derivative(0.0, y)[0][mech.nv : 2 * mech.nv] / scales).tolist()
+    except MbdaeError:  # the start is open or singular
         pass
     return float(np.sqrt(max(squares, default=0.0))) or 1.0

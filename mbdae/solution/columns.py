@@ -21,7 +21,7 @@ TURN = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
 LOADS, WORLD_AXES, OWN_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
 MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
-RESTING = 1e-10  # rad/s or m/s: below, energies are rounding
+RESTING = 1e-10  # of the characteristic rate: below, energies are rounding
 
 
 class Residuals(NamedTuple):
@@ -40,10 +40,11 @@ class Residuals(NamedTuple):
     potential: Array
 
 
-def balance(v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
+def balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
     """Return |E - E_0 - W| in J, (n,), and the reference energy: 0 if nothing moves.
 
     Args:
+        mech: the mechanism, whose lengths and rate make velocities comparable with zero.
         v: velocities, (n, nv).
         kinetic: kinetic energy in J, (n,).
         potential: potential energy in J, (n,).
@@ -51,7 +52,7 @@ def balance(v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Ar
     """
     done, total = work - work[0], kinetic + potential
     scale = max(np.abs(done).max(), kinetic.max(), np.ptp(potential))
-    resting = np.abs(v).max(initial=0.0) <= RESTING
+    resting = np.abs(v / mech.coordinate_scales).max(initial=0.0) <= RESTING * mech.characteristic_rate
     return np.abs(total - total[0] - done), 0.0 if resting else float(scale)
 
 

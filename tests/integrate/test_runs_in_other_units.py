@@ -1,10 +1,13 @@
 """Runs of five mechanisms in (mm, t, s), (km, g, h), Ms and us: the same motion and the same steps."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
+from mbdae import JointSpring, Mechanism
+from mbdae.mechanism.model_settings import Start
 
 MECHANISMS = ("four_bar", "slider_crank", "spatial_slider_crank", "stewart_platform", "andrews_squeezer")
 WITHIN = 1e-9
@@ -52,3 +55,35 @@ def test_runs_under_step_size_control_know_no_units(name):
         assert len(found.t) == pytest.approx(len(expected.t), rel=0.01)  # rounding in error estimates changes steps
         q = found(times * units.time).q
         assert differs(q, expected(times).q, units.configuration(mech)) < WITHIN, units.name
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("options", [{"project": True}, {"formulation": "ggl"}], ids=str)
+def test_singular_configurations_know_no_units(options):
+    """Two of them within 0.6 s: in Ms they are not one."""
+    mech = mbdae.load("n_four_bar", N=1)
+
+    def passed(mech, time):
+        return [x.t / time for x in mbdae.solve(mech, (0, 1.5 * time), step=0.01 * time, **options).singular]
+
+    expected = passed(mech, 1.0)
+    assert len(expected) == 2
+    for units in UNIT_SYSTEMS[1:]:
+        assert passed(units.mechanism(mech), units.time) == pytest.approx(expected, rel=1e-7), units.name
+
+
+def test_energy_errors_know_no_units():
+    """A swing of 1e-6 rad without gravity does not rest, in us either."""
+    model = pin.Model()
+    model.gravity = pin.Motion.Zero()
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    mech = Mechanism(model, forces=[JointSpring(joint="hinge", stiffness=1.0)], start=Start(q={"hinge": 1e-6}))
+
+    def error(mech, time):
+        return mbdae.drift(mbdae.solve(mech, (0, time), step=0.1 * time, method="herk2")).energy_relative
+
+    expected = error(mech, 1.0)
+    assert 1e-5 < expected < 1e-3
+    for units in UNIT_SYSTEMS[1:]:
+        assert error(units.mechanism(mech), units.time) == pytest.approx(expected, rel=1e-9), units.name

@@ -55,3 +55,17 @@ def test_starts_are_rejected_in_all_units(name):
                 continue
             with pytest.raises(MbdaeError, match="not consistent"):
                 other.point(moved, there)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "spatial_slider_crank"])
+def test_velocities_of_starts_are_rejected_in_all_units(name):
+    """A violation is relative to the largest velocity, and to the rate of a fall over the mechanism's size."""
+    mech = mbdae.load(name)
+    q, v = mech.start
+    for units in UNIT_SYSTEMS:
+        other = units.mechanism(mech)
+        at, there = q * units.configuration(mech), v * units.speeds(mech)
+        x = np.random.default_rng(0).uniform(0.5, 1, mech.nv) * other.coordinate_scales / units.time
+        other.point(at, there + 1e-8 * x)
+        with pytest.raises(MbdaeError, match="not consistent"):
+            other.point(at, there + 1e-3 * x)

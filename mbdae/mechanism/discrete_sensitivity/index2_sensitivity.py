@@ -22,7 +22,7 @@ from .stage_sensitivity import Saddle, SaddleStageSensitivity
 if TYPE_CHECKING:
     from ..formulations.index2_step import Index2Chart
 
-ASSEMBLED = 1e-11  # m or rad: residual of assembly
+ASSEMBLED = 1e-11  # rad or characteristic lengths, at the characteristic rate: residual of assembly
 SHORT = 3  # number of times the width of starts shrinks: the assembly tolerance must not dominate
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions
 
@@ -182,6 +182,7 @@ class Index2Sensitivity(ProjectionSensitivity):
             {n: x for n, x in table.items() if n not in driven} for table in (mech.start_values.q, mech.start_values.v)
         ]
         held = [mech.coordinates(table, of_v=bool(i))[1] for i, table in enumerate(tables)]
+        noise = ASSEMBLED * np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
         free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
         off, s.constraints.off = s.constraints.off, inactive_rows(mech.switches, (0,) * len(mech.switches))
         G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
@@ -194,7 +195,7 @@ class Index2Sensitivity(ProjectionSensitivity):
             try:
                 found = converged_difference(
                     lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
-                    p.width, ASSEMBLED, SHORT,
+                    p.width, np.append(noise, np.zeros(s.ns + 1)), SHORT,
                 )  # fmt: skip
             except AssemblyError as e:  # the parameter change is too large
                 if p.name.startswith("start.") or not decided:

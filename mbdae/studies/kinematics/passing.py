@@ -15,10 +15,10 @@ from ...mechanism.hybrid.switch import Margins, Switch
 from ...system import Array
 from .pose_curve import PoseCurve
 
-PASSED = 1e-6  # rad or m: less is the rounding of a motion that rests on a stop
+PASSED = 1e-6  # rad or characteristic lengths: less is the rounding of a motion that rests on a stop
 NEARBY = 1e-2  # of a cubic's depth: that of the curve itself
 NEWTON = 5  # iterations from a root of the cubic
-FLAT = 1e-8  # rad or m per unit of the arclength: a curve along a stop has no root
+FLAT = 1e-8  # rad or characteristic lengths per unit of the arclength: a curve along a stop has no root
 SHOWN = 4  # passages of one stop that a text names
 
 
@@ -79,7 +79,7 @@ def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
                 here = curve.at(i, s - x[i])
                 motion = _judged(all_rows, [s], [here.q], [here.tau * curve.columns])
                 value, rate = switch.margins(motion) or (np.zeros(1), None)
-                if rate is None or not abs(rate[0]) > FLAT:
+                if rate is None or not abs(rate[0]) > FLAT * mech.row_scales[switch.row]:
                     break
                 s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
         return here.u
@@ -99,9 +99,12 @@ def _passages(
         return ()
     motion, out = _judged(AllRows(mech.system()), x, q, rates), []
     for switch in mech.switches:
-        found = switch.margins(motion)
-        for first, last, most, at in below(x, *found) if found else ():
-            most = gap(switch, at, most)
+        if not (found := switch.margins(motion)):
+            continue
+        value, rate = found
+        unit = float(mech.row_scales[switch.row])
+        for first, last, most, at in below(x, value / unit, None if rate is None else rate / unit):
+            most = gap(switch, at, most * unit)
             out.append(
                 Passed(switch.name, to(switch, first), to(switch, last), most, str(mech.row_units[switch.row]))
             )

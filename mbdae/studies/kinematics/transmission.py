@@ -16,6 +16,7 @@ from ...mechanism.joint_wrenches import joint_wrenches
 from ...system import Array
 
 STANDING = 1e-9  # of the tangent: a smaller share of the input is a dead point
+UNLOADED = 1e-12  # of a unit load's power, in rad and characteristic lengths: smaller ones are no force
 
 
 def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
@@ -47,6 +48,7 @@ def transmission(
     if joint.nv != 1:
         raise InputError(f"the output {output!r} has {joint.nv} coordinates: a transmission angle needs one")
     body, load, still = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
+    columns, units = mech.coordinate_scales, system.mechanism.row_scales
     load[joint.idx_v] = 1.0
     pairs = {name: part.pair for name, part in system.constraints.frame_parts.items()}
     ends = [(n, p, 1.0 if p.b.joint == body else -1.0) for n, p in pairs.items() if body in (p.a.joint, p.b.joint)]
@@ -55,13 +57,14 @@ def transmission(
     if len(ends) + len(behind) != 1:
         return out
     for i, (pose, tau) in enumerate(zip(q, tangent, strict=True)):
-        G = system.jacobian(pose)
+        G = system.jacobian(pose) * columns / units[:, None]
         if crossing[i]:
             continue
-        if abs(G[-1] @ tau) < STANDING:  # a dead point: the load on the output is nothing beside that of the input
+        if abs(G[-1] @ (tau / columns)) < STANDING:  # a dead point: the output's load is nothing beside the input's
             lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
         else:
             lam = minimum_norm(G, mech.nv, -load)
+        lam /= units
         if ends:
             name, pair, sign = ends[0]
             rows = system.constraints.spans[name]
@@ -73,6 +76,6 @@ def transmission(
         V = system.workspace.J.reshape(6, -1) @ (tau * moving)
         moves = V[:3] + np.cross(V[3:], point)
         sizes = np.linalg.norm(force) * np.linalg.norm(moves)
-        if sizes > 1e-12:
+        if sizes > UNLOADED:
             out[i] = np.arcsin(min(1.0, abs(force @ moves) / sizes))
     return out

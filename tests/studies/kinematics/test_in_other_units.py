@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from unit_systems import UNIT_SYSTEMS
+from unit_systems import UNIT_SYSTEMS, UnitSystem
 
 import mbdae
+from mbdae import Mechanism, Stop
 from mbdae.mechanism.joints import angle_components
 
 LEGS = [f"piston_{i}" for i in range(2, 7)]
@@ -79,3 +80,25 @@ def test_inverse_dynamics_knows_no_units(name):
         found = efforts(units.mechanism(mech), units.length if slides else 1.0, units.time)
         near(found.t, expected.t, units.time)
         near(found.efforts, expected.efforts, units.energy / (units.length if slides else 1.0))
+
+
+@pytest.mark.parametrize(("drive", "output"), [("crank", "slider"), ("slider", "crank")])
+def test_transmission_angles_know_no_units(drive, output):
+    """Nor in light years."""
+    mech = mbdae.load("slider_crank")
+    expected = mbdae.kinematics(mech, drive, points=9, output_joint=output).transmission
+    assert np.isfinite(expected).all()
+    for units in (*UNIT_SYSTEMS[1:], UnitSystem("ly, kg, s", length=1e-16)):
+        near(mbdae.kinematics(units.mechanism(mech), drive, points=9, output_joint=output).transmission, expected)
+
+
+def test_stops_are_passed_in_all_units():
+    """A crank of 0.1 m and a rod of 0.35 m: the slider reaches 0.45 m."""
+    plain = mbdae.load("slider_crank")
+    stop = Stop(joint="slider", upper=0.45 - 1e-4)
+    mech = Mechanism(plain.model, plain.closures, start=plain.start_values, stops=[stop])
+    expected = [p.most for p in mbdae.kinematics(mech, "crank").passed]
+    assert expected == pytest.approx([1e-4], rel=1e-3)
+    for units in UNIT_SYSTEMS[1:]:
+        found = mbdae.kinematics(units.mechanism(mech), "crank").passed
+        assert [p.most / units.length for p in found] == pytest.approx(expected, rel=1e-6)

@@ -3,15 +3,19 @@
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from closure_kinds import BODY
 from frozen import best
+from unit_systems import UNIT_SYSTEMS, UnitSystem
 
 import mbdae
+from mbdae import Closure, Mechanism
 from mbdae.errors import InputError
 from mbdae.finite_differences import converged_difference
 from mbdae.mechanism.formats.loaded_model import number
 from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.model_settings import Start
 
 OMEGA = 10.0
 SLIDES = f"""
@@ -162,3 +166,21 @@ def test_rows_that_a_mode_leaves_out_do_not_count():
     """The free pawl's gap jumps by a tooth at the start of the run."""
     sol = mbdae.solve(mbdae.load("ratchet"), (0.0, 0.03), step=0.01, method="pherk5")
     assert not mbdae.sensitivity(sol, ["clutch.driving pawl.pitch", "clutch.driving pawl.tooth"]).dy.any()
+
+
+@pytest.mark.parametrize("units", [*UNIT_SYSTEMS, UnitSystem("Gm, kg, s", length=1e-9)], ids=lambda units: units.name)
+def test_starts_in_other_units(units):
+    """Two coupled sliders, of which one is guessed at sin(w p): both start at half of it."""
+    model, frequency = pin.Model(), 300.0
+    for name in "ab":
+        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3(np.eye(3), np.eye(3)[0]))
+    closures = [Closure.coupling("a", "b", (0.0, 1.0))]
+
+    def make(p):
+        guess = {"a": float(np.sin(frequency * p)), "b": 0.0}
+        return units.mechanism(Mechanism(model, closures, start=Start(guess=guess)))
+
+    sol = mbdae.solve(make(0.0), (0, 1e-3 * units.time), step=1e-3 * units.time)
+    found = mbdae.sensitivity(sol, {"p": 0.0}, model=make).q[0, :, 0] / units.length
+    assert found == pytest.approx([frequency / 2] * 2, rel=1e-9)
