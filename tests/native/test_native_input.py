@@ -24,8 +24,8 @@ def arguments(name="four_bar", **options):
     pairs, rows, drivers = constraints_of(system.constraints)
     law_pairs, laws = laws_of(system.laws)
     m = system.manifold
-    flat, turning = m.flat, m.turning.astype(int).tolist()
-    lists = turning, m.angles, system.place.tolist(), [1.0] * mech.nv
+    flat, angular = m.flat, m.angular.astype(int).tolist()
+    lists = angular, m.angles, system.place.tolist(), [1.0] * mech.nv
     return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], *lists]
 
 

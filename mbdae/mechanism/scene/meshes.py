@@ -4,6 +4,7 @@ import re
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import coal
@@ -105,9 +106,17 @@ def placeholder(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
     """
     if path.suffix[1:].lower() not in FILE_FORMATS:
         raise InputError(f"mesh {path.name!r} is not drawn; known: {', '.join('.' + f for f in FILE_FORMATS)}")
-    points = points_of(path) * scale
-    low, high = points.min(axis=0), points.max(axis=0)
+    stat = path.stat()
+    ends = _bounds(path, stat.st_mtime_ns, stat.st_size) * scale
+    low, high = ends.min(axis=0), ends.max(axis=0)
     return mesh(np.array([low, [low[0], high[1], high[2]], high]), np.array([[0, 1, 2]]))
+
+
+@lru_cache(maxsize=1000)
+def _bounds(path: Path, changed: int, size: int) -> np.ndarray:
+    """Return the least and the largest coordinates of a mesh file, (2, 3), read again where it has changed."""
+    points = points_of(path)
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def _add_companions(
