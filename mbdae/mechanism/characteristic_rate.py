@@ -17,7 +17,7 @@ def characteristic_rate(mech: "Mechanism") -> float:
     if all are zero.
     """
     scales = mech.coordinate_scales
-    squares = [float(np.linalg.norm(mech.gravity)) / mech.characteristic_length]
+    squares = [gravity_rate(mech) ** 2]
     try:
         q, v = mech.start if mech.start_values.assemble else mech.given  # which is checked with this rate
         squares += ((v / scales) ** 2).tolist()
@@ -26,3 +26,8 @@ def characteristic_rate(mech: "Mechanism") -> float:
     except MbdaeError:  # the start is open or singular
         pass
     return float(np.sqrt(max(squares, default=0.0))) or 1.0
+
+
+def gravity_rate(mech: "Mechanism") -> float:
+    """Return (|gravity| / l)^1/2 in 1/s with the characteristic length l: a lower bound that costs no evaluation."""
+    return float(np.sqrt(np.linalg.norm(mech.gravity) / mech.characteristic_length))

@@ -9,6 +9,7 @@ from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reac
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.coordinate_units import parts
 from ..mechanism.forces.coulomb_friction import CoulombFriction
+from ..mechanism.characteristic_rate import gravity_rate
 from ..mechanism.frames import WORLD, find_joint, frame_names, motions
 from ..system import Array
 from .sampling import kept
@@ -22,6 +23,7 @@ CONTACT = ("normal", "longitudinal", "lateral", "friction")
 LOADS, WORLD_AXES, OWN_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
 MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
 RESTING = 1e-10  # of the characteristic rate: below, energies are rounding
+MOVING = 1e-4  # of gravity's rate, which is known without an evaluation: above, the mechanism moves
 
 
 class Residuals(NamedTuple):
@@ -52,8 +54,9 @@ def balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work:
     """
     done, total = work - work[0], kinetic + potential
     scale = max(np.abs(done).max(), kinetic.max(), np.ptp(potential))
-    resting = np.abs(v / mech.coordinate_scales).max(initial=0.0) <= RESTING * mech.characteristic_rate
-    return np.abs(total - total[0] - done), 0.0 if resting else float(scale)
+    fastest = np.abs(v / mech.coordinate_scales).max(initial=0.0)
+    moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= RESTING * mech.characteristic_rate
+    return np.abs(total - total[0] - done), float(scale) if moves else 0.0
 
 
 def residuals(sol: "Solution") -> Residuals:
