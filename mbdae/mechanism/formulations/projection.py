@@ -32,6 +32,9 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
     rejected: near singular configurations rounding in g causes large corrections. Lengths are compared in
     characteristic lengths of the mechanism.
 
+    The core takes x = -M^-1 G_R^T (G_R M^-1 G_R^T)^-1 g_R of the rows in use R, in linear time, while this halves |g|
+    over all rows: where the other rows depend on these, it is the same x.
+
     Args:
         system: a workspace.
         t: time.

@@ -11,6 +11,7 @@ Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& cou
     : G(constraints.rows.size() * m.nv),
       Z(G.size()),
       g(constraints.rows.size()),
+      other_G(G.size()),
       m_(m),
       constraints_(constraints),
       counts_(counts),

@@ -32,6 +32,7 @@ class Configuration {
 
   Numbers G, Z;  // (ng, nv) by rows
   Numbers g;     // (ng,) over all rows, without the motion of drivers
+  Numbers other_G;  // (ng, nv) scratch, zero outside the columns of rows
 
  private:
   Mechanics& m_;

@@ -56,7 +56,7 @@ bool Index2System::change_law(int k, const Numbers& a) {
 void Index2System::leave_out(std::vector<bool> off, bool sticks) {
   constraints.off = std::move(off), constraints.sticks = sticks;
   point.forget();
-  std::fill(point.G.begin(), point.G.end(), 0.0), std::fill(point.Z.begin(), point.Z.end(), 0.0);
+  for (Numbers* rows : {&point.G, &point.Z, &point.other_G}) std::fill(rows->begin(), rows->end(), 0.0);
 }
 
 void Index2System::probe() {

@@ -31,7 +31,7 @@ bool contradicts(const Index2System& s, double t, const double* v) {
   for (int k = 0; k < s.ng; ++k) {
     double sum = g_t[k], size = std::fabs(g_t[k]);
     const double* G = &s.point.G[static_cast<size_t>(k) * s.nv];
-    for (int i = 0; i < s.nv; ++i) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
+    for (int i : s.constraints.rows[k].columns) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
     missed = std::max(missed, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
   }
   return !(missed <= limits.kept * terms);
@@ -55,60 +55,108 @@ bool felt(const Index2System& s, const double* rate, const double* v) {
          norm_of(rate, limits.row_scales) > limits.rounding * largest_scaled(v, limits.coordinate_scales);
 }
 
-void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
-  const int nq = s.nq, nv = s.nv, ng = s.ng;
+namespace {
+
+// x of least |x| in the mass metric with G x = r (ng,), for r in the range of G: by the rows in use and the band
+// factors of G M^-1 G^T, in linear time, unless these do not suffice (near singular configurations, where rows of
+// velocity take part in q, or where joints stick, whose speed is exactly zero); or by all rows, with a truncated
+// pseudoinverse, in cubic time.
+class LeastMotion {
+ public:
+  explicit LeastMotion(Index2System& s) : s_(s), suffices_(!s.constraints.sticks) {}
+
+  // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
+  bool find(const Numbers& r, bool of_q, double* x) {
+    const bool by_rows_in_use = suffices_ && !(of_q && rolls()) && s_.saddle.symmetric(s_.mechanics.limits.truncation);
+    by_rows_in_use ? s_.saddle.normal(r.data(), x) : over_all(r, of_q, x);
+    return by_rows_in_use;
+  }
+  void insufficient() { suffices_ = false; }
+
+ private:
+  bool rolls() const {  // is a velocity row in use?
+    const std::vector<int>& rows = s_.rows.in_use();
+    return std::any_of(rows.begin(), rows.end(), [&](int k) { return !s_.constraints.rows[k].positional; });
+  }
+  void over_all(const Numbers& r, bool of_q, double* x) {
+    const std::vector<double>& scales = s_.mechanics.limits.row_scales;
+    Numbers rows(s_.point.Z);
+    for (int k : s_.constraints.all) {  // velocity rows do not constrain q
+      const double by = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
+      for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= by;
+    }
+    least(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.mechanics.limits.truncation, x);
+    s_.point.back(x);
+  }
+
+  Index2System& s_;
+  bool suffices_;
+};
+
+// q becomes the nearest point with g = 0.
+void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers>* path) {
   const Tolerances& limits = s.mechanics.limits;
   Configuration& point = s.point;
-  if (!ng) return;
-  double *q = y, *v = y + nq;
-  if (!point.near(q)) point.evaluate(q, true);
-  s.counts.state_projections += 1;
-  Numbers g(point.g), gap(ng), x(nv), nearer(nq), G(point.G.size());
+  LeastMotion least_motion(s);
+  Numbers g(point.g), gap(s.ng), x(s.nv), nearer(s.nq);
   s.constraints.gaps(t, g.data());
-  auto smallest = [&](const Numbers& Z, const Numbers& r) {  // x of least |x| in the mass metric with G x = r
-    Numbers rows(Z);
-    for (int k = 0; k < ng; ++k)
-      for (int i = 0; i < nv; ++i) rows[static_cast<size_t>(k) * nv + i] /= limits.row_scales[k];
-    least(nv, ng, rows.data(), scaled(r.data(), limits.row_scales).data(), limits.truncation, x.data());
-    point.back(x.data());
-  };
-  Numbers kept;
-  auto positional = [&]() -> const Numbers& {  // velocity rows do not constrain q
-    kept = point.Z;
-    for (int k : s.constraints.all)
-      if (!s.constraints.rows[k].positional) std::fill_n(&kept[static_cast<size_t>(k) * nv], nv, 0.0);
-    return kept;
-  };
   double move = 0;
   for (int i = 0; i < limits.iterations; ++i) {
     if (norm_of(g.data(), limits.row_scales) <= limits.rounding * (1 + largest_scaled(q, limits.q_scales))) break;
-    smallest(positional(), g);
+    const bool by_rows_in_use = least_motion.find(g, true, x.data());
     move = largest_scaled(x.data(), limits.coordinate_scales);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), nearer.data());
     s.mechanics.poses(nearer.data());
     s.counts.G += 1;
-    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, G.data(), gap.data());
+    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.other_G.data(), gap.data());
     s.constraints.gaps(t, gap.data());
-    if (!(norm_of(gap.data(), limits.row_scales) < limits.falling * norm_of(g.data(), limits.row_scales))) break;
-    if (path) path->emplace_back(q, q + nq);
+    if (!(norm_of(gap.data(), limits.row_scales) < limits.falling * norm_of(g.data(), limits.row_scales))) {
+      if (!by_rows_in_use) break;
+      least_motion.insufficient();
+      continue;
+    }
+    if (path) path->emplace_back(q, q + s.nq);
     std::copy(nearer.begin(), nearer.end(), q);
     g = gap;
     point.forget();  // M remains that of the start
-    std::swap(point.G, G);
+    std::swap(point.G, point.other_G);
     for (int k : s.constraints.all) point.scale(k);
   }
   if (!(norm_of(g.data(), limits.row_scales) <= limits.open) &&
       !(move <= limits.stalled * (1 + largest_scaled(q, limits.q_scales))))
     throw FallBackToPython();
-  Numbers rate(ng, 0.0);
-  s.constraints.speed(t, rate.data());
-  for (int k = 0; k < ng; ++k) rate[k] += dot(&point.G[static_cast<size_t>(k) * nv], v, nv);
-  if (felt(s, rate.data(), v)) {
-    smallest(point.Z, rate);
-    for (int i = 0; i < nv; ++i) v[i] -= x[i];
-    if (contradicts(s, t, v)) throw FallBackToPython();
+}
+
+// v becomes the nearest one with G v + g_t = 0.
+void restore_velocities(Index2System& s, double t, double* v) {
+  const Tolerances& limits = s.mechanics.limits;
+  LeastMotion least_motion(s);
+  Numbers rate(s.ng), x(s.nv);
+  const auto correct = [&]() {
+    const bool by_rows_in_use = least_motion.find(rate, false, x.data());
+    for (int i = 0; i < s.nv; ++i) v[i] -= x[i];
+    return by_rows_in_use;
+  };
+  s.residual_rate(t, v, rate.data());
+  if (!felt(s, rate.data(), v)) return;
+  const double before = norm_of(rate.data(), limits.row_scales);
+  if (correct()) {
+    s.residual_rate(t, v, rate.data());
+    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.falling * before;
+    if (!closed && felt(s, rate.data(), v)) least_motion.insufficient(), correct();
   }
+  if (contradicts(s, t, v)) throw FallBackToPython();
+}
+
+}  // namespace
+
+void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
+  if (!s.ng) return;
+  if (!s.point.near(y)) s.point.evaluate(y, true);
+  s.counts.state_projections += 1;
+  restore_positions(s, t, y, path);
+  restore_velocities(s, t, y + s.nq);
   if (!finite(y, s.length)) throw FallBackToPython();
 }
 

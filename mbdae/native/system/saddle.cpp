@@ -55,6 +55,16 @@ void SaddleSystem::factorize(const Numbers& Zhat) {
   if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw FallBackToPython();
 }
 
+bool SaddleSystem::symmetric(double least_ratio) {
+  if (symmetric_ != point_.stamp() || version_ != rows_.version()) {
+    symmetric_ = -1;
+    if (!rows_.in_use().empty()) assemble(point_.Z);
+    if (!rows_.in_use().empty() && !lu_.factorize()) return false;
+    symmetric_ = point_.stamp();
+  }
+  return rows_.in_use().empty() || lu_.ratio() > least_ratio;
+}
+
 void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   counts_.solves += 1;
   if (!rows_.in_use().empty()) counts_.factorizations += 1, rows_.met(lu_.ratio());
@@ -92,9 +102,7 @@ void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f, bool by_
 }
 
 void SaddleSystem::symmetric() {
-  if (symmetric_ == point_.stamp() && version_ == rows_.version()) return;
-  factorize(point_.Z);
-  symmetric_ = point_.stamp();
+  if (!symmetric(limits_.smallest_pivot)) throw FallBackToPython();
 }
 
 void SaddleSystem::normal(const double* by_row, double* out, double* multipliers) {

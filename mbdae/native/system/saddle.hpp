@@ -22,6 +22,7 @@ class SaddleSystem {
   void respond(double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
   void symmetric();  // factorize G M^-1 G^T with current Z, unless those are the factors
+  bool symmetric(double least_ratio);  // the same; false where the ratio of its pivots is not above this one
   // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, if requested, S^-1 times it, (ng,) by row.
   void normal(const double* by_row, double* out, double* multipliers = nullptr);
   // After `symmetric`:
