@@ -27,7 +27,11 @@ WIDTHS = (0.1, 0.4, 1.5, 3.0)  # displacements of the guess when it leads nowher
 STARTS = 6  # of each width
 NEAR = 0.05  # what counts as near the guess in any case
 SLIDES = 10
-DAMPING = 0.1
+DAMPING = 0.1  # of |g|, at the start
+SLOW = 0.5  # of |g|: a whole step that leaves more of it is damped too much
+LESS = 0.1  # of the damping, after such a step
+MANY_ROWS = 32  # above, steps are solved by sparse factors
+LEAST_DAMPING = 1e-12  # of the largest diagonal entry of G G^T: dependent rows make it singular without
 
 
 def close_position(system: "Index2System", q: Array, held: Array, t: float) -> Array:
@@ -150,17 +154,21 @@ class _PositionSearch:
 
 
 def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
-    """Damped steps with line search, at most one radian or characteristic length at a time: stay on the branch."""
+    """Damped steps with line search, at most one radian or characteristic length at a time: stay on the branch.
+
+    The damping mu of `_newton` is |g|/10 at first, and a tenth of the previous share of |g| after each whole step that
+    did not halve |g|: in long chains the smallest singular value of G is far below sqrt(mu).
+    """
     m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
-    closed = False
+    closed, share = False, DAMPING
     for _ in range(ITERATIONS):
         if closed or not np.isfinite(G).all():
             break
         closed = bool(np.linalg.norm(g) <= TOLERANCE)  # one more step leaves rounding
-        x = _newton(G, g, free)
+        x = _newton(G, g, free, share)
         x /= max(1.0, np.abs(x).max())
-        for _halving in range(12):
+        for halvings in range(12):
             q_new = m.integrate(q, scales * x)
             g_new, G_new = rows(system, q_new, t)
             if np.linalg.norm(g_new) < np.linalg.norm(g):
@@ -168,17 +176,33 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
             x /= 2
         else:
             break
+        if not halvings and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g):
+            share *= LESS
         q, g, G = q_new, g_new, G_new
     return q
 
 
-def _newton(G: Array, g: Array, free: Array) -> Array:
-    """The step x that minimises |G x + g|^2 + mu |x|^2 with mu = |g|/10: short where G is nearly singular."""
+def _newton(G: Array, g: Array, free: Array, share: float = DAMPING) -> Array:
+    """The step x that minimises |G x + g|^2 + mu |x|^2 with mu = share |g|: short where G is nearly singular."""
+    x, mu = np.zeros(G.shape[1]), share * np.linalg.norm(g)
+    if len(g) > MANY_ROWS:
+        x[free] = -_sparse_least_squares(G[:, free], g, mu)
+        return x
     n = len(free)
-    damped = np.vstack([G[:, free], np.sqrt(DAMPING * np.linalg.norm(g)) * np.eye(n)])
-    x = np.zeros(G.shape[1])
+    damped = np.vstack([G[:, free], np.sqrt(mu) * np.eye(n)])
     x[free] = -np.linalg.lstsq(damped, np.concatenate([g, np.zeros(n)]), rcond=TRUNCATION)[0]
     return x
+
+
+def _sparse_least_squares(G: Array, g: Array, mu: float) -> Array:
+    """The x that minimises |G x - g|^2 + mu |x|^2 by sparse factors of G G^T + mu 1: each row has few columns."""
+    from scipy.sparse import csc_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    rows = csc_array(G)
+    S = rows @ rows.T
+    mu = max(mu, LEAST_DAMPING * float(S.diagonal().max()))
+    return rows.T @ splu((S + mu * eye_array(len(g))).tocsc()).solve(g)
 
 
 def _open(system: "Index2System", q: Array, t: float) -> float:
