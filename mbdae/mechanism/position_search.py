@@ -168,15 +168,14 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
         closed = bool(np.linalg.norm(g) <= TOLERANCE)  # one more step leaves rounding
         x = _newton(G, g, free, share)
         x /= max(1.0, np.abs(x).max())
-        for halvings in range(12):
-            q_new = m.integrate(q, scales * x)
+        for part in 0.5 ** np.arange(12):
+            q_new = m.integrate(q, scales * part * x)
             g_new, G_new = rows(system, q_new, t)
             if np.linalg.norm(g_new) < np.linalg.norm(g):
                 break
-            x /= 2
         else:
             break
-        if not halvings and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g):
+        if part == 1 and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g):
             share *= LESS
         q, g, G = q_new, g_new, G_new
     return q
@@ -184,7 +183,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
 
 def _newton(G: Array, g: Array, free: Array, share: float = DAMPING) -> Array:
     """The step x that minimises |G x + g|^2 + mu |x|^2 with mu = share |g|: short where G is nearly singular."""
-    x, mu = np.zeros(G.shape[1]), share * np.linalg.norm(g)
+    x, mu = np.zeros(G.shape[1]), share * float(np.linalg.norm(g))
     if len(g) > MANY_ROWS:
         x[free] = -_sparse_least_squares(G[:, free], g, mu)
         return x

@@ -6,10 +6,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reaction_wrenches
+from ..mechanism.characteristic_rate import gravity_rate
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.coordinate_units import parts
 from ..mechanism.forces.coulomb_friction import CoulombFriction
-from ..mechanism.characteristic_rate import gravity_rate
 from ..mechanism.frames import WORLD, find_joint, frame_names, motions
 from ..system import Array
 from .sampling import kept

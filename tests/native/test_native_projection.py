@@ -32,7 +32,7 @@ def test_the_nearest_point_is_that_of_the_pseudoinverse(name, away):
 
 
 def test_many_rows_are_projected_as_few():
-    mech, y, python, native = both("n_four_bar", N=40)
+    _, y, python, native = both("n_four_bar", N=40)
     off = python.add(y, 1e-4 * np.random.default_rng(0).standard_normal(python.ny))
     assert np.abs(native.core.restore(0.0, off) - python.restore(0.0, off)).max() < 1e-13
 
@@ -51,7 +51,7 @@ def test_rows_that_the_rows_in_use_leave_open_are_closed():
 
 
 def test_the_motion_along_the_manifold_is_left():
-    """Off the manifold all five rows of Bricard's loop are independent: the pseudoinverse moves along its free motion."""
+    """Off the manifold all five rows of Bricard's loop are independent: the pseudoinverse moves the loop, too."""
     mech, y, python, native = both("bricard")
     off = python.add(y, 1e-4 * np.random.default_rng(0).standard_normal(python.ny))
     moved = [python.difference(off, s(0.0, off))[: mech.nv] for s in (native.core.restore, python.restore)]
