@@ -28,7 +28,7 @@ STARTS = 6  # of each width
 NEAR = 0.05  # what counts as near the guess in any case
 SLIDES = 10
 DAMPING = 0.1  # of |g|, at the start
-SLOW = 0.5  # of |g|: a whole step that leaves more of it is damped too much
+SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
 LESS = 0.1  # of the damping, after such a step
 MANY_ROWS = 32  # above, steps are solved by sparse factors
 LEAST_DAMPING = 1e-12  # of the largest diagonal entry of G G^T: dependent rows make it singular without
@@ -156,7 +156,7 @@ class _PositionSearch:
 def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
     """Damped steps with line search, at most one radian or characteristic length at a time: stay on the branch.
 
-    The damping mu of `_newton` is |g|/10 at first, and a tenth of the previous share of |g| after each whole step that
+    The damping mu of `_newton` is |g|/10 at first, and a tenth of the previous share of |g| after each short step that
     did not halve |g|: in long chains the smallest singular value of G is far below sqrt(mu).
     """
     m, scales = system.manifold, system.mechanism.coordinate_scales
@@ -175,7 +175,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
                 break
         else:
             break
-        if part == 1 and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g):
+        if np.abs(part * x).max() < NEAR and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g):
             share *= LESS
         q, g, G = q_new, g_new, G_new
     return q
