@@ -170,3 +170,10 @@ def test_friction_beside_other_programs(script):
     stops = script("friction").STOPS
     for name, run in script("friction").main(["--brief"]).items():
         assert abs(run.end - stops) < (1e-6 if name.startswith("mbdae") else 3e-2), name
+
+
+def test_growth_of_default_runs(script, capsys):
+    measured = script("growth").main(["--brief"])
+    assert [list(m) for m in measured.values()] == [[10, 30], [10, 30]]
+    assert min(x["start"] for m in measured.values() for x in m.values()) > 0
+    assert "| exponent |" in capsys.readouterr().out

@@ -20,7 +20,7 @@ STEP = 2e-4  # s: before the first singular configuration, at half a second
 
 def exponent(times: dict[int, float]) -> float | None:
     """Slope of log(time) over log(N) from N = 10 on; None with less than two such times."""
-    known = {n: t for n, t in times.items() if n >= 10}
+    known = {n: t for n, t in times.items() if n >= 10 and t > 0}
     return float(np.polyfit(np.log(list(known)), np.log(list(known.values())), 1)[0]) if len(known) > 1 else None
 
 
