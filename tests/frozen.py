@@ -10,6 +10,16 @@ from mbdae.mechanism.formats.loaded_model import number
 from mbdae.mechanism.formats.template import Template
 from mbdae.system import State
 
+SLIPS = {"start.v.crank": 1.0}
+FROZEN = [  # model, parameters, other values, span in s, mode
+    ("pendulum_on_stop", {"body.rod.mass": 2.0}, {}, 0.2, (0,)),  # open
+    ("slider_crank_with_stop", {"body.rod.mass": 0.5}, {}, 0.05, (0,)),
+    ("bouncing_chain", {"gravity.2": -9.81}, {}, 0.05, (0,) * 8),
+    ("ratchet", {"gravity.2": -9.81, "body.wheel.mass": 1.0}, {}, 0.03, (0, 1)),  # a pawl holds
+    ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "gravity.2": -9.0}, {}, 0.04, (1, 1)),  # both stick: no motion
+    ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "force.joint_friction 3.friction": 2.0}, SLIPS, 0.04, (2, 3)),
+]  # fmt: skip
+
 
 def difference(mech, a, b):
     """Difference of points a to b in the tangent, (n, ny)."""

@@ -152,7 +152,7 @@ def native_trajectory(trace: "Trajectory") -> NativeTrajectory | None:
     """Return the steps of a trajectory in the core; None where Python computes them."""
     if not isinstance(trace.system, CompiledSystem) or not isinstance(trace.tableau, Tableau):
         return None
-    if trace.system.mechanism.switches or trace.system.sliding:  # not supported by the core with parameters
+    if trace.system.sliding:  # the core has no partials of friction that depends on multipliers
         return None
     try:
         return NativeTrajectory(trace, trace.system)

@@ -29,9 +29,8 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     if system.nv > LARGEST:
         raise NotCompiled(f"partials of {system.nv} degrees of freedom")
     system.expand()
-    if parameters.core_data is None:
-        parameters.core_data = _core_data(parameters)
-    return system.core.vary(len(parameters), *parameters.core_data)
+    data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
+    return system.core.vary(len(parameters), *data)
 
 
 def _core_data(parameters: Parameters) -> CoreData:

@@ -98,7 +98,6 @@ class Parameters:
         places = sorted({j for p in self.all for j in p.places})
         frames = sorted({i for p in self.all for i in p.frames})
         self.opened = PlacementTree(mech, places, frames, s, native) if places or frames else None
-        self.core_data: Any = None  # core data, see `core_parameters`
         self._found: dict[str, tuple[Any, Any]] = {}
         self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
 

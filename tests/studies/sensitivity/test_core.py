@@ -4,10 +4,15 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from frozen import FROZEN, free_velocity
 from smooth import SMOOTH
 
 import mbdae
+from mbdae import backend
 from mbdae.integrate import trajectory
+from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
+from mbdae.mechanism.formats.loaded_model import number
+from mbdae.mechanism.formats.template import Template
 from mbdae.mechanism.mechanism import Mechanism
 from mbdae.methods import METHODS, Tableau
 
@@ -112,6 +117,36 @@ def test_reselected_rows():
     sol = mbdae.solve(mbdae.load("bricard"), (0.0, 3.0), step=0.05, method="pherk5")
     assert len(sol.in_use) > 1
     compare(sol, ["gravity.2"])
+
+
+@pytest.mark.parametrize(("model", "values", "others", "T", "mode"), FROZEN)
+@pytest.mark.parametrize("project", [False, True])
+def test_modes_that_do_not_change(model, values, others, T, mode, project):
+    template, given = Template(model), {**values, **others}
+    sol = mbdae.solve(template.make(given), (0.0, T), step=T / 4, method="pherk5", project=project)
+    assert sol.modes == [(0, mode)]
+    compare(sol, given, start=True, model=template)
+
+
+def test_one_binding_serves_runs_in_two_modes():
+    """Perturbed friction acts in the direction of slip of each run."""
+    template, name = Template("stick_slip_slider"), "force.joint_friction 3.friction"
+    mech, value = template.make({}), number(template, name)
+    q, v = mech.start
+    free = free_velocity(mech)
+    runs = [mbdae.solve(mech, (0.0, 4e-3), q, v + x * free, step=2e-3, method="pherk5") for x in (1.0, -1.0)]
+    assert runs[0].modes != runs[1].modes
+
+    def derivatives(sol, parameters):
+        trace = trajectory.Trajectory(sol, parameters)
+        nodes = trace.core.nodes(0, 2)
+        return trace.core.tangent(nodes, np.zeros((1, trace.system.ny + trace.n_carry)), np.ones((1, 1)))
+
+    shared = Parameters(template.make, {name: value}, backend.load())
+    for sol in runs:
+        alone = derivatives(sol, Parameters(template.make, {name: value}, backend.load()))
+        np.testing.assert_array_equal(derivatives(sol, shared), alone)
+        assert np.abs(alone).max() > 1e-6
 
 
 def test_jumps_events_and_times_between_nodes():
