@@ -91,12 +91,11 @@ class Trajectory:
         own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not specify them
         self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
         formulation = settings["formulation"]
-        stabilised = formulation == "ggl" and isinstance(self.tableau, Tableau)
-        self.system: Any = parameters.workspace(formulation, None if stabilised else backend.load())
+        stabilised, half_explicit = formulation == "ggl", isinstance(self.tableau, Tableau)
+        self.system: Any = parameters.workspace(formulation, None if stabilised and half_explicit else backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        half_explicit = isinstance(self.tableau, Tableau) and not stabilised
-        if self.system.sliding and not half_explicit:
+        if self.system.sliding and (stabilised or not half_explicit):
             self.system.sliding.refuse(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
         if self.system.sliding.grips:
             self.system.sliding.refuse("a gradient of wheels that slide")

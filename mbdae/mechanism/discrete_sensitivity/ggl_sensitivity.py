@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...system import Array
+from ...system import Array, StagePartials
+from .implicit_stage_partials import stabilised_stage
 from .index2_sensitivity import Index2Sensitivity
 from .stage_sensitivity import Saddle, SaddleStageSensitivity
 
@@ -84,10 +85,14 @@ class GGLStageSensitivity(SaddleStageSensitivity):
 
 
 class GGLSensitivity(Index2Sensitivity):
-    """Discrete sensitivity of a half-explicit run in the GGL form; the carry is (slip, v', s', w')."""
+    """Discrete sensitivity of a run in the GGL form; the carry of half-explicit methods is (slip, v', s', w')."""
 
     system: "GGLSystem"
     of_stage = GGLStageSensitivity
+
+    def implicit(self, chart: "GGLChart", t: float, x: Array, F: Array, z: Array) -> StagePartials:  # type: ignore[override]
+        """Return the partial derivatives of a stage of a collocation method, with z = (lam, mu)."""
+        return stabilised_stage(chart, t, x, F, z, self.parameters)
 
     @property
     def width(self) -> int:

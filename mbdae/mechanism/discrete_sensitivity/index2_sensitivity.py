@@ -15,6 +15,7 @@ from ...system import Array, StagePartials
 from ..formulations.equation_partials import gamma_partials, time_partials
 from ..hybrid.switches import inactive_rows
 from .friction_partials import add_friction_partials
+from .implicit_stage_partials import implicit_stage
 from .parameter_partials import APART
 from .projection_sensitivity import ProjectionSensitivity
 from .stage_sensitivity import Saddle, SaddleStageSensitivity
@@ -56,7 +57,7 @@ class Index2Sensitivity(ProjectionSensitivity):
 
     def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StagePartials:
         """Return the partial derivatives of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
-        return chart.partials(t, x, F, z, self.parameters)
+        return implicit_stage(chart, t, x, F, z, self.parameters)
 
     @property
     def width(self) -> int:

@@ -13,17 +13,15 @@ import numpy as np
 from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
-from ...system import Array, Solver, StagePartials, State
+from ...system import Array, Solver, State
 from ..closures import independent_rows
 from ..closures.closure_error import largest_error
 from .implicit_stage import Linearized, padded
-from .implicit_stage_partials import stabilised_stage
 from .index2 import Index2System
 from .index2_step import Index2Chart
 from .projection import contradicting_positions, project_velocity, refuse_contradictions
 
 if TYPE_CHECKING:
-    from ..discrete_sensitivity.parameter_partials import Parameters
     from ..mechanism import Mechanism
 
 ITERATIONS = 12
@@ -164,10 +162,6 @@ class GGLChart(Index2Chart):
         g, G = s.closures(None, t)
         rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.kept])[0])
         return rest, np.concatenate([c, -g[self.kept]])
-
-    def partials(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
-        """Return the partial derivatives of the stage's equations, by parameters, too."""
-        return stabilised_stage(self, t, x, dx, z, parameters)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Return the partial derivatives at (x, x', z)."""

@@ -24,13 +24,11 @@ import pinocchio as pin
 from scipy.linalg.lapack import dpotrs
 
 from ...linear_solve import factorized
-from ...system import Array, Counts, Solver, StagePartials
+from ...system import Array, Counts, Solver
 from ..manifold import Manifold
 from .equation_partials import EquationPartials, equation_partials
-from .implicit_stage_partials import implicit_stage
 
 if TYPE_CHECKING:
-    from ..discrete_sensitivity.parameter_partials import Parameters
     from .index2 import Index2System
 
 
@@ -78,10 +76,6 @@ class ImplicitStages:
         r[:nv] -= dx[:nv]
         r[2 * nv :] -= dx[2 * nv :]
         return r, -(G @ v + g_t)
-
-    def partials(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
-        """Return the partial derivatives of the stage's equations, by parameters, too."""
-        return implicit_stage(self, t, x, dx, z, parameters)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Return the partial derivatives at (x, x', z)."""

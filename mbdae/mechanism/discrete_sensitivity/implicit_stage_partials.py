@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array, StagePartials
-from .equation_partials import time_partials
+from ..formulations.equation_partials import time_partials
 
 if TYPE_CHECKING:
-    from ..discrete_sensitivity.parameter_partials import Parameters
-    from .ggl import GGLChart
-    from .implicit_stage import ImplicitStages
+    from ..formulations.ggl import GGLChart
+    from ..formulations.implicit_stage import ImplicitStages
+    from .parameter_partials import Parameters
 
 
 def implicit_stage(
