@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property, partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -40,22 +40,6 @@ REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and r
 APART = 1e-5  # relative difference of two widths where there is no derivative
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
-
-
-class ParameterPartials(NamedTuple):
-    """Partials with respect to k parameters at a point (t, q, v, s, v', lam), all else constant.
-
-    Attributes:
-        P: d(f + G^T lam - M v', h, power)/dp, (nv + ns + 1, k).
-        Q: d(G v + g_t)/dp, (ng, k).
-        g: dg/dp, (ng, k).
-        gamma: d gamma/dp, (ng, k).
-    """
-
-    P: Array
-    Q: Array
-    g: Array
-    gamma: Array
 
 
 class Parameters:
@@ -160,12 +144,8 @@ class Parameters:
             self._found[name] = key, find()
         return self._found[name][1]
 
-    def partials(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterPartials:
-        """Return the partial derivatives at (t, q, v, s, v', lam), lam (ng,) for all rows."""
-        return ParameterPartials(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
-
     def of_forces(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
-        """Return P of `ParameterPartials`, (nv + ns + 1, k)."""
+        """Return d(f + G^T lam - M v', h, power)/dp with all else constant, (nv + ns + 1, k)."""
         system, nv = self.system, self.system.nv
         out = np.zeros((nv + len(s) + 1, len(self)))
         if not len(self):
@@ -214,7 +194,7 @@ class Parameters:
         return out
 
     def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return Q and g of `ParameterPartials`, (ng, k) each."""
+        """Return Q = d(G v + g_t)/dp and dg/dp, (ng, k) each."""
         Q, g = np.zeros((2, self.system.ng, len(self)))
         if self.opened:
             B, G = self.opened.rows(t, q, v)
@@ -227,7 +207,7 @@ class Parameters:
         return Q, g
 
     def of_bias(self, t: float, q: Array, v: Array) -> Array:
-        """Return gamma of `ParameterPartials`, (ng, k)."""
+        """Return d gamma/dp, (ng, k)."""
         out = np.zeros((self.system.ng, len(self)))
         if self.opened:
             out = self.opened.bias(q, v) @ self.motions
