@@ -11,6 +11,7 @@ packages, and from folders given by the user.
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import NamedTuple
@@ -120,6 +121,7 @@ def installed() -> list[Path]:
     return [*packages, models_directory().resolve()]
 
 
+@cache  # the list of files of a distribution takes 20 ms to read
 def robots_directory() -> Path:
     """The folder of robot descriptions that example-robot-data installs."""
     try:
