@@ -8,7 +8,8 @@ on standard error that is neither a warning of mbdae nor the error.
 
 import re
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.metadata import version
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.optimize import least_squares
 
 import mbdae
 from mbdae import Mechanism
+from mbdae.cli.model import ChosenModel
 from mbdae.mechanism.forces.coulomb_friction import CoulombFriction
 from mbdae.studies.order.order import order as measure_order
 
@@ -27,6 +29,11 @@ SHORT = {  # s: models that move faster or slower than others; those with mode s
     "humanoid_stance": 0.02, "stewart_platform": 0.02,
 }  # fmt: skip
 FIGURES = ("work_precision", "drifts", "convergence", "posture", "motion")
+COARSE = {  # resolution of studies
+    "report.report.TOLERANCES": (1e-4, 1e-6), "view.sliders.POSES": 7, "statics.equilibria.INPUTS": 1,
+    "statics.equilibria.POINTS": 61, "replay.plot_panels.POINTS": 50, "replay.replay.MIN_FRAMES": 5,
+    "replay.html_page.LEVEL": 1,
+}  # fmt: skip
 RANK = 1e-9
 
 
@@ -112,7 +119,7 @@ class Facts:
                     return True
             return False
 
-        for seed in range(24):
+        for seed in range(12):
             x = np.random.default_rng(seed).uniform(-3, 3, mech.nv) * (seed > 0)
             found = least_squares(unbalanced, x, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
             if np.abs(found.fun).max() < 1e-7 and not falls(pose(found.x)):
@@ -197,10 +204,15 @@ def drive_of(mech: Mechanism) -> str:
     return (single or mech.joint_names)[0]
 
 
+def brief(name: str) -> float:
+    """Span in s of studies that compute a reference or many runs: a fortieth, with the woodpecker's first impact."""
+    return SHORT.get(name, 0.1) / (6 if name == "woodpecker" else 40)
+
+
 def every_command(name: str, mech: Mechanism, drive: str, folder) -> list[str]:
     """The commands, coarse and short; joints of several coordinates by their first one."""
     end = SHORT.get(name, 0.1)
-    part, joints = end / 4, ",".join(mech.joint_names)
+    part, short, joints = end / 4, brief(name), ",".join(mech.joint_names)
     signal = next(s for s in mech_signals(mech) if s.startswith(f"v.{drive}"))
     column = next(s for s in mech_signals(mech) if s.startswith(f"q.{drive}"))
     first = drive if signal == f"v.{drive}" else f"{drive}.1"  # of the inputs and outputs of a linear system
@@ -216,15 +228,15 @@ def every_command(name: str, mech: Mechanism, drive: str, folder) -> list[str]:
         f"solve {name} -t {part} --rtol 1e-4 -m pherk5 --formulation ggl",
         f"solve {name} -t {part} --rtol 1e-4 -m dop853 --formulation index1",
         "drift run.npz",
-        f"compare {name} -t {part} -m herk3 -m radau3 --rtol 1e-3 --repeats 1",
-        f"compare {name} -t {part} -m ggl:herk3 --rtol 1e-3 --repeats 1",
-        f"order {name} -m herk2 -t {part} --steps 10",
+        f"compare {name} -t {short} -m herk3 -m radau3 --rtol 1e-3 --repeats 1",
+        f"compare {name} -t {short} -m ggl:herk3 --rtol 1e-3 --repeats 1",
+        f"order {name} -m herk2 -t {short} --steps 10",
         "animate run.npz -o page.html",
-        f"report {name} -t {part} -m herk3 --rtol 1e-3 --repeats 1 -o report.html",
+        f"report {name} -t {short} -m herk3 --rtol 1e-3 --repeats 1 -o report.html",
         "sweep sweep.toml",
         f"equilibrium {name}",
         f"equilibria {name} --drive {drive} --from -0.5 --to 0.5",
-        f"load-path {name} --load gravity --from 1 --to 1.1",
+        f"load-path {name} --load gravity --from 1 --to 1.01",
         f"modes {name}",
         f"linearize {name} --inputs {first} --outputs q.{first}",
         f"root-locus {name} gravity.2=-9:-10:2",
@@ -233,7 +245,7 @@ def every_command(name: str, mech: Mechanism, drive: str, folder) -> list[str]:
         f"inverse-dynamics {name} run.npz -a {joints}",
         f"inverse-dynamics {name} run.csv -a {joints}",
         f"inverse-dynamics {name} --drive {drive} --speed 1 --points 5 --from 0.1 --to 0.2",
-        f"fit {name} run.csv -p gravity.2=-12:-8 -s {column} --step {part / 4}",
+        f"fit {name} run.csv -p gravity.2=-9.9:-9.7 -s {column} --step {part / 4}",
         f"view {name} -o view.html",
     ]
 
@@ -249,18 +261,20 @@ def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
     monkeypatch.setattr(f"{page}.image", lambda *_, **__: "")  # matplotlib takes longer than all the rest
     for figure in FIGURES:
         monkeypatch.setattr(f"{page}.{figure}", lambda *_, **__: None)
-    end = SHORT.get(name, 0.1) / 4
     orders = []
 
     def measured(mech, *_, **__):
-        orders.append(measure_order(mech, ["herk2"], T=end, steps=10))
+        orders.append(measure_order(mech, ["herk2"], T=brief(name), steps=10))
         return orders[-1]
 
     monkeypatch.setattr("mbdae.studies.order.order.order", measured)
     monkeypatch.setattr(f"{report}.order", lambda mech, *_, **__: orders[-1] if orders else measured(mech))
-    monkeypatch.setattr(f"{report}.TOLERANCES", (1e-4, 1e-6))
-    monkeypatch.setattr("mbdae.studies.view.sliders.POSES", 31)
+    monkeypatch.setattr("mbdae.solution.archive.version", cache(version))  # read from files
+    for constant, value in COARSE.items():
+        monkeypatch.setattr(f"mbdae.studies.{constant}", value)
     mech = mbdae.load(name)
+    for method in ("load", "problem"):  # each command would read the files of the model again, a fifth of all
+        monkeypatch.setattr(ChosenModel, method, lambda self: mech)
     drive = drive_of(mech)
     facts = Facts(name, drive)
     for command in every_command(name, mech, drive, tmp_path):
