@@ -57,14 +57,14 @@ PARTS = {"closures": closures, "keys": keys}
 
 
 def page(text: str) -> str:
-    """The page with its tables written anew."""
+    """The page with new tables."""
     for name, part in PARTS.items():
         text = re.sub(WRITTEN.format(name), lambda _, part=part: part(), text, flags=re.S)
     return text
 
 
 def rows(table: type[Table], *, own: bool = False) -> Iterator[str]:
-    """The rows of one class, or of its own keys; the ``kind`` that selects the class is in its heading."""
+    """The rows of one class, without the keys of its bases where ``own``; its ``kind`` is in the heading."""
     said = {k: v for c in reversed(table.__mro__) for k, v in _attributes(c.__doc__ or "").items()}
     for key, field in table.model_fields.items():
         if own and key not in vars(table).get("__annotations__", ()):

@@ -30,7 +30,7 @@ Axis = Annotated[Vector, AfterValidator(_not_zero)]
 
 
 def kinds_of(base: type[Any]) -> dict[str, type[Any]]:
-    """Return the classes below one that have a kind of their own, by kind; the first of a kind counts."""
+    """Return the classes below one that name a kind, by kind; the first of a kind counts."""
     out: dict[str, type[Any]] = {}
     for c in base.__subclasses__():
         kind = c.model_fields["kind"].default if "kind" in c.model_fields else PydanticUndefined

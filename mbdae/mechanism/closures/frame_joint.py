@@ -1,7 +1,7 @@
 """Closures that keep gaps and directions between two frames, as joints do."""
 
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -49,6 +49,11 @@ class AxisJoint(FrameJoint):
     def axes(self) -> tuple[Vector, Vector]:  # noqa: D102
         return self.axis, self.axis
 
+    @classmethod
+    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "") -> Self:
+        """Between frames a and b, with an axis of a."""
+        return cls(frames=(a, b), axis=axis, name=name)
+
 
 class TwoAxisJoint(AxisJoint):
     """A joint with an axis in each frame.
@@ -62,6 +67,11 @@ class TwoAxisJoint(AxisJoint):
 
     def axes(self) -> tuple[Vector, Vector]:  # noqa: D102
         return self.axis, self.second_axis or self.axis
+
+    @classmethod
+    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None) -> Self:
+        """Between frames a and b, with an axis of a and the corresponding one of b, the same when left out."""
+        return cls(frames=(a, b), axis=axis, second_axis=second_axis, name=name)
 
 
 @lru_cache(maxsize=256)

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...system import Array
 from ..frames import Pair, find_joint
 from .closure import Closure
-from .turning import TILT
+from .fixed_axes import TILT
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System

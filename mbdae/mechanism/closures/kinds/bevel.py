@@ -9,15 +9,15 @@ from ....errors import StepError
 from ....system import Array
 from ...frames import Pair, cross
 from ..closure import Axis, Z
+from ..fixed_axes import FITS, TILT, FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
 from ..rows import displaced, rotated, unit_axis
-from ..turning import FITS, TILT, TurningClosure
 
 PARALLEL = 1e-6  # rad between axes, which then have no common point
 Radii = tuple[float, float]
 
 
-class BevelClosure(TurningClosure):
+class BevelClosure(FixedAxisClosure):
     """1 row: wheels about axes that meet do not slip on each other: r_a w_a = -r_b w_b on their carrier.
 
     The axes must meet at a constant angle.

@@ -7,10 +7,10 @@ from pydantic import Field, model_validator
 from ....system import Array
 from ...frames import Pair
 from ..closure import Axis, BetweenFrames
+from ..fixed_axes import TILT
 from ..profile_rows import FlatFace, Roller
 from ..profiles import AnyProfile, Profile
 from ..rows import unit_axis
-from ..turning import TILT
 
 
 class CamClosure(BetweenFrames):

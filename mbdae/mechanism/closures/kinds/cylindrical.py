@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-from ..closure import Axis, Z
 from ..frame_joint import TwoAxisJoint
 
 
@@ -11,10 +10,3 @@ class CylindricalClosure(TwoAxisJoint):
 
     kind: Literal["cylindrical"] = "cylindrical"
     gap, direction, friction, carried = "across", "axis", "slides", 2
-
-    @classmethod
-    def of(
-        cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None
-    ) -> "CylindricalClosure":
-        """Between frames a and b, with an axis of a and the corresponding one of b, the same when left out."""
-        return cls(frames=(a, b), axis=axis, second_axis=second_axis, name=name)

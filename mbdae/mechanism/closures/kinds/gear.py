@@ -8,14 +8,14 @@ from pydantic import field_validator
 from ....system import Array
 from ...frames import Pair, cross
 from ..closure import Axis, Z
+from ..fixed_axes import FITS, FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
 from ..rows import displaced, rotated, unit_axis
-from ..turning import FITS, TurningClosure
 
 Radii = tuple[float, float]
 
 
-class GearClosure(TurningClosure):
+class GearClosure(FixedAxisClosure):
     """1 row: wheels about parallel axes do not slip where the line of centres is divided as by their radii.
 
     The axes must stay parallel, r_a + r_b apart.

@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-from ..closure import Axis, Z
 from ..frame_joint import AxisJoint
 
 
@@ -11,8 +10,3 @@ class InLineClosure(AxisJoint):
 
     kind: Literal["in_line"] = "in_line"
     gap, friction, carried = "across", "slides", 2
-
-    @classmethod
-    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "") -> "InLineClosure":
-        """Between frames a and b, with an axis of a."""
-        return cls(frames=(a, b), axis=axis, name=name)

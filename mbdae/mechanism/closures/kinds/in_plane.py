@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from ..closure import Axis, UnilateralClosure, Z
+from ..closure import UnilateralClosure
 from ..frame_joint import AxisJoint
 
 
@@ -11,8 +11,3 @@ class InPlaneClosure(AxisJoint, UnilateralClosure):
 
     kind: Literal["in_plane"] = "in_plane"
     gap, friction = "along", "touches"
-
-    @classmethod
-    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "") -> "InPlaneClosure":
-        """Between frames a and b, with a normal of a."""
-        return cls(frames=(a, b), axis=axis, name=name)

@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-from ..closure import Axis, Z
 from ..frame_joint import AxisJoint
 
 
@@ -11,8 +10,3 @@ class PrismaticClosure(AxisJoint):
 
     kind: Literal["prismatic"] = "prismatic"
     gap, direction, friction, carried = "across", "frame", "slides", 2
-
-    @classmethod
-    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "") -> "PrismaticClosure":
-        """Between frames a and b, with an axis of a."""
-        return cls(frames=(a, b), axis=axis, name=name)

@@ -10,8 +10,8 @@ from ....system import Array
 from ...frames import Pair
 from ..closure import Axis, UnilateralClosure, Vector
 from ..contact import ContactHeightRow, ConvexBody, NoSlipRows
+from ..fixed_axes import FITS
 from ..rows import unit_axis
-from ..turning import FITS
 
 GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "none": ()}
 

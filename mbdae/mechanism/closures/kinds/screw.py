@@ -8,12 +8,12 @@ from pydantic import field_validator
 from ....system import Array
 from ...frames import Pair
 from ..closure import Axis, Z
+from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines
 from ..rows import displaced, rotated, unit_axis
-from ..turning import TurningClosure
 
 
-class ScrewClosure(TurningClosure):
+class ScrewClosure(FixedAxisClosure):
     """1 row: b advances along the axis of a by `lead` per turn about it, besides a cylindrical closure.
 
     The body must rotate about its axis only.

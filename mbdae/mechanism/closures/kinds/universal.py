@@ -20,6 +20,8 @@ class UniversalClosure(TwoAxisJoint):
         return self.axis, self.second_axis or X
 
     @classmethod
-    def of(cls, a: str, b: str, axis: Axis = Z, second_axis: Axis = X, name: str = "") -> "UniversalClosure":
+    def of(  # type: ignore[override]
+        cls, a: str, b: str, axis: Axis = Z, second_axis: Axis = X, name: str = ""
+    ) -> "UniversalClosure":
         """Between frames a and b, with an axis of each."""
         return cls(frames=(a, b), axis=axis, second_axis=second_axis, name=name)

@@ -13,7 +13,7 @@ TILT = 1e-3  # rad
 FITS = 1e-3  # of the radii: numbers of three digits are consistent, wheels that do not mesh are not
 
 
-class TurningClosure(BetweenFrames):
+class FixedAxisClosure(BetweenFrames):
     """Its rows assume that the bodies turn about its axes only.
 
     Attributes:
