@@ -1,6 +1,6 @@
-"""The keys of every table of a mechanism file in Markdown, made from the classes that check them.
+"""The kinds of closures and the keys of every table of a mechanism file in Markdown, from the classes that check them.
 
-`models/README.md` holds them between two comments. After a change of a key, rewrite them:
+`models/README.md` holds them between comments. After a change of a key, rewrite them:
 
     python tests/key_tables.py
 """
@@ -13,33 +13,62 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from mbdae.mechanism.checked_table import Table
+from mbdae.mechanism.checked_table import Table, tables_in
+from mbdae.mechanism.closures import KINDS, what_is_kept
+from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.formats.schema import MechanismFile
 from mbdae.mechanism.time_functions import SIGNALS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
-BETWEEN = re.compile(r"(?<=<!-- keys: written by tests/key_tables.py -->\n).*(?=<!-- end of keys -->)", re.S)
+WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 LIMITS = {"ge": ">= {}", "gt": "> {}", "min_length": "{} or more"}
 SEVERAL = {"number": "numbers", "text": "texts", "2 numbers": "pairs of numbers", "table": "tables"}
 
 
-def markdown() -> str:
+def closures() -> str:
+    """One row for each kind of closure: its rows, its keys, what it keeps."""
+    out = "\n| closure | rows | required | optional | constraint |\n|---|---|---|---|---|\n"
+    for kind, table in KINDS.items():
+        rows, what = what_is_kept(table)
+        keys = {k: f.is_required() for k, f in table.model_fields.items() if k not in Closure.model_fields}
+        needed, possible = (", ".join(f"`{k}`" for k in keys if keys[k] is x) for x in (True, False))
+        out += f"| `{kind}` | {rows} | {needed} |{possible and f' {possible}'} | {what} |\n"
+    return out + "\n"
+
+
+def keys() -> str:
     """One small table for each class: key, values, default, description."""
-    found = {MechanismFile: "The file itself"}
+    found = {MechanismFile: ("The file itself", "".join(rows(MechanismFile)))}
+    shared = {b: None for c in KINDS.values() for b in c.__mro__[::-1] if issubclass(b, Table)}
+    bases = [b for b in shared if b not in KINDS.values()]
+    found[Closure] = "`[[closure]]`", "".join(dict.fromkeys(row for b in bases for row in rows(b, own=True)))
     for heading, table in _inside(MechanismFile):
-        found.setdefault(table, f"`{heading}`")
+        if not any(f.exclude for f in table.model_fields.values()):  # Python functions are not possible in a file
+            found.setdefault(table, (f"`{heading}`", "".join(rows(table, own=table in KINDS.values()))))
     return "\n" + "\n".join(
-        f"**{found[table]}**\n\n| key | takes | left out | what it is |\n|---|---|---|---|\n{''.join(rows(table))}"
+        f"**{found[table][0]}**\n\n| key | takes | left out | what it is |\n|---|---|---|---|\n{found[table][1]}"
         for table in sorted(found, key=SIGNALS.__contains__)
-        if not any(f.exclude for f in table.model_fields.values())  # Python functions are not possible in a file
+        if found[table][1]
     )
 
 
-def rows(table: type[Table]) -> Iterator[str]:
-    """The rows of one class; the ``kind`` that selects the class is in its heading."""
+PARTS = {"closures": closures, "keys": keys}
+
+
+def page(text: str) -> str:
+    """The page with new tables."""
+    for name, part in PARTS.items():
+        text = re.sub(WRITTEN.format(name), lambda _, part=part: part(), text, flags=re.S)
+    return text
+
+
+def rows(table: type[Table], *, own: bool = False) -> Iterator[str]:
+    """The rows of one class, without the keys of its bases where ``own``; its ``kind`` is in the heading."""
     said = {k: v for c in reversed(table.__mro__) for k, v in _attributes(c.__doc__ or "").items()}
     for key, field in table.model_fields.items():
+        if own and key not in vars(table).get("__annotations__", ()):
+            continue
         if get_origin(field.annotation) is not Literal or len(get_args(field.annotation)) > 1:
             yield f"| `{key}` | {takes(field)} | {left_out(field)} | {said[key]} |\n"
 
@@ -64,23 +93,19 @@ def left_out(field: FieldInfo) -> str:
 
 def _inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
     for key, field in table.model_fields.items():
-        for inner in _tables(field.annotation):
+        for inner in tables_in(field.annotation):
             kinds = get_args(inner.model_fields["kind"].annotation) if "kind" in inner.model_fields else ()
             where = f"[[{key}]]" if get_origin(field.annotation) is tuple else f"[{key}]"
             yield f'kind = "{kinds[0]}"' if len(kinds) == 1 else where, inner
             yield from _inside(inner)
 
 
-def _tables(annotation: Any) -> list[type[Table]]:
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        return [annotation]
-    return [t for part in get_args(annotation) for t in _tables(part)]
-
-
 def _words(annotation: Any) -> str:
     origin, parts = get_origin(annotation), get_args(annotation)
     if annotation in PLAIN:
         return PLAIN[annotation]
+    if origin is Annotated and not tables_in(annotation):
+        return _words(parts[0])
     if origin is Literal:
         return ", ".join(f"`{p}`" for p in parts)
     if origin is dict:
@@ -89,9 +114,9 @@ def _words(annotation: Any) -> str:
         word = _words(parts[0])
         several = SEVERAL.get(word, word.replace("number or function", "numbers or functions"))
         return several if parts[-1] is Ellipsis else f"{len(parts)} {several}"
-    if set(parts) == set(SIGNALS) or (origin is Annotated and set(_tables(annotation)) == set(SIGNALS)):
+    if set(parts) == set(SIGNALS) or (origin is Annotated and set(tables_in(annotation)) == set(SIGNALS)):
         return "number or function of time"
-    if origin in (Union, UnionType) and not set(parts) <= set(_tables(annotation)):
+    if origin in (Union, UnionType) and not set(parts) <= set(tables_in(annotation)):
         return ", or ".join(_words(p) for p in parts if p is not NoneType)
     return "table"
 
@@ -106,4 +131,4 @@ def _attributes(doc: str) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(BETWEEN.sub(lambda _: markdown(), PAGE.read_text()))
+    PAGE.write_text(page(PAGE.read_text()))

@@ -129,7 +129,7 @@ def test_the_test_sees_imports():
     assert {"pinocchio", "numpy", "mbdae.errors.StepError", "mbdae.system.Counts"} <= found
     assert not any("mechanism.mechanism" in name for name in found)
     assert floor("methods", HOUSE) == floor("mechanism", HOUSE) < floor("integrate", HOUSE)
-    assert home("mbdae.mechanism.closures.rows.FrameRows") == "mbdae/mechanism/closures"
+    assert home("mbdae.mechanism.scene.shapes.Shape") == "mbdae/mechanism/scene"
     assert home("mbdae.mechanism.frames.Pair") == "mbdae/mechanism/frames.py"
     assert room("mbdae.mechanism.frames.Pair") == "mechanism"
     assert room("mbdae.load") == "__init__"

@@ -7,6 +7,12 @@ import numpy as np
 import pinocchio as pin
 
 from .closures.closure import Closure
+from .closures.kinds.cam import CamClosure
+from .closures.kinds.cylindrical import CylindricalClosure
+from .closures.kinds.distance import DistanceClosure
+from .closures.kinds.revolute import RevoluteClosure
+from .closures.kinds.rolling import RollingClosure
+from .closures.kinds.slot import SlotClosure
 from .forces.spring_damper import SpringDamper
 from .frames import Anchor, anchor
 from .scene.make_scene import make_scene
@@ -17,9 +23,7 @@ from .scene.scene import Mark, Scene, Strut
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
-MEETING = ("point", "revolute", "frame", "universal")  # closures whose frames coincide
-HINGES = ("revolute", "cylindrical")
-APART = ("rolling", "knife_edge", "gear", "screw", "cam", "slot")  # closures with distinct frames: no gap is drawn
+HINGES = (RevoluteClosure, CylindricalClosure)
 
 
 def appearance(mech: "Mechanism") -> Scene:
@@ -38,25 +42,26 @@ def _springs(mech: "Mechanism") -> Iterator[Strut]:
 
 def _marks(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[Mark]:
     for c, ends in found:
-        if c.kind not in APART:
+        if not c.apart:
             first, second = ((e.joint, pin.SE3(e.R, e.p)) for e in ends)
-            axis = np.array(c.axis or (0.0, 0.0, 1.0)) if c.kind in HINGES else None
-            yield Mark(c.name, first, second, c.length or 0.0, axis, c.kind in MEETING)
+            axis = np.array(c.axis) if isinstance(c, HINGES) else None
+            length = c.length if isinstance(c, DistanceClosure) else 0.0
+            yield Mark(c.name, first, second, length, axis, c.meets)
 
 
 def _rolling(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[RollingBody]:
     for closure, (_, b) in found:
         place = pin.SE3(b.R, b.p)
-        if closure.kind == "rolling":
+        if isinstance(closure, RollingClosure):
             s = closure.shape
             axle = None if s.axle is None else np.array(s.axle)
             yield RollingBody(closure.name, b.joint, place, axle, s.rim, s.tyre, s.semi_axes, s.centre)
-        elif closure.kind == "cam" and closure.radius:
+        elif isinstance(closure, CamClosure) and closure.radius:
             yield RollingBody(closure.name, b.joint, place, None, 0.0, closure.radius, None, (0.0, 0.0, 0.0))
 
 
 def _outlines(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[Outline]:
     for closure, (a, _) in found:
-        if closure.profile:
+        if isinstance(closure, CamClosure | SlotClosure):
             path, place = closure.profile.path, pin.SE3(a.R, a.p)
             yield Outline(closure.name, a.joint, place, path.points, path.closed, closure.kind == "cam")

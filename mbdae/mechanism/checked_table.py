@@ -1,7 +1,7 @@
 """Validated tables of a mechanism file, or written in Python, with error messages of one line."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -17,10 +17,10 @@ else:
     ModelMetaclass = type(BaseModel)
 
 
-class _OneLine(ModelMetaclass):
+class OneLine(ModelMetaclass):
     """Reduces pydantic's report about a table written in Python to one line."""
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: D102
         known = sorted(getattr(cls, "model_fields", ()))
         if args:
             got = ", ".join(f"{value!r:.40}" for value in args)
@@ -31,7 +31,7 @@ class _OneLine(ModelMetaclass):
             raise InputError(f"{cls.__name__}: {one_line(e, lambda path: known, kwargs)}") from None
 
 
-class Table(BaseModel, metaclass=_OneLine):
+class Table(BaseModel, metaclass=OneLine):
     """A table whose unknown keys are errors and whose numbers are finite.
 
     Raises:
@@ -39,6 +39,13 @@ class Table(BaseModel, metaclass=_OneLine):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def tables_in(annotation: Any) -> list[type[Table]]:
+    """Return the tables in a type, such as the kinds of a union."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return [annotation]
+    return [t for part in get_args(annotation) for t in tables_in(part)]
 
 
 def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> str:
@@ -86,18 +93,32 @@ def _named(entry: Any) -> str:
     return next((x for x in (entry.get("name"), joints) if isinstance(x, str) and x), "")
 
 
+def wrong_kind(where: str, known: Iterable[str], got: Any) -> str:
+    """Return the error of a table whose kind is missing or unknown."""
+    return f"{where}: Input should be {', '.join(map(repr, known))}, got {got!r:.80}" if got else f"missing key {where}"
+
+
 def _short(e: Any) -> bool:
     """Return whether a list has too few entries."""
     return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 
+def _of_kind(loc: Sequence[Any], where: str) -> str:
+    """Return the kind of the table whose key is unknown or missing, which is in ``loc`` and not in its place."""
+    kind = loc[-2] if len(loc) > 1 else None
+    return f" (kind {kind!r})" if isinstance(kind, str) and not where.endswith(f"{kind}.{loc[-1]}") else ""
+
+
 def _fault(e: Any, where: str, known: KnownKeys) -> str:
+    if e["type"].startswith("union_tag_"):  # e["ctx"]["expected_tags"] are quoted and separated by commas
+        tag, kinds = e["ctx"]["discriminator"].strip("'"), e["ctx"].get("expected_tags", "").replace("'", "")
+        return wrong_kind(f"{where}.{tag}" if where else tag, kinds.split(", "), e["ctx"].get("tag"))
     if e["type"] == "extra_forbidden":
-        return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}"
+        return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}{_of_kind(e['loc'], where)}"
     if _short(e):
         return f"{where}: too few entries, got {str(e['input'])[:80]}"
     if e["type"] == "missing":
-        return f"missing key {where}"
+        return f"missing key {where}{_of_kind(e['loc'], where)}"
     message = e["msg"].removeprefix("Value error, ")
     if not where:
         return message

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..system import Array
-from .closures.closure import Closure
 from .closures.contact import ContactHeightRow, ConvexBody, NoSlipRows
+from .closures.kinds.rolling import RollingClosure
 from .closures.line_rows import at_rest
 from .reactions import NONE, NOT_UNIQUE, null_rows, sampled
 
@@ -80,9 +80,9 @@ def first_negative(t: Array, x: Array) -> float | None:
     return float(t[i - 1] + (t[i] - t[i - 1]) * x[i - 1] / (x[i - 1] - x[i]))
 
 
-def rolling(mech: "Mechanism") -> list[Closure]:
+def rolling(mech: "Mechanism") -> list[RollingClosure]:
     """Return the rolling closures."""
-    return [c for c in mech.closures if c.kind == "rolling"]
+    return [c for c in mech.closures if isinstance(c, RollingClosure)]
 
 
 def shape(mech: "Mechanism", name: str) -> ConvexBody:

@@ -181,7 +181,7 @@ def test_closures_written_wrongly():
     refused(InputError, lambda: Closure.distance("a", "b", -1.0), "Closure: length", "greater than 0")
     refused(InputError, lambda: Closure.point("a", "a"), "'a' with itself")
     refused(InputError, lambda: Closure(kind="weld", frames=("a", "b")), "kind", "'point'")
-    refused(InputError, lambda: Closure(kind="point", frames=("a", "b"), length=1.0), "length", "point")
+    refused(InputError, lambda: Closure(kind="point", frames=("a", "b"), length=1.0), "key length", "PointClosure")
     refused(InputError, lambda: Closure.revolute("a", "b", axis=(0.0, 0.0, 0.0)), "axis must not be zero")
     refused(InputError, lambda: Closure.revolute("a", "b", axis=(np.inf, 0.0, 0.0)), "finite")
     refused(InputError, lambda: Closure(kind="point", frames=("a", "b"), stiffness=1.0), "unknown key stiffness")

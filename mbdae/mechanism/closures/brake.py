@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from .rows import Ratio
+from .joint_rows import Ratio
 
 
 class Brake(NamedTuple):

@@ -1,13 +1,16 @@
 """Clutches between joints, one-way, with teeth or on command: rows that are active while they lock."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
+import pinocchio as pin
 from pydantic import Field, model_validator
 
+from ...errors import InputError
 from ..time_functions import Steps
 from .joint_pair import JointPair
-from .rows import Ratio, ToothRow
+from .joint_rows import BoundCoordinateRow, BoundJointRow, JointRow, Ratio
 
 
 class Clutch(JointPair):
@@ -63,9 +66,43 @@ class Clutch(JointPair):
         """Number of rows: 1."""
         return 1
 
-    def primitives(self) -> Sequence[Ratio] | Sequence[ToothRow]:
+    def primitives(self) -> "Sequence[Ratio] | Sequence[ToothRow]":
         """The row."""
         (joint, other), ratio = self.joints or (self.joint or "", ""), 1.0 if self.ratio is None else self.ratio
         if self.pitch is None:
             return [Ratio(joint, other, "", (ratio,))]
         return [ToothRow(joint, other, (self.tooth, ratio) if other else (self.tooth,), self.pitch)]
+
+
+@dataclass(frozen=True)
+class ToothRow(JointRow):
+    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: a pawl in one of many teeth.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j; without one the row is g = q_i - c_0.
+        coefficients: c_0, c_1 in rad or m.
+        pitch: in rad or m.
+    """
+
+    joint: str
+    other: str
+    coefficients: tuple[float, ...]
+    pitch: float
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundToothRow":  # noqa: D102
+        return BoundToothRow(model, data, self, at, name)
+
+
+class BoundToothRow(BoundCoordinateRow):
+    """g = x_i - p(x_j) up to multiples of a pitch.
+
+    Raises:
+        InputError: for an unbounded joint.
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: ToothRow, at: int, name: str) -> None:
+        BoundJointRow.__init__(self, model, data, (row.joint, row.other), at, name, row.coefficients)
+        if any(j.nq > 1 for j in self.joints):
+            raise InputError(f"{name!r}: a joint that turns without end does not say which tooth is next; bound it")
+        self.period = row.pitch

@@ -7,7 +7,8 @@ is 0.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
@@ -20,10 +21,9 @@ from .brake import Brake
 from .closure import Closure
 from .clutch import Clutch
 from .driver import Driver
-from .joint_rows import BoundJointRow, joint_part
+from .joint_rows import BoundJointRow, JointRow
 from .rows import FrameRows
 from .unilateral_constraint import Stop
-from .user_rows import UserRow
 
 Spec = Closure | Driver | Stop | Brake | Clutch
 
@@ -57,43 +57,47 @@ class Constraints:
     def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
         self.frame_parts: dict[str, BoundFrameRows] = {}
         self.joint_parts: list[BoundJointRow] = []
-        self.spans: dict[str, slice] = {}
-        self.driven: list[tuple[int, Driver]] = []
-        self.ng = sum(spec.m for spec in specs)
+        starts = np.cumsum([0, *(spec.m for spec in specs)]).tolist()
+        self.spans = {spec.name: slice(*ends) for spec, ends in zip(specs, pairwise(starts), strict=True)}
+        self.driven = [(self.spans[d.name].start, d) for d in specs if isinstance(d, Driver)]
+        self.ng = starts[-1]
         self.columns = np.zeros((self.ng, model.nv), bool)
         self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
         self.positional, self.off = np.ones(self.ng, bool), np.empty(0, int)
-        at = 0
         for spec in specs:
-            numbered: list[tuple[slice, Any]] = []
-            self.spans[spec.name] = slice(at, at + spec.m)
-            if isinstance(spec, Driver):
-                self.driven.append((at, spec))
-            for r in spec.primitives():
-                numbered.append((slice(at, at + r.m), r))
-                self.positional[at : at + r.m] = r.positional and not (isinstance(spec, Driver) and spec.speed)
-                at += r.m
             if spec.frames:
-                pair = Pair(model, data, *anchors(model, spec))
-                self.frame_parts[spec.name] = BoundFrameRows(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
-                self.sign[self.spans[spec.name]], self.columns[self.spans[spec.name]] = pair.sign, pair.columns
+                self._between_frames(model, data, spec)
             else:
-                self.joint_parts += [
-                    r.bind(model, data, s.start)
-                    if isinstance(r, UserRow)
-                    else joint_part(model, data, r, s.start, spec.name)
-                    for s, r in numbered
-                ]
-        for part in self.joint_parts:
-            self.columns[part.at] = sum(support(model, j.id) for j in part.joints) > 0
+                self._between_joints(model, data, spec)
+        self.positional[[at for at, d in self.driven if d.speed is not None]] = False
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
-        self._still = np.zeros((3, at))
+        self._still = np.zeros((3, self.ng))
         self._lengths = [at for at, d in self.driven if d.frames and d.motion]
         periodic = [p for p in self.joint_parts if p.period and self.positional[p.at]]
         self._periodic = np.array([p.at for p in periodic], int)
         self._periods = np.array([p.period for p in periodic])
         self._rates = np.flatnonzero(~self.positional)
         self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
+
+    def _between_frames(self, model: pin.Model, data: pin.Data, spec: Spec) -> None:
+        """Bind the rows between two frames."""
+        pair, own = Pair(model, data, *anchors(model, spec)), self.spans[spec.name]
+        rows: list[tuple[slice, FrameRows, Array]] = []
+        at = own.start
+        for r in cast(Sequence[FrameRows], spec.primitives()):
+            span = slice(at, at := at + r.m)
+            rows.append((span, r, self.W[:, span]))
+            self.positional[span] = r.positional
+        self.frame_parts[spec.name] = BoundFrameRows(pair, tuple(rows))
+        self.sign[own], self.columns[own] = pair.sign, pair.columns
+
+    def _between_joints(self, model: pin.Model, data: pin.Data, spec: Spec) -> None:
+        """Bind the rows between joints."""
+        for at, r in enumerate(cast(Sequence[JointRow], spec.primitives()), self.spans[spec.name].start):
+            part = r.bind(model, data, at, spec.name)
+            self.joint_parts.append(part)
+            self.positional[at] = r.positional
+            self.columns[at] = sum(support(model, j.id) for j in part.joints) > 0
 
     def units(self) -> Array:
         """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""

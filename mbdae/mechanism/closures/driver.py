@@ -16,7 +16,8 @@ from ...errors import InputError, StepError
 from ..checked_table import Table
 from ..piecewise_polynomial import Beyond, PiecewisePolynomial
 from ..time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
-from .rows import Coordinate, Distance, FrameRows
+from .joint_rows import Coordinate
+from .rows import Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
 OFTEN = 2  # of them must differ: one may coincide with a jump of u''

@@ -1,9 +1,13 @@
-"""Rows between joints of one coordinate each, bound to a workspace."""
+"""Rows between joints of one coordinate each, described and bound to a workspace.
+
+The multiplier of a row is the torque (N m) or force (N) on the first joint.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, lcm
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,10 +16,63 @@ from ...errors import InputError
 from ...system import Array
 from ..frames import find_joint
 from ..joints import subspace
-from .motion_laws import fold_of, law_derivatives
-from .rows import Coordinate, JointRow, MotionLawRow, Ratio, Sum, ToothRow
 
 LARGEST_DENOMINATOR = 1000
+
+
+class JointRow:
+    """A description of one row between joints.
+
+    Attributes:
+        m: number of rows: 1.
+        positional: whether it has a g.
+    """
+
+    m: ClassVar[int] = 1
+    positional: bool = True
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundJointRow":
+        """Bind the row, with index ``at`` among all rows, to a workspace; the closure's name is for messages."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Coordinate(JointRow):
+    """Row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each, in rad or m of joint i.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j; without one the row is g = q_i - c_0.
+        coefficients: c_0, c_1, ... in rad or m per power of the other coordinate.
+    """
+
+    joint: str
+    other: str
+    coefficients: tuple[float, ...]
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundCoordinateRow":  # noqa: D102
+        return BoundCoordinateRow(model, data, self, at, name)
+
+
+@dataclass(frozen=True)
+class Ratio(JointRow):
+    """Velocity row v_i = r(q_k) v_j, r = c_0 + c_1 q_k + c_2 q_k^2 + ..., between joints of one coordinate each.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j; without one the row is v_i = 0.
+        setting: name of joint k; without one r = c_0.
+        coefficients: c_0, c_1, ...
+    """
+
+    joint: str
+    other: str
+    setting: str
+    coefficients: tuple[float, ...]
+    positional = False
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundRatioRow":  # noqa: D102
+        return BoundRatioRow(model, data, self, at, name)
 
 
 class BoundJointRow:
@@ -36,9 +93,15 @@ class BoundJointRow:
     period = 0.0
 
     def __init__(
-        self, model: pin.Model, data: pin.Data, names: Sequence[str], row: JointRow, at: int, name: str
+        self,
+        model: pin.Model,
+        data: pin.Data,
+        names: Sequence[str],
+        at: int,
+        name: str,
+        polynomial: tuple[float, ...] = (),
     ) -> None:
-        self.at, self.polynomial = at, row.coefficients
+        self.at, self.polynomial = at, polynomial
         known = [n for n in names if n]
         self.joints = [find_joint(model, n) for n in known]
         for j, n in zip(self.joints, known, strict=True):
@@ -84,11 +147,11 @@ class BoundCoordinateRow(BoundJointRow):
     kind = "coordinate"
 
     def __init__(self, model: pin.Model, data: pin.Data, row: Coordinate, at: int, name: str) -> None:
-        super().__init__(model, data, (row.joint, row.other), row, at, name)
+        super().__init__(model, data, (row.joint, row.other), at, name, row.coefficients)
         self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
 
     def value(self) -> tuple[float, list[float]]:  # noqa: D102
-        x, *other = (_coordinate(j.joint_q) for j in self._live)
+        x, *other = (coordinate(j.joint_q) for j in self._live)
         if not other:
             return x - sum(self.polynomial), [1.0]
         p, first, *_ = _horner(self.polynomial, other[0])
@@ -111,80 +174,7 @@ class BoundCoordinateRow(BoundJointRow):
         """Return the second and the third derivative of p at x_j; zero without joint j."""
         if len(self._live) == 1:
             return 0.0, 0.0
-        return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
-
-
-class BoundToothRow(BoundCoordinateRow):
-    """g = x_i - p(x_j) up to multiples of a pitch.
-
-    Raises:
-        InputError: for an unbounded joint.
-    """
-
-    def __init__(self, model: pin.Model, data: pin.Data, row: ToothRow, at: int, name: str) -> None:
-        BoundJointRow.__init__(self, model, data, (row.joint, row.other), row, at, name)
-        if any(j.nq > 1 for j in self.joints):
-            raise InputError(f"{name!r}: a joint that turns without end does not say which tooth is next; bound it")
-        self.period = row.pitch
-
-
-class BoundMotionLawRow(BoundCoordinateRow):
-    """g = x_i - f(x_j) with a law f.
-
-    Raises:
-        InputError: for a law that is not periodic on an unbounded joint.
-    """
-
-    kind = "curved"
-
-    def __init__(self, model: pin.Model, data: pin.Data, row: MotionLawRow, at: int, name: str) -> None:
-        BoundJointRow.__init__(self, model, data, (row.joint, row.other), row, at, name)
-        self.law, turn, (_, length, rise) = row.law, 2 * np.pi, fold_of(row.law)
-        shares = [turn] if self.joints[0].nq == 2 else []
-        if self.joints[1].nq == 2:
-            n = turn / length if length else 0.0
-            if not length or abs(n - round(n)) > 1e-9:
-                what = "does not repeat itself in a turn" if length else "is not periodic"
-                raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
-            shares += [abs(rise * round(n))] if rise else []
-        self.period = _common(shares, name)
-
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
-        return {**super().core_data(), "law": self.law.core_data(), "fold": list(fold_of(self.law))}
-
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
-        x, other = (_coordinate(j.joint_q) for j in self._live)
-        f = law_derivatives(self.law, other)
-        return x - f.y, [1.0, -f.first]
-
-    def _curvature(self) -> tuple[float, float]:
-        return law_derivatives(self.law, _coordinate(self._live[1].joint_q))[2:]
-
-
-class BoundSumRow(BoundJointRow):
-    """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three or more joints."""
-
-    kind = "sum"
-
-    def __init__(self, model: pin.Model, data: pin.Data, row: Sum, at: int, name: str) -> None:
-        super().__init__(model, data, row.joints, row, at, name)
-        self.columns = [j.idx_v for j in self.joints]
-        self.shares = [1.0, *(-c for c in row.coefficients[1:])]
-        turns = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.shares, strict=True) if j.nq == 2]
-        self.period = _common(turns, name)
-
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
-        x = [_coordinate(j.joint_q) for j in self._live]
-        return float(np.dot(self.shares, x)) - self.polynomial[0], self.shares
-
-    def bias(self, v: Array) -> float:  # noqa: D102
-        return 0.0
-
-    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
-        """G is constant."""
-
-    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
-        """Gdot is zero."""
+        return _horner(self.polynomial, coordinate(self._live[1].joint_q))[2:]
 
 
 class BoundRatioRow(BoundJointRow):
@@ -197,7 +187,7 @@ class BoundRatioRow(BoundJointRow):
     kind = "ratio"
 
     def __init__(self, model: pin.Model, data: pin.Data, row: Ratio, at: int, name: str) -> None:
-        super().__init__(model, data, (row.joint, row.other, row.setting), row, at, name)
+        super().__init__(model, data, (row.joint, row.other, row.setting), at, name, row.coefficients)
         self.settings = [j.idx_v for j in self.joints[2:]]
         if self.settings and self.joints[2].nq > 1:
             what = f"powers of an unbounded joint's angle are not defined; bound joint {row.setting!r}"
@@ -225,23 +215,11 @@ class BoundRatioRow(BoundJointRow):
 
     def _ratio(self) -> tuple[float, float, float, float]:
         """Return the ratio and its first three derivatives; a constant without joint k."""
-        return _horner(self.polynomial, _coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
+        return _horner(self.polynomial, coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
 
 
-def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: str) -> BoundJointRow:
-    """Bind a row between joints to a workspace."""
-    if isinstance(row, Sum):
-        return BoundSumRow(model, data, row, at, name)
-    if isinstance(row, ToothRow):
-        return BoundToothRow(model, data, row, at, name)
-    if isinstance(row, MotionLawRow):
-        return BoundMotionLawRow(model, data, row, at, name)
-    if isinstance(row, Ratio):
-        return BoundRatioRow(model, data, row, at, name)
-    return BoundCoordinateRow(model, data, row, at, name)
-
-
-def _coordinate(q: Array) -> float:
+def coordinate(q: Array) -> float:
+    """Return the coordinate of a joint from its part of q: an angle in (-pi, pi] if it is unbounded."""
     return float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0]))
 
 
@@ -260,10 +238,10 @@ def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> 
         return turn if unbounded[0] else 0.0
     if any(coefficients[2:]):
         raise InputError(f"{name!r}: powers of an unbounded joint's angle are not defined; bound the joint")
-    return _common([turn * abs(coefficients[1])] + ([turn] if unbounded[0] else []), name)
+    return common_period([turn * abs(coefficients[1])] + ([turn] if unbounded[0] else []), name)
 
 
-def _common(shares: Sequence[float], name: str) -> float:
+def common_period(shares: Sequence[float], name: str) -> float:
     """Return the largest common divisor, 0 for none: a sum of angles is known up to its multiples."""
     shares = [s for s in shares if s]
     if not shares:

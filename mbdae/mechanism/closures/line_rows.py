@@ -14,12 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import StepError
 from ...system import Array
 from ..frames import Pair, cross
-from .rows import FrameRows, displaced, rotated
-
-PARALLEL = 1e-6  # rad between axes of a bevel pair, which have no common point
+from .rows import FrameRows
 
 
 class Lines(NamedTuple):
@@ -80,95 +77,6 @@ def at_rest(pair: Pair) -> Any:
     at: Any = copy(pair)
     at.Va = at.Vb = at.zero = np.zeros(6)
     return at
-
-
-class KnifeEdge(LineRows):
-    """No slip of b's origin against a along an axis of b, (3,)."""
-
-    m = 1
-
-    def __init__(self, axis: Array) -> None:
-        self.axis = axis[:, None]
-
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "knife_edge", "b": self.axis[:, 0].tolist()}]
-
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
-        e = pair.Rb.dot(self.axis)
-        return Lines(e, pair.pb[:, None], rotated(pair.Vb, e), displaced(pair.Vb, pair.pb))
-
-
-class Screw(LineRows):
-    """b advances along an axis of a, (3,), by ``lead`` in m per radian of its turn about it."""
-
-    m = 1
-
-    def __init__(self, axis: Array, lead: float) -> None:
-        self.axis, self.lead = axis[:, None], lead
-
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.lead}]
-
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
-        e = pair.Ra.dot(self.axis)
-        return Lines(e, pair.pb[:, None], rotated(pair.Va, e), displaced(pair.Vb, pair.pb))
-
-
-class Gear(LineRows):
-    """Wheels of a and b about parallel axes, an axis of a (3,), do not slip at the pitch point.
-
-    It divides the line of centres in proportion to the radii: p = p_a + share (p_b - p_a), share = r_a/(r_a + r_b); the
-    row is along e = k x (p_b - p_a)/|.|.
-    """
-
-    m = 1
-
-    def __init__(self, axis: Array, share: float) -> None:
-        self.axis, self.share = axis[:, None], share
-
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
-
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
-        pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
-        d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
-        k = pair.Ra.dot(self.axis)
-        e, de = unit(cross(k, d), cross(rotated(pair.Va, k), d) + cross(k, dd))
-        return Lines(e, pa + self.share * d, de, va + self.share * dd)
-
-
-class Bevel(LineRows):
-    """Wheels of a and b about axes that meet, an axis of each (3,), do not slip on each other.
-
-    The row is along e = k_a x k_b/|.|, perpendicular to both axes, through the point of the pitch cones' common line at
-    distances r_a and r_b from them: (p - p_a) . (e x k_a) = r_a, (p - p_b) . (k_b x e) = r_b. Hence r_a w_a + r_b w_b =
-    0 relative to the carrier of both axes, wherever on these axes the frames are, and the multiplier is the tangential
-    force in N.
-    """
-
-    m = 1
-
-    def __init__(self, a: Array, b: Array, radii: tuple[float, float]) -> None:
-        self.a, self.b, self.radii = a[:, None], b[:, None], radii
-
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
-        a, b = self.a[:, 0].tolist(), self.b[:, 0].tolist()
-        return [{"kind": "bevel", "a": a, "b": b, "length": self.radii[0], "other_length": self.radii[1]}]
-
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
-        ka, kb = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
-        dka, dkb = rotated(pair.Va, ka), rotated(pair.Vb, kb)
-        across = cross(ka, kb)
-        if not np.sqrt((across * across).sum()).real > PARALLEL:
-            raise StepError("singular", "its axes are parallel: kind 'gear' is for those")
-        e, de = unit(across, cross(dka, kb) + cross(ka, dkb))
-        n = np.hstack([cross(e, ka), cross(kb, e), e])
-        dn = np.hstack([cross(de, ka) + cross(e, dka), cross(dkb, e) + cross(kb, de), de])
-        at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), displaced(pair.Va, pair.pa)
-        speed = np.hstack([va, displaced(pair.Vb, pair.pb), va])
-        p = np.linalg.solve(n.T, (n * at).sum(axis=0) + np.array([*self.radii, 0.0]))
-        dp = np.linalg.solve(n.T, (dn * (at - p[:, None]) + n * speed).sum(axis=0))
-        return Lines(e, p[:, None], de, dp[:, None])
 
 
 def unit(x: Array, dx: Array) -> tuple[Array, Array]:

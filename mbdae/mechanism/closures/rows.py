@@ -1,4 +1,4 @@
-"""Primitive rows that make up closures and drivers.
+"""Primitive rows between two frames that make up closures and drivers.
 
 Between two frames a row is a scalar g(q) whose rate is the power of a wrench w on frame b and -w on frame a,
 
@@ -6,21 +6,18 @@ Between two frames a row is a scalar g(q) whose rate is the power of a wrench w 
 
 with spatial velocities V and accelerations A (for v' = 0) at the world's origin. So a row needs only g, w and dw/dt,
 and is exact off the manifold. A velocity row has w and no g (`mbdae.mechanism.closures.line_rows`).
-Multipliers: N for rows measured in m, N m for products of axes. A row between
-joint coordinates needs no frames; its multiplier is the torque (N m) or force (N) on the first joint.
+Multipliers: N for rows measured in m, N m for products of axes. Rows between joint coordinates need no frames
+(`mbdae.mechanism.closures.joint_rows`).
 
 Names: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 9.4.
 """
 
-from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
-from ..time_functions import Harmonic
 from ..wrench_partials import line_wrench_partials, moved_line_partials, skews
-from .motion_laws import LawTable
 
 Vector = tuple[float, float, float]
 
@@ -170,107 +167,6 @@ def displaced(V: np.ndarray, p: np.ndarray) -> np.ndarray:
     return V[:3, None] + cross(V[3:, None], p[:, None])
 
 
-@lru_cache(maxsize=256)
-def between_frames(gap: str, direction: str, axis: Vector, other: Vector) -> tuple[FrameRows, ...]:
-    """Return rows between frames; they are immutable, so workspaces share them."""
-    first, second = unit_axis(axis), unit_axis(other)
-    normals, (x, y, z) = np.linalg.svd(first[None])[2][1:].T, np.eye(3)
-    gaps = {"all": np.eye(3), "across": normals, "along": first[:, None]}
-    axes = {
-        "axis": (normals, np.column_stack([second, second])),
-        "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
-        "cross": (first[:, None], second[:, None]),
-    }
-    out: list[FrameRows] = [DotProduct2(gaps[gap])] if gap else []
-    return (*out, DotProduct1(*axes[direction])) if direction else tuple(out)
-
-
 def unit_axis(axis: Vector) -> np.ndarray:
     """Return an axis of length 1."""
     return np.array(axis) / np.linalg.norm(axis)
-
-
-class Coordinate(NamedTuple):
-    """Row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each, in rad or m of joint i.
-
-    Attributes:
-        joint: name of joint i.
-        other: name of joint j; without one the row is g = q_i - c_0.
-        coefficients: c_0, c_1, ... in rad or m per power of the other coordinate.
-    """
-
-    joint: str
-    other: str
-    coefficients: tuple[float, ...]
-    m: int = 1
-    positional: bool = True
-
-
-class ToothRow(NamedTuple):
-    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: a pawl in one of many teeth.
-
-    Attributes:
-        joint: name of joint i.
-        other: name of joint j; without one the row is g = q_i - c_0.
-        coefficients: c_0, c_1 in rad or m.
-        pitch: in rad or m.
-    """
-
-    joint: str
-    other: str
-    coefficients: tuple[float, ...]
-    pitch: float
-    m: int = 1
-    positional: bool = True
-
-
-class Ratio(NamedTuple):
-    """Velocity row v_i = r(q_k) v_j, r = c_0 + c_1 q_k + c_2 q_k^2 + ..., between joints of one coordinate each.
-
-    Attributes:
-        joint: name of joint i.
-        other: name of joint j; without one the row is v_i = 0.
-        setting: name of joint k; without one r = c_0.
-        coefficients: c_0, c_1, ...
-    """
-
-    joint: str
-    other: str
-    setting: str
-    coefficients: tuple[float, ...]
-    m: int = 1
-    positional: bool = False
-
-
-class MotionLawRow(NamedTuple):
-    """Row g = q_i - f(q_j) with a motion law f, between joints of one coordinate each.
-
-    Attributes:
-        joint: name of joint i.
-        other: name of joint j.
-        law: f, in rad or m of joint i.
-    """
-
-    joint: str
-    other: str
-    law: LawTable | Harmonic
-    coefficients: tuple[float, ...] = ()
-    m: int = 1
-    positional: bool = True
-
-
-class Sum(NamedTuple):
-    """Row g = q_i - c_0 - c_1 q_j - c_2 q_k - ..., between joints of one coordinate each.
-
-    Attributes:
-        joints: names of joints i, j, k, ...
-        coefficients: c_0, c_1, ..., as many as joints.
-    """
-
-    joints: tuple[str, ...]
-    coefficients: tuple[float, ...]
-    m: int = 1
-    positional: bool = True
-
-
-JointRow = Coordinate | MotionLawRow | Ratio | Sum | ToothRow

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from ..checked_table import Table
 from .joint_pair import JointPair
-from .rows import Coordinate
+from .joint_rows import Coordinate
 
 REST = 1e-6  # s: shorter flights end in rest
 

@@ -3,23 +3,19 @@
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ...errors import InputError, printable
-from ..checked_table import HUGE, Table, one_line
-from ..closures.active_range import ActiveRange
-from ..closures.closure import Closure
+from ..checked_table import HUGE, Table, one_line, tables_in
+from ..closures import AnyClosure
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
-from ..closures.motion_laws import LawTable
-from ..closures.profiles import AnyProfile
 from ..closures.unilateral_constraint import Stop
-from ..closures.user_rows import UserRows
-from ..forces import FORCES, AnyForce
+from ..forces import AnyForce
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
-from ..time_functions import SIGNALS, Steps, TimeFunction
+from ..time_functions import TimeFunction
 
 Vector = tuple[float, float, float]
 Override = Literal[
@@ -133,7 +129,7 @@ class MechanismFile(Table):
     duration: float = Field(default=10.0, gt=0)
     frame: tuple[Frame, ...] = ()
     body: tuple[Body, ...] = ()
-    closure: tuple[Closure, ...] = ()
+    closure: tuple[AnyClosure, ...] = ()
     driver: tuple[Driver, ...] = ()
     stop: tuple[Stop, ...] = ()
     clutch: tuple[Clutch, ...] = ()
@@ -141,13 +137,6 @@ class MechanismFile(Table):
     start: Start = Start()
     order: OrderSettings = OrderSettings()
     solve: SolveSettings = SolveSettings()
-
-    @field_validator("closure", mode="before")
-    @classmethod
-    def _python_rows(cls, closures: Any) -> Any:
-        if not isinstance(closures, list | tuple):
-            return closures
-        return [UserRows(**c) if isinstance(c, dict) and c.get("kind") == "rows" else c for c in closures]
 
     @field_validator("source", mode="before")
     @classmethod
@@ -200,21 +189,10 @@ def _wild(value: Any, where: str = "") -> Iterator[str]:
 
 
 def _known_keys(path: Sequence[Any]) -> list[str]:
-    tables: dict[str, type[BaseModel]] = {
-        "frame": Frame,
-        "body": Body,
-        "source": Source,
-        "closure": Closure,
-        "driver": Driver,
-        "stop": Stop,
-        "clutch": Clutch,
-        "start": Start,
-        "order": OrderSettings,
-        "solve": SolveSettings,
-        "within": ActiveRange,
-        "engaged": Steps,
-    }
-    laws = (LawTable,) if "curve" in path else ()
-    kinds = {f.model_fields["kind"].default: f for f in (*FORCES, *SIGNALS, *get_args(AnyProfile), *laws)}
-    found = next(((kinds | tables)[p] for p in reversed(path) if p in kinds or p in tables), None)
-    return sorted((found or MechanismFile).model_fields)
+    """Return the keys of the table at a path of keys, numbers and kinds."""
+    found: list[type[Table]] = [MechanismFile]
+    for key in path:
+        of_kind = [t for t in found if "kind" in t.model_fields and t.model_fields["kind"].default == key]
+        inner = [x for t in found if key in t.model_fields for x in tables_in(t.model_fields[key].annotation)]
+        found = of_kind or inner or found
+    return sorted({key for table in found for key in table.model_fields})

@@ -19,16 +19,16 @@ import numpy as np
 
 from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
-from ..closures.closure import Closure
+from ..closures.closure import Closure, kinds_of
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
+from ..closures.kinds.rolling import RollingClosure
 from ..forces.coulomb_friction import CoulombFriction
-from .friction_interface import NOTHING, SLIDES, STILL, TOUCHES, TURNS, FrictionInterface, unit_direction
+from .friction_interface import NOTHING, STILL, TURNS, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that make F; else 1
 ITERATIONS = 50
 CONVERGED = 1e-15  # relative to the largest T
 STALLED = 1e-12  # relative to the largest T: changes below this are accepted if they no longer halve
@@ -60,7 +60,7 @@ class ClosureFriction:
                 closure = named[force.closure]
                 _refuse(force, closure)
                 pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
-                rows = slice(start, start + CARRIED.get(closure.kind, 1))
+                rows = slice(start, start + closure.carried)
                 self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
         self.active = np.array([not p.force.sticks for p in self.places], np.uint8)  # sticking does not slide
@@ -221,18 +221,20 @@ def solve_with_friction(
 
 
 def _refuse(force: CoulombFriction, closure: Closure) -> None:
-    known = (*TURNS, *SLIDES, *TOUCHES)
-    if closure.kind not in known or (closure.kind == "rolling" and closure.contact is False):
-        raise InputError(f"coulomb_friction is for closures of kind {', '.join(known)}; {closure.name!r} is another")
-    grips = closure.kind == "rolling" and bool(closure.tangents)
+    rolling = closure if isinstance(closure, RollingClosure) else None
+    if not closure.friction or (rolling and rolling.contact is False):
+        known = ", ".join(kind for kind, c in kinds_of(Closure).items() if c.friction)
+        raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is another")
+    grips = rolling.tangents if rolling else ()
     if grips and not force.sticks:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
-    if grips and closure.unilateral and (len(closure.tangents) > 1 or force.static is not None):
+    if grips and closure.opens and (len(grips) > 1 or force.static is not None):
         how = "exact = true without static, and grip along one line: 'longitudinal', 'lateral' or an angle"
         raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
     if force.sticks and not grips:
         raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")
-    if (force.radius is None) == (closure.kind in TURNS):
-        belongs = "needs the radius of its bearing" if closure.kind in TURNS else "slides: radius does not belong to it"
+    if (force.radius is None) == (closure.friction in TURNS):
+        turns = closure.friction in TURNS
+        belongs = "needs the radius of its bearing" if turns else "slides: radius does not belong to it"
         raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")

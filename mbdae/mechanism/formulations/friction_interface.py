@@ -5,14 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...system import Array
-from ..closures.closure import Closure
+from ..closures.closure import Closure, Z
 from ..closures.contact import ContactHeightRow
 from ..closures.line_rows import at_rest
 from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
 
-TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
+TURNS = ("turns", "bears")  # friction torques, in a bearing with a radius
 STILL = 1e-9  # of the characteristic speed: a slower slip has no defined direction; in m/s outside of runs
 TURNED = 0.7  # cosine: a slip that rotates further within one step has no reliable direction
 NOTHING = 1e-300  # avoids division by zero
@@ -70,29 +70,32 @@ class FrictionInterface(NamedTuple):
 
     def ways(self, w: Array) -> Array:
         """Return wrenches A (m, 6) on the second frame, S = A J, from those of the rows, w (6, r)."""
-        pair, kind = self.pair, self.closure.kind
-        if kind in TOUCHES:
+        pair, friction = self.pair, self.closure.friction
+        if friction == "touches":
             n, p = w[:3, 0], self.point()
             ways = np.eye(3) - np.outer(n, n)
         else:
-            axis = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0))
-            ways, p = np.eye(3) if kind == "point" else axis[None], pair.pb
-        parts = (np.zeros(ways.shape), ways) if kind in TURNS else (ways, cross(p[:, None], ways.T).T)
+            ways, p = np.eye(3) if friction == "bears" else (pair.Ra @ self.axis)[None], pair.pb
+        parts = (np.zeros(ways.shape), ways) if friction in TURNS else (ways, cross(p[:, None], ways.T).T)
         return np.concatenate(parts, axis=1)
 
     def core_data(self) -> dict[str, Any]:
         """Return the core data of the interface."""
-        force, kind = self.force, self.closure.kind
-        turns = "turns" if kind == "revolute" else "bears"
+        force = self.force
         return {
-            "kind": "grips" if force.sticks else "touches" if kind in TOUCHES else turns if kind in TURNS else "slides",
+            "kind": "grips" if force.sticks else self.closure.friction,
             "row": self.rows.start,
             "carried": self.rows.stop - self.rows.start,
             "grip": list(range(self.grip.start, self.grip.stop)) if force.sticks else [],
-            "axis": unit_axis(self.closure.axis or (0.0, 0.0, 1.0)).tolist(),
+            "axis": self.axis.tolist(),
             "coefficient": force.coefficient * (force.radius or 1.0),
             "width": force.width,
         }
+
+    @property
+    def axis(self) -> Array:
+        """Unit axis of the closure in the first frame, (3,); z where it has none."""
+        return unit_axis(getattr(self.closure, "axis", None) or Z)
 
     def point(self) -> Array:
         """Contact point of the bodies, (3,)."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..closures.closure import Closure
+from ..closures.closure import UnilateralClosure
 from ..forces.coulomb_friction import CoulombFriction
 from .rolling_stiction import RollingStiction
 from .switch import AT_LIMIT, Guard, ImpactRow, LoadCandidate, Switch
@@ -32,18 +32,18 @@ class FrictionalContact(Unilateral):
 
     states = ("open", "grips", "slides")
 
-    def __init__(self, spec: Closure, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
+    def __init__(self, spec: UnilateralClosure, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
         super().__init__(spec, spec.name, rows[0], 1.0)
         self.grip, self.limit, self.friction = rows[1], force.coefficient, RollingStiction(force, rows, which)
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        closures = {c.name: c for c in mechanism.closures}
+        opening = {c.name: c for c in mechanism.closures if isinstance(c, UnilateralClosure) and c.unilateral}
         return [
-            cls(closures[f.closure], f, mechanism.rows_of(f.closure), k)
+            cls(opening[f.closure], f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)
-            if f.sticks and closures[f.closure].unilateral
+            if f.sticks and f.closure in opening
         ]
 
     @property

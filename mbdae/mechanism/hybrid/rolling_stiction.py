@@ -38,7 +38,7 @@ class RollingStiction(Switch):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        pressing = {c.name for c in mechanism.closures if c.unilateral}
+        pressing = {c.name for c in mechanism.closures if c.opens}
         return [
             cls(f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)

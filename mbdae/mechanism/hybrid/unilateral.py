@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...system import Array
-from ..closures.closure import Closure
+from ..closures.closure import UnilateralClosure
 from ..closures.unilateral_constraint import REST, Stop, UnilateralOptions
 from ..forces.coulomb_friction import CoulombFriction
 from .switch import Guard, ImpactRow, LoadCandidate, Margins, Switch, UnilateralRow
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-SIDES = {"distance": -1.0}  # kind: side of g = 0 on which a body moves freely, unless it is the positive one
 OPEN, CLOSED = 0, 1
 
 
@@ -44,8 +43,8 @@ class Unilateral(UnilateralRow):
                     cls(spec, f"{spec.name} {words[side]}" if len(rows) > 1 else spec.name, row, side)
                     for row, (_, side) in zip(rows, spec.ends, strict=True)
                 ]
-            elif isinstance(spec, Closure) and spec.unilateral and spec.name not in frictional:
-                out.append(cls(spec, spec.name, rows[0], SIDES.get(spec.kind, 1.0), tuple(rows[1:])))
+            elif isinstance(spec, UnilateralClosure) and spec.unilateral and spec.name not in frictional:
+                out.append(cls(spec, spec.name, rows[0], spec.free_side, tuple(rows[1:])))
         return out
 
     @property

@@ -14,9 +14,8 @@ import numpy as np
 
 from ...system import Array
 from ..closures.contact import ContactHeightRow
-from ..closures.rows import unit_axis
 from ..discrete_sensitivity.friction_partials import shape
-from ..formulations.friction_interface import NOTHING, TOUCHES, TURNS, FrictionInterface
+from ..formulations.friction_interface import NOTHING, TURNS, FrictionInterface
 from .motion_tangent import MotionTangent, of_point
 
 
@@ -47,22 +46,22 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
 
 def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
     """Return the wrenches A (m, 6) of `FrictionInterface.ways`, and their derivatives, (m, 6, k)."""
-    pair, kind = place.pair, place.closure.kind
+    pair, friction = place.pair, place.closure.friction
     A, (Xa, Xb) = place.ways(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
     p, dp = pair.pb, of_point(Xb, pair.pb)
-    if kind == "point":
+    if friction == "bears":
         return A, dA
-    if kind in TOUCHES:
+    if friction == "touches":
         constraints = motion.system.constraints
         (_, row, _), n = constraints.frame_parts[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
         dn = np.add(*(D[0] @ X for D, X in zip(row.partials(pair), (Xa, Xb), strict=True)))[:3]
         de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
         p, dp = place.point(), _touches(place, Xa, Xb, dp)
     else:
-        axis = pair.Ra @ unit_axis(place.closure.axis or (0.0, 0.0, 1.0))
+        axis = pair.Ra @ place.axis
         de = np.cross(Xa[3:].T, axis).T[None]
-    if kind in TURNS:
+    if friction in TURNS:
         dA[:, 3:] = de
         return A, dA
     dA[:, :3] = de

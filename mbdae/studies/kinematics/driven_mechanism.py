@@ -41,7 +41,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
         if closure.within:
             within = f"{closure.name!r} is active only in ranges of {closure.within.joint!r}"
             raise InputError(f"{within}: poses are those of closures that stay")
-        if not (closure.unilateral or mech.positional[mech.rows_of(closure.name)].all()):
+        if not (closure.opens or mech.positional[mech.rows_of(closure.name)].all()):
             raise InputError(
                 f"{closure.name!r} has rows of velocity: where it goes depends on the way, not on the input alone"
             )
@@ -65,13 +65,13 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
         rows.append(Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}"))
     rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
     forces = [f for f in mech.forces if not (isinstance(f, CoulombFriction) or stiction_joints(mech.model, [f]))]
-    closures = [c for c in mech.closures if not c.unilateral]
+    closures = [c for c in mech.closures if not c.opens]
     return Mechanism(mech.model, closures, forces, drivers=rows, start=mech.start_values, title=mech.title)
 
 
 def left_open(mech: Mechanism) -> list[str]:
     """Names of closures that press on one side, and of clutches: `driven` leaves them out."""
-    return [c.name for c in mech.closures if c.unilateral] + [c.name for c in mech.clutches]
+    return [c.name for c in mech.closures if c.opens] + [c.name for c in mech.clutches]
 
 
 def _target(d: Driver) -> dict[str, Any]:

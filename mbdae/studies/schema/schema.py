@@ -33,6 +33,12 @@ class FileSchema(GenerateJsonSchema):
             return {"anyOf": [{"type": "string"}, inner["items"], inner]}
         return inner
 
+    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
+        """Name the kinds, so that an unknown one is reported with them."""
+        out = super().tagged_union_schema(schema)
+        kind = out["discriminator"]
+        return {**out, "properties": {kind["propertyName"]: {"enum": list(kind["mapping"])}}}
+
 
 def schema(file: str = "mechanism") -> dict[str, Any]:
     """Return the JSON Schema of a kind of file.

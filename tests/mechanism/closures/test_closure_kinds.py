@@ -11,7 +11,7 @@ from chains import random_q, tree
 import mbdae
 from mbdae import Closure, Driver, Mechanism, finite_differences
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.closures import KINDS
 from mbdae.mechanism.formats.schema import read_toml
 
 JOINTS = ["revolute", "spherical", "prismatic", "free", "universal", "continuous", "planar", "helical", "composite"]
@@ -129,17 +129,18 @@ def test_no_frame_is_flipped(kind):
 
 
 WRONG = {
-    'kind = "revolut"': "'point', 'revolute'",
-    'kind = "point"\nframes = ["a", "b"]\naxis = [0, 0, 1]': "axis does not belong to a point closure; known: kind, fr",
-    'kind = "in_plane"\nframes = ["a", "b"]\nsecond_axis = [0, 0, 1]': "second_axis does not belong to a in_plane",
-    'kind = "coupling"\nframes = ["a", "b"]\ncoefficients = [0, 1]': "frames does not belong to a coupling closure",
+    'kind = "revolut"': "closure.0.kind: Input should be 'bevel', 'cam', 'coupling', 'cylindrical', 'distance'",
+    'frames = ["a", "b"]': "missing key closure.0.kind",
+    'kind = "point"\nframes = ["a", "b"]\naxis = [0, 0, 1]': "unknown key closure.0.axis; known: frames, kind, name, w",
+    'kind = "in_plane"\nframes = ["a", "b"]\nsecond_axis = [0, 0, 1]': "second_axis; known: axis, frames, kind, name",
+    'kind = "coupling"\nframes = ["a", "b"]\ncoefficients = [0, 1]': "closure.0.frames; known: coefficients, curve, jo",
     'kind = "coupling"\njoints = ["a", "b"]': "a coupling needs one of coefficients and curve",
     'kind = "coupling"\njoints = ["a", "a"]\ncoefficients = [0, 1]': "joins joint 'a' with itself",
-    'kind = "point"\njoints = ["a", "b"]': "joints does not belong to a point closure",
-    'kind = "point"': "a point closure needs frames",
-    'kind = "distance"\nframes = ["a", "b"]': "a distance closure needs length",
+    'kind = "point"\njoints = ["a", "b"]': "unknown key closure.0.joints; known: frames, kind, name, within (kind",
+    'kind = "point"': "missing key closure.0.frames (kind 'point')",
+    'kind = "distance"\nframes = ["a", "b"]': "missing key closure.0.length (kind 'distance')",
     'kind = "parallel"\nframes = ["a", "b"]\naxis = [0, 0, 0]': "an axis must not be zero",
-    'kind = "point"\nframes = ["a", "b"]\nlenght = 1': "unknown key closure.0.lenght; known: axis, centre",
+    'kind = "frame"\nframes = ["a", "b"]\nlenght = 1': "key closure.0.lenght; known: frames, kind, name, within (kind",
 }
 
 

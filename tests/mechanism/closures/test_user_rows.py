@@ -132,7 +132,7 @@ def test_wrong_functions_are_named(text):
 
 
 def test_wrong_keys_are_named():
-    with pytest.raises(InputError, match="grip does not belong to rows; known: name, joints, function"):
+    with pytest.raises(InputError, match="unknown key grip; known: function, joints, kind, name, partials, size"):
         Closure.rows(length, "bob", grip="full")
     with pytest.raises(InputError, match="a joint is named twice: bob, bob"):
         Closure.rows(length, ["bob", "bob"])

@@ -9,7 +9,7 @@ import pytest
 from chains import JOINTS, close, random_q, tree
 
 from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, finite_differences
-from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.closures import KINDS
 from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.closures.rows import FrameRows
 from mbdae.mechanism.formulations.equation_partials import equation_partials, gamma_partials

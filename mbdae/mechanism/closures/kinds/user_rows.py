@@ -1,19 +1,21 @@
 """Rows from a Python function, on position or velocity level, for constraints that no kind of closure covers."""
 
-from collections.abc import Callable
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticOmit
 
-from ...errors import InputError, NotCompiled, StepError
-from ...finite_differences import numerical_derivative
-from ...system import Array
-from ..callbacks import called, checked, function_name
-from ..frames import find_joint
-from .closure import Closure
-from .joint_rows import BoundJointRow
+from ....errors import InputError, NotCompiled, StepError
+from ....finite_differences import numerical_derivative
+from ....system import Array
+from ...callbacks import called, checked, function_name
+from ...frames import find_joint
+from ..closure import BetweenJoints
+from ..joint_rows import BoundJointRow, JointRow
 
 STEP = 4e-3  # rad or m, central differences of order 6: 3e-17 of the seventh derivative against 1e-13 of rounding
 FITS = 1e-5  # of 1 + |G|: allowed difference between G and the derivative of g
@@ -21,7 +23,7 @@ FITS = 1e-5  # of 1 + |G|: allowed difference between G and the derivative of g
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
 
 
-class UserRows(Closure):
+class UserRows(BetweenJoints):
     """Rows 0 = g(q), or 0 = G(q) v, from a Python function of the coordinates of some joints.
 
     q are the coordinates of the joints in order, as in a configuration (an unbounded joint has cos and sin, a free one
@@ -44,38 +46,45 @@ class UserRows(Closure):
         InputError: for wrong values; when a start is assembled, if G is not the derivative of g.
     """
 
-    kind: Literal["rows"]  # type: ignore[assignment]
+    kind: Literal["rows"] = "rows"
     joints: Names = Field(min_length=1)
     function: Callable[[Array], Any] | None = Field(default=None, exclude=True)
     partials: Callable[[Array], Any] | None = Field(default=None, exclude=True)
     size: int = Field(default=1, ge=1)
     velocity: bool = False
 
-    def _keys_fit(self) -> None:
-        if wrong := sorted(self.model_fields_set - {"kind", "name", *UserRows.__annotations__}):
-            raise ValueError(f"{wrong[0]} does not belong to rows; known: {', '.join(('name', *OWN))}")
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        """Leave it out: a file cannot hold a function."""
+        raise PydanticOmit
+
+    def _refuse_ends(self) -> None:
         if len(set(self.joints)) < len(self.joints):
             raise ValueError(f"a joint is named twice: {', '.join(self.joints)}")
-        if not self.name:
-            object.__setattr__(self, "name", function_name(self.function) if self.function else "rows")
+        if self.within:
+            raise ValueError("within does not belong to rows")
 
-    def primitives(self) -> tuple["UserRow", ...]:  # type: ignore[override]  # noqa: D102
+    def _own_name(self) -> str:
+        return function_name(self.function) if self.function else "rows"
+
+    def primitives(self) -> "tuple[UserRow, ...]":  # noqa: D102
         return tuple(UserRow(self, i, not self.velocity) for i in range(self.size))
 
+    @classmethod
+    def of(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "UserRows":
+        """Rows from a Python function of joint coordinates."""
+        return cls(joints=joints, function=function, size=size, **more)
 
-OWN = tuple(UserRows.__annotations__)[1:]
 
-
-class UserRow(NamedTuple):
+@dataclass(frozen=True)
+class UserRow(JointRow):
     """One of the rows of a function."""
 
     rows: UserRows
     number: int
     positional: bool
-    m: int = 1
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int) -> "BoundUserRows":
-        """Bind the row, with index ``at`` among all rows, to a workspace."""
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundUserRows":  # noqa: D102
         return BoundUserRows(model, data, self, at)
 
 

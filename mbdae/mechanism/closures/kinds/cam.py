@@ -1,0 +1,56 @@
+"""The cam closure."""
+
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from ....system import Array
+from ...frames import Pair
+from ..closure import Axis, BetweenFrames
+from ..fixed_axes import TILT
+from ..profile_rows import FlatFace, Roller
+from ..profiles import AnyProfile, Profile
+from ..rows import unit_axis
+
+
+class CamClosure(BetweenFrames):
+    """1 row: a roller of b, or a flat face of it, touches a profile in the x-y plane of a.
+
+    A flat face must be perpendicular to the plane of the profile.
+
+    Attributes:
+        profile: in the x-y plane of the first frame.
+        radius: of the roller about b's origin, in m; or
+        axis: normal of the flat face through b's origin, in the second frame, away from the cam.
+    """
+
+    kind: Literal["cam"] = "cam"
+    profile: Profile
+    radius: float | None = Field(default=None, gt=0)
+    axis: Axis | None = None
+    apart = True
+
+    @model_validator(mode="after")
+    def _touches(self) -> "CamClosure":
+        if (self.radius is None) == (self.axis is None):
+            raise ValueError("a cam needs one of radius, of its roller, and axis, of its flat face")
+        self.profile.path.refuse(self.radius)
+        return self
+
+    def primitives(self) -> tuple[FlatFace | Roller]:  # noqa: D102
+        if self.axis:
+            return (FlatFace(self.profile.path, unit_axis(self.axis)),)
+        return (Roller(self.profile.path, self.radius or 0.0),)
+
+    @property
+    def assumes(self) -> bool:  # noqa: D102
+        return self.axis is not None
+
+    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+        lean = abs(float(pair.Rb @ unit_axis(self.axis) @ pair.Ra[:, 2])) if self.axis else 0.0
+        return f"its flat face leans by {lean:.3g} rad against the plane of the profile" if lean > TILT else ""
+
+    @classmethod
+    def of(cls, a: str, b: str, profile: AnyProfile, name: str = "", **more: Any) -> "CamClosure":
+        """A roller (``radius``) or a flat face (``axis``) of b touches a profile of a."""
+        return cls(frames=(a, b), profile=profile, name=name, **more)

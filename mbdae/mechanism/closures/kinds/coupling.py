@@ -1,0 +1,156 @@
+"""The coupling closure: joint coordinates that depend on each other, by a polynomial, a sum or a law."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, model_validator
+
+from ....errors import InputError
+from ....system import Array
+from ...time_functions import Harmonic
+from ..closure import BetweenJoints
+from ..joint_rows import BoundCoordinateRow, BoundJointRow, Coordinate, JointRow, common_period, coordinate
+from ..motion_laws import Law, LawTable, fold_of, law_derivatives
+
+
+class CouplingClosure(BetweenJoints):
+    """1 row: q_i = c_0 + c_1 q_j + c_2 q_j^2 + ... or q_i = c_0 + c_1 q_j + c_2 q_k + ... or q_i = f(q_j).
+
+    The joints have one coordinate each. Angles of unbounded revolute joints are known up to full turns: the coupling is
+    evaluated up to their multiples, and rejected where this is not possible (powers, irrational ratios).
+
+    Attributes:
+        coefficients: c_0, c_1, ...: powers between two joints, else one for each joint.
+        curve: the law f of a coupling of two joints, in place of coefficients (cams by their law, indexing drives).
+    """
+
+    kind: Literal["coupling"] = "coupling"
+    coefficients: tuple[float, ...] | None = Field(default=None, min_length=1)
+    curve: Law | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> "CouplingClosure":
+        n, joints = len(self.coefficients or ()), len(self.joints)
+        if (self.coefficients is None) == (self.curve is None):
+            raise ValueError("a coupling needs one of coefficients and curve")
+        if self.curve is None and (n != joints if joints > 2 else n == 1):
+            several = "one of several joints one for each"
+            raise ValueError(f"a coupling of two joints has two coefficients or more, {several}")
+        if self.curve and joints > 2:
+            raise ValueError("curve belongs to couplings of two joints")
+        return self
+
+    def primitives(self) -> tuple[JointRow]:  # noqa: D102
+        (i, j, *more), c = self.joints, self.coefficients or ()
+        if self.curve:
+            return (MotionLawRow(i, j, self.curve),)
+        return (Sum(self.joints, c) if more else Coordinate(i, j, c),)
+
+    @classmethod
+    def of(
+        cls, joint: str, other: str | Sequence[str], coefficients: tuple[float, ...], name: str = ""
+    ) -> "CouplingClosure":
+        """Joint coordinates keep q_joint = c_0 + c_1 q_other + c_2 q_other^2 + ..., or a sum over several others."""
+        others = (other,) if isinstance(other, str) else other
+        return cls(joints=(joint, *others), coefficients=tuple(coefficients), name=name)
+
+    @classmethod
+    def law(cls, joint: str, other: str, curve: LawTable | Harmonic, name: str = "") -> "CouplingClosure":
+        """Joint coordinates keep q_joint = f(q_other)."""
+        return cls(joints=(joint, other), curve=curve, name=name)
+
+
+@dataclass(frozen=True)
+class MotionLawRow(JointRow):
+    """Row g = q_i - f(q_j) with a motion law f, between joints of one coordinate each.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j.
+        law: f, in rad or m of joint i.
+    """
+
+    joint: str
+    other: str
+    law: LawTable | Harmonic
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundMotionLawRow":  # noqa: D102
+        return BoundMotionLawRow(model, data, self, at, name)
+
+
+@dataclass(frozen=True)
+class Sum(JointRow):
+    """Row g = q_i - c_0 - c_1 q_j - c_2 q_k - ..., between joints of one coordinate each.
+
+    Attributes:
+        joints: names of joints i, j, k, ...
+        coefficients: c_0, c_1, ..., as many as joints.
+    """
+
+    joints: tuple[str, ...]
+    coefficients: tuple[float, ...]
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundSumRow":  # noqa: D102
+        return BoundSumRow(model, data, self, at, name)
+
+
+class BoundMotionLawRow(BoundCoordinateRow):
+    """g = x_i - f(x_j) with a law f.
+
+    Raises:
+        InputError: for a law that is not periodic on an unbounded joint.
+    """
+
+    kind = "curved"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: MotionLawRow, at: int, name: str) -> None:
+        BoundJointRow.__init__(self, model, data, (row.joint, row.other), at, name)
+        self.law, turn, (_, length, rise) = row.law, 2 * np.pi, fold_of(row.law)
+        shares = [turn] if self.joints[0].nq == 2 else []
+        if self.joints[1].nq == 2:
+            n = turn / length if length else 0.0
+            if not length or abs(n - round(n)) > 1e-9:
+                what = "does not repeat itself in a turn" if length else "is not periodic"
+                raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
+            shares += [abs(rise * round(n))] if rise else []
+        self.period = common_period(shares, name)
+
+    def core_data(self) -> dict[str, Any]:  # noqa: D102
+        return {**super().core_data(), "law": self.law.core_data(), "fold": list(fold_of(self.law))}
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x, other = (coordinate(j.joint_q) for j in self._live)
+        f = law_derivatives(self.law, other)
+        return x - f.y, [1.0, -f.first]
+
+    def _curvature(self) -> tuple[float, float]:
+        return law_derivatives(self.law, coordinate(self._live[1].joint_q))[2:]
+
+
+class BoundSumRow(BoundJointRow):
+    """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three or more joints."""
+
+    kind = "sum"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Sum, at: int, name: str) -> None:
+        super().__init__(model, data, row.joints, at, name, row.coefficients)
+        self.columns = [j.idx_v for j in self.joints]
+        self.shares = [1.0, *(-c for c in row.coefficients[1:])]
+        turns = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.shares, strict=True) if j.nq == 2]
+        self.period = common_period(turns, name)
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x = [coordinate(j.joint_q) for j in self._live]
+        return float(np.dot(self.shares, x)) - self.polynomial[0], self.shares
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return 0.0
+
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
+        """G is constant."""
+
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
+        """Gdot is zero."""

@@ -1,0 +1,12 @@
+"""The cylindrical closure."""
+
+from typing import Literal
+
+from ..frame_joint import TwoAxisJoint
+
+
+class CylindricalClosure(TwoAxisJoint):
+    """4 rows: b slides along the axis of a and turns about it."""
+
+    kind: Literal["cylindrical"] = "cylindrical"
+    gap, direction, friction, carried = "across", "axis", "slides", 2

@@ -1,0 +1,28 @@
+"""The distance closure."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..closure import UnilateralClosure
+from ..rows import Distance
+
+
+class DistanceClosure(UnilateralClosure):
+    """1 row: the origins keep the distance `length` > 0 in m.
+
+    Attributes:
+        length: distance in m.
+    """
+
+    kind: Literal["distance"] = "distance"
+    length: float = Field(gt=0)
+    free_side = -1.0  # a rope is slack when it is shorter
+
+    def primitives(self) -> tuple[Distance]:  # noqa: D102
+        return (Distance(self.length),)
+
+    @classmethod
+    def of(cls, a: str, b: str, length: float, name: str = "") -> "DistanceClosure":
+        """Between frames a and b."""
+        return cls(frames=(a, b), length=length, name=name)

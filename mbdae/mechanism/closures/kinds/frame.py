@@ -1,0 +1,17 @@
+"""The frame closure."""
+
+from typing import Literal
+
+from ..frame_joint import FrameJoint
+
+
+class FrameClosure(FrameJoint):
+    """6 rows: the frames coincide (weld)."""
+
+    kind: Literal["frame"] = "frame"
+    gap, direction, meets = "all", "frame", True
+
+    @classmethod
+    def of(cls, a: str, b: str, name: str = "") -> "FrameClosure":
+        """Between frames a and b."""
+        return cls(frames=(a, b), name=name)

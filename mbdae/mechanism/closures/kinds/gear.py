@@ -1,0 +1,78 @@
+"""The gear closure."""
+
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import field_validator
+
+from ....system import Array
+from ...frames import Pair, cross
+from ..closure import Axis, Z
+from ..fixed_axes import FITS, FixedAxisClosure
+from ..line_rows import LineRows, Lines, unit
+from ..rows import displaced, rotated, unit_axis
+
+Radii = tuple[float, float]
+
+
+class GearClosure(FixedAxisClosure):
+    """1 row: wheels about parallel axes do not slip where the line of centres is divided as by their radii.
+
+    The axes must stay parallel, r_a + r_b apart.
+
+    Attributes:
+        radii: of both wheels in m; negative for a ring whose teeth point inwards.
+    """
+
+    kind: Literal["gear"] = "gear"
+    radii: Radii
+    apart = True
+    otherwise = "its wheels can turn about axes that are not parallel: kind 'bevel' is for axes that meet"
+
+    @field_validator("radii")
+    @classmethod
+    def _roll(cls, radii: Radii) -> Radii:
+        if not all((*radii, sum(radii))):
+            raise ValueError("radii must not be zero, nor their sum")
+        return radii
+
+    def primitives(self) -> "tuple[Gear]":  # noqa: D102
+        a, b = self.radii
+        return (Gear(unit_axis(self.axis), a / (a + b)),)
+
+    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+        if angle := self.tilt(pair, relative):
+            return f"its axes are not parallel, by {angle:.3g} rad"
+        k, d, (a, b) = pair.Ra @ unit_axis(self.axis), pair.pb - pair.pa, self.radii
+        apart = float(np.linalg.norm(d - k * (k @ d)))
+        if abs(apart - abs(a + b)) <= FITS * (abs(a) + abs(b)):
+            return ""
+        return f"its axes are {apart:.4g} m apart, and radii of {a:g} and {b:g} m ask for {abs(a + b):.4g} m"
+
+    @classmethod
+    def of(cls, a: str, b: str, radii: Radii, axis: Axis = Z, name: str = "") -> "GearClosure":
+        """Wheels about parallel axes through the origins of a and b do not slip on each other."""
+        return cls(frames=(a, b), radii=radii, axis=axis, name=name)
+
+
+class Gear(LineRows):
+    """Wheels of a and b about parallel axes, an axis of a (3,), do not slip at the pitch point.
+
+    It divides the line of centres in proportion to the radii: p = p_a + share (p_b - p_a), share = r_a/(r_a + r_b); the
+    row is along e = k x (p_b - p_a)/|.|.
+    """
+
+    m = 1
+
+    def __init__(self, axis: Array, share: float) -> None:
+        self.axis, self.share = axis[:, None], share
+
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
+        d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
+        k = pair.Ra.dot(self.axis)
+        e, de = unit(cross(k, d), cross(rotated(pair.Va, k), d) + cross(k, dd))
+        return Lines(e, pa + self.share * d, de, va + self.share * dd)

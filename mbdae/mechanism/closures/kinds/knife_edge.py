@@ -1,0 +1,45 @@
+"""The knife_edge closure."""
+
+from typing import Any, Literal
+
+from ....system import Array
+from ...frames import Pair
+from ..closure import Axis, BetweenFrames
+from ..line_rows import LineRows, Lines
+from ..rows import displaced, rotated, unit_axis
+
+
+class KnifeEdgeClosure(BetweenFrames):
+    """1 row: b's origin does not slip along the axis of b.
+
+    Attributes:
+        axis: in the second frame.
+    """
+
+    kind: Literal["knife_edge"] = "knife_edge"
+    axis: Axis
+    apart = True
+
+    def primitives(self) -> "tuple[KnifeEdge]":  # noqa: D102
+        return (KnifeEdge(unit_axis(self.axis)),)
+
+    @classmethod
+    def of(cls, a: str, b: str, axis: Axis, name: str = "") -> "KnifeEdgeClosure":
+        """The origin of b does not slip against a along an axis of b."""
+        return cls(frames=(a, b), axis=axis, name=name)
+
+
+class KnifeEdge(LineRows):
+    """No slip of b's origin against a along an axis of b, (3,)."""
+
+    m = 1
+
+    def __init__(self, axis: Array) -> None:
+        self.axis = axis[:, None]
+
+    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "knife_edge", "b": self.axis[:, 0].tolist()}]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        e = pair.Rb.dot(self.axis)
+        return Lines(e, pair.pb[:, None], rotated(pair.Vb, e), displaced(pair.Vb, pair.pb))

@@ -1,0 +1,12 @@
+"""The parallel closure."""
+
+from typing import Literal
+
+from ..frame_joint import TwoAxisJoint
+
+
+class ParallelClosure(TwoAxisJoint):
+    """2 rows: the axes keep one direction."""
+
+    kind: Literal["parallel"] = "parallel"
+    direction = "axis"

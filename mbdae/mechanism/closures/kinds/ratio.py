@@ -1,0 +1,40 @@
+"""The ratio closure."""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from ..closure import BetweenJoints
+from ..joint_rows import Ratio
+
+
+class RatioClosure(BetweenJoints):
+    """1 row: v_i = (c_0 + c_1 q_k + c_2 q_k^2 + ...) v_j (continuously variable transmissions).
+
+    Attributes:
+        joints: names of joints i, j and, where c_1, ... are given, k.
+        coefficients: c_0, c_1, ...
+    """
+
+    kind: Literal["ratio"] = "ratio"
+    coefficients: tuple[float, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _fits(self) -> "RatioClosure":
+        if len(self.joints) > 3:
+            raise ValueError("a ratio has two or three joints")
+        if (len(self.coefficients) > 1) != (len(self.joints) > 2):
+            raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and has none without")
+        return self
+
+    def primitives(self) -> tuple[Ratio]:  # noqa: D102
+        i, j, *k = self.joints
+        return (Ratio(i, j, k[0] if k else "", self.coefficients),)
+
+    @classmethod
+    def of(
+        cls, joint: str, other: str, coefficients: tuple[float, ...], setting: str = "", name: str = ""
+    ) -> "RatioClosure":
+        """Speeds of joints keep v_joint = (c_0 + c_1 q_setting + ...) v_other."""
+        joints = (joint, other, setting) if setting else (joint, other)
+        return cls(joints=joints, coefficients=tuple(coefficients), name=name)

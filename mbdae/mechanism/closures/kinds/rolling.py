@@ -1,0 +1,117 @@
+"""The rolling closure."""
+
+from math import pi
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from ....errors import StepError
+from ....system import Array
+from ...frames import Pair
+from ..closure import Axis, UnilateralClosure, Vector
+from ..contact import ContactHeightRow, ConvexBody, NoSlipRows
+from ..fixed_axes import FITS
+from ..rows import unit_axis
+
+GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "none": ()}
+
+
+class RollingClosure(UnilateralClosure):
+    """3 rows: b rolls on a plane (z of a), sphere or cylinder of a: it touches and does not slip.
+
+    The body is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` equals the radius, or is left out
+    with the axis) or an ellipsoid (``semi_axes``, ``centre``). The rows are the height (multiplier N > 0 under
+    compression), then no slip forwards and no slip to the left of the wheel; for a body without an axle, along x and y
+    of a. Without ``contact``, joints must keep the body on its surface.
+
+    Attributes:
+        radius: of a wheel or sphere in m, the outer one.
+        tyre: radius of the section of a wheel's tyre in m: 0 when left out, a knife edge; ``radius`` for a sphere.
+        axis: of a wheel in the second frame: its axle, to its left.
+        semi_axes: of an ellipsoid along the axes of the second frame, in m.
+        centre: of an ellipsoid in the second frame, in m; its origin when left out.
+        grip: no-slip directions: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``, ``"none"``, or along one
+            line at an angle in rad from ahead to the left (rollers of omni and mecanum wheels).
+        contact: whether the closure keeps the body on the surface; false where joints do so. True when left out.
+        surface: the x-y plane of the first frame when left out; spheres roll on a sphere or cylinder.
+        surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
+    """
+
+    kind: Literal["rolling"] = "rolling"
+    radius: float | None = Field(default=None, gt=0)
+    tyre: float | None = Field(default=None, ge=0)
+    axis: Axis | None = None
+    semi_axes: Vector | None = None
+    centre: Vector | None = None
+    grip: Literal["full", "lateral", "longitudinal", "none"] | float | None = None
+    contact: bool | None = None
+    surface: Literal["plane", "sphere", "cylinder"] | None = None
+    surface_radius: float | None = None
+    friction, apart = "touches", True
+
+    @model_validator(mode="after")
+    def _body(self) -> "RollingClosure":
+        if (self.radius is None) == (self.semi_axes is None):
+            raise ValueError("a rolling closure needs one of radius and semi_axes")
+        if self.semi_axes and (self.tyre is not None or self.axis is not None or min(self.semi_axes) <= 0):
+            raise ValueError("semi_axes are positive, and tyre and axis belong to radius")
+        if self.radius and (self.centre is not None or (self.tyre or 0) > self.radius):
+            raise ValueError("centre belongs to semi_axes, and tyre is at most radius")
+        if self.radius and self.axis is None and self.tyre not in (None, self.radius):
+            raise ValueError("a wheel needs its axis; without one it is a sphere, whose tyre is its radius")
+        return self
+
+    @model_validator(mode="after")
+    def _on_surface(self) -> "RollingClosure":
+        if not self.primitives():
+            raise ValueError("nothing is kept: grip is 'none' and contact is false")
+        curve = self.surface_radius
+        if (curve is None) != (self.shape.surface == "plane"):
+            raise ValueError("surface_radius belongs to surface 'sphere' or 'cylinder', which need it")
+        if curve is None:
+            return self
+        if self.axis or self.semi_axes or self.grip not in (None, "full", "none"):
+            raise ValueError("on spheres and cylinders roll spheres without an axis, with grip 'full' or 'none'")
+        if not curve or (curve < 0 and -curve <= (self.radius or 0)):
+            raise ValueError("surface_radius is not zero, and a sphere inside is smaller")
+        return self
+
+    @property
+    def tangents(self) -> tuple[float, ...]:
+        """Angles from ahead to the left along which the body does not slip, in rad."""
+        grip = "full" if self.grip is None else self.grip
+        return GRIPS[grip] if isinstance(grip, str) else (grip,)
+
+    @property
+    def shape(self) -> ConvexBody:
+        """Body and surface."""
+        radius = self.radius or 0.0
+        tyre = radius if self.axis is None else self.tyre or 0.0
+        axle = tuple(unit_axis(self.axis).tolist()) if self.axis else None
+        rest = self.semi_axes, self.centre or (0.0, 0.0, 0.0), self.surface or "plane", self.surface_radius or 0.0
+        return ConvexBody(axle, radius - tyre, tyre, *rest)
+
+    def primitives(self) -> tuple[ContactHeightRow | NoSlipRows, ...]:  # noqa: D102
+        height = () if self.contact is False else (ContactHeightRow(self.shape),)
+        return (*height, NoSlipRows(self.shape, self.tangents)) if self.tangents else height
+
+    @property
+    def assumes(self) -> bool:  # noqa: D102
+        return self.contact is False
+
+    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+        try:
+            height = self.shape.height(pair)
+        except StepError:  # a wheel that lies flat, which the row itself reports
+            return ""
+        size = self.radius or max(self.semi_axes or (1.0,))
+        if abs(height) <= FITS * size:
+            return ""
+        return f"contact is false, and joints do not keep it on its surface: it is {height:.3g} m off"
+
+    @classmethod
+    def of(
+        cls, a: str, b: str, radius: float, axis: Axis | None = None, name: str = "", **more: Any
+    ) -> "RollingClosure":
+        """A wheel of b with its axle, or a sphere, rolls on the x-y plane of a; further keys by name."""
+        return cls(frames=(a, b), radius=radius, axis=axis, name=name, **more)

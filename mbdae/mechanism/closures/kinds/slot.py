@@ -1,0 +1,27 @@
+"""The slot closure."""
+
+from typing import Literal
+
+from ..closure import BetweenFrames
+from ..profile_rows import Roller
+from ..profiles import AnyProfile, Profile
+
+
+class SlotClosure(BetweenFrames):
+    """1 row: b's origin stays on a curve in the x-y plane of a.
+
+    Attributes:
+        profile: the curve in the x-y plane of the first frame.
+    """
+
+    kind: Literal["slot"] = "slot"
+    profile: Profile
+    friction, apart = "touches", True
+
+    def primitives(self) -> tuple[Roller]:  # noqa: D102
+        return (Roller(self.profile.path, 0.0),)
+
+    @classmethod
+    def of(cls, a: str, b: str, profile: AnyProfile, name: str = "") -> "SlotClosure":
+        """The origin of b stays on a curve of a."""
+        return cls(frames=(a, b), profile=profile, name=name)
