@@ -2,20 +2,23 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...errors import InputError, StepError
 from ...mechanism.closures.independent_rows import UNDERWAY
 from ...mechanism.formulations.friction_interface import STILL
-from ...mechanism.hybrid.mode_point import ModePoint
+from ...mechanism.hybrid.active_set import select_mode
+from ...mechanism.hybrid.impact import Impact, resolve_impact
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode
-from ...solution.impact_record import Impact
-from ...system import Array
+from ...system import Array, State
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import QUARTERS, At, loads_unresolved, resolving_step
-from .transition import Transition
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
+    from ...mechanism.hybrid.onset import Later
     from ...mechanism.hybrid.switches import Mode
     from ..run import RunState
     from ..step_map import StepMap
@@ -39,9 +42,11 @@ class ModeMonitor:
     """
 
     def __init__(self, system: "Index2System") -> None:
-        self.system, self.transition = system, Transition(system)
+        self.system, self.all_rows = system, AllRows(system)
         system.sliding.still = STILL * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
+        switched = {row for s in self.switches for row in s.rows}
+        self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
         self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
@@ -49,6 +54,9 @@ class ModeMonitor:
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
+
+    def _point(self, t: float, y: Array) -> ModePoint:
+        return ModePoint(self.system, self.all_rows, t, y)
 
     def _enter(self, mode: "Mode", run: "RunState | None" = None) -> None:
         self.system.enter(mode)
@@ -58,7 +66,7 @@ class ModeMonitor:
 
     def begin(self, t: float, y: Array) -> None:
         """Track the guards of the mode from a point on."""
-        at, mode = self.transition.point(t, y), self.system.mode
+        at, mode = self._point(t, y), self.system.mode
         self.system.beside = UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
@@ -68,7 +76,7 @@ class ModeMonitor:
         Raises:
             InputError: if a gap is negative.
         """
-        at = self.transition.point(run.t, y)
+        at = self._point(run.t, y)
         for s, gap in self._gaps(at):
             if gap < -TOUCHING * self.system.mechanism.row_scales[s.rows[0]]:
                 unit = self.system.mechanism.row_units[s.rows[0]]
@@ -83,16 +91,17 @@ class ModeMonitor:
 
     def touching(self, t: float, y: Array, near: float) -> list[str]:
         """Return the names of contacts that are closed at a point, or nearly."""
-        scales, gaps = self.system.mechanism.row_scales, self._gaps(self.transition.point(t, y))
+        scales, gaps = self.system.mechanism.row_scales, self._gaps(self._point(t, y))
         return [s.name for s, gap in gaps if abs(gap) <= near * scales[s.rows[0]]]
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
-        y, impact = self.transition.resolve_impact(at, recent)
+        y, impact = resolve_impact(at, self.always, recent)
         if impact:
             self.impacts.append(impact)
             self.last_impact |= {s.at: at.t for s in self.switches if s.name in impact.where}
-        return y, self.transition.choice(run, at.t, y, opened)
+        at = self._point(at.t, y)
+        return y, select_mode(at, self.always, opened, _loads_later(run, at))
 
     def check(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards; 2 and none if it does not end."""
@@ -125,7 +134,7 @@ class ModeMonitor:
         def at(theta: float) -> ModePoint:
             if theta not in known:
                 y = step.y if not theta else step.y1 if theta == 1 else step.point(theta)
-                known[theta] = self.transition.point(step.t + theta * step.h, y)
+                known[theta] = self._point(step.t + theta * step.h, y)
             return known[theta]
 
         return at
@@ -138,7 +147,7 @@ class ModeMonitor:
         """
         if not any(g.kind in COMMANDS for g in self.violated_guards(run.t, y)):
             return y
-        y, mode = self._resolved_mode(run, self.transition.point(run.t, y), set())
+        y, mode = self._resolved_mode(run, self._point(run.t, y), set())
         if mode != self.system.mode:
             self.modes.append((len(run.ts) - 1, mode))
         self._enter(mode, run)
@@ -146,7 +155,7 @@ class ModeMonitor:
 
     def violated_guards(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point, after a jump of loads."""
-        at = self.transition.point(t, y)
+        at = self._point(t, y)
         return [g.guard for g in self.guards if g.value(at) < -g.band]
 
     def change_mode(self, run: "RunState", fired: list[Guard]) -> None:
@@ -159,7 +168,7 @@ class ModeMonitor:
         if run.singular:
             run.singular.end_leg(run)
         opened = {g.at for g in fired if g.kind == "let go"}
-        y, mode = self._resolved_mode(run, self.transition.point(run.t, run.ys[-1]), opened)
+        y, mode = self._resolved_mode(run, self._point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)
         if run.project:
             y = self.system.restore(run.t, y)
@@ -174,3 +183,22 @@ class ModeMonitor:
             names = " and ".join(repr(g.name) for g in fired)
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")
+
+
+def _loads_later(run: "RunState", at: ModePoint) -> "Later":
+    """Return the loads after a step in a mode, whose size is a share of the time to the next jump."""
+
+    def step(mode: "Mode", share: float) -> tuple[Array, float]:
+        system, before = at.system, at.system.mode
+        system.enter(mode)
+        try:
+            h = share * (run.ahead.leg(at.t).stop - at.t)
+            start = system.update_independent_rows(at.t, State(at.y)).y
+            carry = system.carry(*system.derivative(at.t, start))
+            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
+            point = ModePoint(system, at.all_rows, at.t + h, end)
+            return point.lam, point.rounding
+        finally:
+            system.enter(before)
+
+    return step
