@@ -1,4 +1,4 @@
-"""Monitor of the modes of a run from step to step."""
+"""Modes of a run: guards are monitored from step to step, and the mode changes where one passes zero."""
 
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,8 @@ from ...mechanism.hybrid.switches import describe_mode
 from ...system import Array, State
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import QUARTERS, At, loads_unresolved, resolving_step
+from .singularity_crossing import KNOWN
+from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
@@ -30,8 +32,8 @@ SHORT = 1e-7  # of the span: loads that no longer step resolves are jumps
 MANY = 100  # transitions, plus as many per switch: if they all fall within a rest time, there is chattering
 
 
-class ModeMonitor:
-    """Monitors and changes the modes of a run.
+class ModeChanges(EventSource):
+    """Guards of the mode of a run, and its changes.
 
     Args:
         system: the run's workspace, of a mechanism that has switches.
@@ -41,6 +43,8 @@ class ModeMonitor:
         impacts: the impacts of the run.
     """
 
+    each_step = True
+
     def __init__(self, system: "Index2System") -> None:
         self.system, self.all_rows = system, AllRows(system)
         system.sliding.still = STILL * system.mechanism.characteristic_speed
@@ -49,6 +53,7 @@ class ModeMonitor:
         self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
+        self.fired: list[Guard] = []  # guards at zero at the end of the last step
         self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
         self.times: list[float] = []  # of transitions
@@ -64,18 +69,27 @@ class ModeMonitor:
             signal.system.enter(mode)
         self.guards: list[TrackedGuard] = []
 
-    def begin(self, t: float, y: Array) -> None:
-        """Track the guards of the mode from a point on."""
+    def begin(self, run: "RunState") -> None:
+        """Track the guards of a mode that has just been entered."""
+        if len(run.ts) == 1 or not self.guards:
+            self._track(run.t, run.ys[-1])
+
+    def _track(self, t: float, y: Array) -> None:
         at, mode = self._point(t, y), self.system.mode
         self.system.beside = UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
-        """Select the mode of a start; return the point, after an impact if an active contact approaches.
+        """Return the point of a start, or after commanded switches at a jump, in the mode that follows.
+
+        An impact comes first if an active contact approaches.
 
         Raises:
-            InputError: if a gap is negative.
+            InputError: if a gap is negative at the start.
+            StepError: if an impact has no solution.
         """
+        if self.modes:
+            return self._commanded(run, y)
         at = self._point(run.t, y)
         for s, gap in self._gaps(at):
             if gap < -TOUCHING * self.system.mechanism.row_scales[s.rows[0]]:
@@ -89,7 +103,7 @@ class ModeMonitor:
     def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
         return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
 
-    def touching(self, t: float, y: Array, near: float) -> list[str]:
+    def _touching(self, t: float, y: Array, near: float) -> list[str]:
         """Return the names of contacts that are closed at a point, or nearly."""
         scales, gaps = self.system.mechanism.row_scales, self._gaps(self._point(t, y))
         return [s.name for s, gap in gaps if abs(gap) <= near * scales[s.rows[0]]]
@@ -103,9 +117,22 @@ class ModeMonitor:
         at = self._point(at.t, y)
         return y, select_mode(at, self.always, opened, _loads_later(run, at))
 
-    def check(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
+    def first(self, step: "StepMap") -> Occurrence | None:
+        """Return the end of the mode in a step, where the first guards pass zero."""
+        try:
+            theta, self.fired = self._first_root(step)
+        except StepError as e:  # a guard cannot be computed: the run ends before
+            raise EventError(e.status, str(e), step.node) from e
+        if not self.fired:
+            return None
+        if theta >= 1:
+            return Occurrence(step.t1)
+        t = step.t + theta * step.h
+        return Occurrence(t, step.end(theta) if t != step.t else None)
+
+    def _first_root(self, step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards; 2 and none if it does not end."""
-        at = self._points(step)
+        at, run = self._points(step), step.run
         fixed = run.stepper.any_size and not run.stepper.controls
         theta, fired = first_guard_root(
             self.guards, step, at, resolving_step(self.guards, at, abs(step.h)) if fixed else QUARTERS
@@ -115,8 +142,9 @@ class ModeMonitor:
                 guard.move(at(1.0))
         return theta, fired
 
-    def unresolved_step(self, run: "RunState", step: "StepMap") -> bool:
+    def rejects(self, step: "StepMap") -> bool:
         """Return whether a step is too long to resolve loads of sticking or resting rows, and bound the next one."""
+        run = step.run
         if not run.stepper.controls or not run.stepper.any_size:
             return False
         h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
@@ -139,13 +167,8 @@ class ModeMonitor:
 
         return at
 
-    def command(self, run: "RunState", y: Array) -> Array:
-        """Return the point after commanded switches at a jump, in the following mode.
-
-        Raises:
-            StepError: if an impact has no solution.
-        """
-        if not any(g.kind in COMMANDS for g in self.violated_guards(run.t, y)):
+    def _commanded(self, run: "RunState", y: Array) -> Array:
+        if not any(g.kind in COMMANDS for g in self._violated(run.t, y)):
             return y
         y, mode = self._resolved_mode(run, self._point(run.t, y), set())
         if mode != self.system.mode:
@@ -153,20 +176,30 @@ class ModeMonitor:
         self._enter(mode, run)
         return y
 
-    def violated_guards(self, t: float, y: Array) -> list[Guard]:
+    def _violated(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point, after a jump of loads."""
         at = self._point(t, y)
         return [g.guard for g in self.guards if g.value(at) < -g.band]
 
-    def change_mode(self, run: "RunState", fired: list[Guard]) -> None:
+    def act(self, run: "RunState") -> bool:
+        """Change the mode, unless the run ends here."""
+        if run.time_left() > 0:
+            self._change(run, self.fired)
+        return False
+
+    def restart(self, run: "RunState", switched: bool) -> None:
+        """Change the mode after a jump of loads."""
+        if not switched and (fired := self._violated(run.t, run.ys[-1])):
+            self._change(run, fired)
+
+    def _change(self, run: "RunState", fired: list[Guard]) -> None:
         """Continue in the following mode: a second point of the run at the same time.
 
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
         self._count(run.t, fired)
-        if run.singular:
-            run.singular.end_leg(run)
+        run.end_interval()
         opened = {g.at for g in fired if g.kind == "let go"}
         y, mode = self._resolved_mode(run, self._point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)
@@ -174,7 +207,19 @@ class ModeMonitor:
             y = self.system.restore(run.t, y)
         self.modes.append((len(run.ts), mode))
         run.turn(y)
-        self.begin(run.t, run.ys[-1])
+        self._track(run.t, run.ys[-1])
+
+    def explain(self, run: "RunState", reason: StepError) -> str:
+        """Return when a run stopped and in which mode, or which contact met a singular configuration."""
+        last = run.ts[-1], run.ys[-1]
+        if run.singular and run.singular.next_to(*last) and (met := self._touching(*last, KNOWN)):
+            names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
+            order = "the order of the two is beyond what its place is known to"
+            where = f"{names} met within {KNOWN:g} rad or characteristic lengths of a singular configuration"
+            return f"{where}: {order} ({reason})"
+        when = "" if "t = " in str(reason) else f", at t = {run.t:.17g}"
+        mode = describe_mode(self.switches, self.system.mode)
+        return f"{reason}{when} ({mode})" if reason.status in ("step_size", "singular") else f"{reason}{when}"
 
     def _count(self, t: float, fired: list[Guard]) -> None:
         most = MANY * (1 + len(self.switches))
