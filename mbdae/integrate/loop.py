@@ -5,7 +5,7 @@ Until the end of the span:
 1. the stepper advances: one step in Python, or many in the compiled core, which returns when Python is needed (a
 singular configuration, an event function, a progress report); a source of events may take its place, to cross a
 singular configuration;
-2. each source of events is asked for its first event in the last step (`mbdae.integrate.events.source`);
+2. each source of events returns its first event in the last step (`mbdae.integrate.events.source`);
 3. the earliest one acts: the run ends, or continues in another mode or after a jump.
 
 On both back ends, each step is proposed, taken, compared with the tolerance, projected onto the closures if the run
@@ -100,7 +100,8 @@ def _advance(run: RunState, max_steps: int | None) -> State | None:
 
 def _rejected(run: RunState, start: State) -> bool:
     """Undo the last step if a source cannot detect its events in it, and return True."""
-    if not any(source.rejects(StepMap(run, start)) for source in run.sources):
+    step = StepMap(run, start)
+    if not any(source.rejects(step) for source in run.sources):
         return False
     run.stepper.take_back()
     run.take_back(start)

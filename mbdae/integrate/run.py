@@ -59,7 +59,7 @@ class RunState:
 
     @cached_property
     def sources(self) -> tuple[EventSource, ...]:
-        """Sources of events, in the order in which they are asked."""
+        """Sources of events, in the order in which they check a step."""
         sources = (self.modes, self.singular, self.stiffness, self.events, self.ahead)
         return tuple(source for source in sources if source is not None)
 

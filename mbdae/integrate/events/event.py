@@ -1,4 +1,4 @@
-"""Events that a user asks for: level crossings of signals, and zeros of functions of time and state."""
+"""Events of a user: level crossings of signals, and zeros of functions of time and state."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

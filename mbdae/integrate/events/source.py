@@ -1,13 +1,14 @@
 """Interface between the time loop and the sources of events.
 
-After each step the loop asks the sources, in their order, for their first event in it; one that lies before the end of
-the step truncates it, so the next source is asked about the shorter step. The source of the earliest event acts: it
-ends the run, or continues it from another point or in another mode. In order, the sources are
+After each step the sources detect, in their order, their first event in it; one that lies before the end of the step
+truncates it, so the next source checks the shorter step. The source of the earliest event acts: it ends the run, or
+continues it from another point or in another mode. In order, the sources are
 
 1. `hybrid`: guards of contacts, stops, clutches and stiction;
 2. `singularity`: singular configurations, which are crossed instead of a step;
-3. `user_events`: signals and functions, of which terminal ones end the run;
-4. `jumps`: controllers, functions of time and times given by the user.
+3. `mbdae.integrate.stiffness_detection`, which warns only;
+4. `user_events`: signals and functions, of which terminal ones end the run;
+5. `jumps`: controllers, functions of time and times given by the user.
 
 Sources read the run; those that continue it from another point do so by its methods.
 """
