@@ -15,7 +15,7 @@ from .discovery import classes, public
 
 if TYPE_CHECKING:  # names found by `_places`, for editors and type checkers
     from .errors import MbdaeError as MbdaeError
-    from .integrate.events import Event as Event
+    from .integrate.events.event import Event as Event
     from .integrate.solve import solve as solve
     from .mechanism import Closure as Closure
     from .mechanism import Clutch as Clutch
@@ -73,7 +73,7 @@ if TYPE_CHECKING:  # names found by `_places`, for editors and type checkers
 
 _CORE = {
     "errors": ["MbdaeError"],
-    "integrate.events": ["Event"],
+    "integrate.events.event": ["Event"],
     "integrate.solve": ["solve"],
     "mechanism": ["Closure", "Clutch", "Driver", "Function", "Mechanism", "Stop", "load", "model_names"],
     "methods": ["METHODS", "Tableau"],

@@ -8,7 +8,7 @@ from ..errors import InputError
 from ..methods import Tableau, method
 from ..system import Array
 from .defaults import DEFAULTS
-from .jumps import Jumps
+from .events.jumps import Jumps
 from .loop import time_loop
 from .run import RunState
 from .steppers.adaptive import Adaptive

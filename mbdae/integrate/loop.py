@@ -2,11 +2,11 @@
 
 Until the end of the span:
 
-1. near a singular configuration, cross it (`mbdae.integrate.singularity_crossing`);
-2. otherwise let the stepper advance: one step in Python, or many in the compiled core, which returns when Python is
-needed: a singular configuration, an event function, a progress report;
-3. detect events in the new steps, if the core has not; a terminal one ends the run;
-4. at the end of a smooth interval, restart after the jump, if the core has not.
+1. the stepper advances: one step in Python, or many in the compiled core, which returns when Python is needed (a
+singular configuration, an event function, a progress report); a source of events may take its place, to cross a
+singular configuration;
+2. each source of events returns its first event in the last step (`mbdae.integrate.events.source`);
+3. the earliest one acts: the run ends, or continues in another mode or after a jump.
 
 On both back ends, each step is proposed, taken, compared with the tolerance, projected onto the closures if the run
 projects, and accepted or rejected; then the rows of the next one are chosen
@@ -20,13 +20,11 @@ import numpy as np
 from ..errors import STATUS, InputError, StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.formulations.projection import refuse_contradicting_accelerations
-from ..mechanism.hybrid.switches import describe_mode
 from ..solution.solution import Problem
-from .mode_switching.step_truncation import reject_unresolved_step, truncate_at_guard
+from ..system import State
+from .events.source import EventError, EventSource
 from .run import RunState
-from .singularity_crossing import KNOWN
 from .step_map import StepMap
-from .termination import drop_later_events, terminate_at_event
 
 Progress = Callable[[float], None]
 
@@ -41,10 +39,11 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
             run.begin()
-            run.events.begin(t0, run.state.y)
             stopped = time_loop(run, max_steps, progress)
             _check_drivers(run.problem, t0, run.t)
     except StepError as e:
+        if isinstance(e, EventError):
+            run.keep(e.node)
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
             raise InputError(str(e)) from e
         if e.status in ("step_size", "max_steps"):  # possibly caused by drivers
@@ -64,60 +63,67 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
 
 
 def _failure_message(run: RunState, e: StepError) -> str:
-    """Return why a run stopped; for a run with modes also when, and in which of them."""
-    if not run.modes:
-        return str(e)
-    last = run.ts[-1], run.ys[-1]
-    if run.singular and run.singular.next_to(*last) and (met := run.modes.touching(*last, KNOWN)):
-        names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
-        order = "the order of the two is beyond what its place is known to"
-        return f"{names} met within {KNOWN:g} rad or characteristic lengths of a singular configuration: {order} ({e})"
-    when = "" if "t = " in str(e) else f", at t = {run.t:.17g}"
-    mode = (
-        f" ({describe_mode(run.modes.switches, run.modes.system.mode)})"
-        if e.status in ("step_size", "singular")
-        else ""
-    )
-    return f"{e}{when}{mode}"
+    """Return why a run stopped, with what the sources of events know about it."""
+    return next((words for source in run.sources if (words := source.explain(run, e))), str(e))
 
 
 def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
-    """Step to the end of the span; True if a terminal event stopped the run before."""
-    total, events = run.time_left(), run.events
+    """Step to the end of the span; True if an event stopped the run before."""
+    total = run.time_left()
     while run.time_left() > 0:
-        left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
-        if left is not None and left <= 0:
-            raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
-        before, start = len(run.ts), run.state
-        events.looked = False
-        began = None if run.singular is not None and run.singular.cross_if_near(run) else start
-        if began:
-            run.stepper.advance(run, 1 if run.modes or not events.by_signal else left)
-        if len(run.ts) == before or reject_unresolved_step(run, began):
+        before = len(run.ts)
+        start = _advance(run, max_steps)
+        if len(run.ts) == before or (start and _rejected(run, start)):
             continue
-        if run.stiffness:
-            run.stiffness.check(run)
-        if events.stopped:
-            drop_later_events(run)
+        if _stopped_by_event(run, start, before):
             return True
-        fired = truncate_at_guard(run, began) if run.modes else []
-        if run.modes and run.singular and began and len(run.ts) > before:
-            run.singular.step(run, run.time_left() == 0, bool(fired))
-        if events.events and not events.looked:
-            step = StepMap(run, began)
-            stop = events.step(step)
-            if stop:
-                terminate_at_event(step, *stop)
-                return True
-        if run.modes and fired and run.time_left() > 0:
-            run.modes.change_mode(run, fired)
-        if run.t == run.leg.end and run.leg.restart is not None:
-            run.cross(run.leg.restart)
-            if run.modes and (fired := run.modes.violated_guards(run.t, run.ys[-1])):
-                run.modes.change_mode(run, fired)
         if progress:
             progress(1 - run.time_left() / total)
     return False
+
+
+def _advance(run: RunState, max_steps: int | None) -> State | None:
+    """Try a step, or several; return the state at its start, None if a source replaced the step.
+
+    Raises:
+        StepError: after the largest number of steps.
+    """
+    left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
+    if left is not None and left <= 0:
+        raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
+    start = run.state
+    if any(source.replace_step(run) for source in run.sources):
+        return None
+    run.stepper.advance(run, 1 if any(source.each_step for source in run.sources) else left)
+    return start
+
+
+def _rejected(run: RunState, start: State) -> bool:
+    """Undo the last step if a source cannot detect its events in it, and return True."""
+    step = StepMap(run, start)
+    if not any(source.rejects(step) for source in run.sources):
+        return False
+    run.stepper.take_back()
+    run.take_back(start)
+    run.rejected = (run.rejected or 0) + 1
+    return True
+
+
+def _stopped_by_event(run: RunState, start: State | None, before: int) -> bool:
+    """Let the source of the earliest event in the last step act; return whether that ends the run."""
+    acting = list[EventSource]()
+    for source in run.sources:
+        step = StepMap(run, start, bool(acting))
+        event = source.first(step)
+        if event is None:
+            continue
+        if event.end is not None or event.t != step.t1:  # before the events found so far
+            run.truncate(step, event)
+            acting.clear()
+        acting.append(source)
+        if len(run.ts) == before:  # at the start of the step
+            break
+    return any(source.act(run) for source in acting)
 
 
 def _check_drivers(problem: Problem, t0: float, t1: float) -> None:

@@ -1,6 +1,7 @@
 """State and record of a run."""
 
 from contextlib import suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,15 +10,17 @@ from ..errors import StepError
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
 from .carry_record import CarryRecord
-from .events import EventDetector
+from .events.hybrid import ModeChanges
+from .events.jumps import Jumps
+from .events.singularity import SingularityMonitor
+from .events.source import EventSource, Occurrence
+from .events.user_events import UserEvents
 from .growing_array import GrowingArray
-from .jumps import Jumps
-from .mode_switching.mode_monitor import ModeMonitor
-from .singularity_monitor import SingularityMonitor
 from .stiffness_detection import StiffnessDetector
 
 if TYPE_CHECKING:
     from .backward_steps import BackwardStepper
+    from .step_map import StepMap
     from .steppers.stepper import Stepper
 
 
@@ -45,26 +48,35 @@ class RunState:
         self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carried = CarryRecord()
-        self.events = EventDetector((), lambda *_: 0.0)
+        self.events = UserEvents((), lambda *_: 0.0)
         self.back: BackwardStepper | None = None
         self.singular: SingularityMonitor | None = None
         self.stiffness: StiffnessDetector | None = None
-        self.modes: ModeMonitor | None = None
+        self.modes: ModeChanges | None = None
         self.settings: dict[str, Any] = {}  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
         self._record: Solution | None = None
+
+    @cached_property
+    def sources(self) -> tuple[EventSource, ...]:
+        """Sources of events, in the order in which they check a step."""
+        sources = (self.modes, self.singular, self.stiffness, self.events, self.ahead)
+        return tuple(source for source in sources if source is not None)
 
     def begin(self) -> None:
         """Compute the derivative at the start; a method with an explicit first stage carries it."""
         y = self.system.jump(self.t, self.ys[-1].copy())
         if not self.in_use:
-            if self.modes:
-                y = self.modes.start(self, y)
-            y = self._closed(y)
+            y = self._closed(self._started(y))
         self._begin_at(y)
         self.leg = self.ahead.leg(self.t)
-        if self.modes and (len(self.ts) == 1 or not self.modes.guards):
-            self.modes.begin(self.t, self.ys[-1])
+        for source in self.sources:
+            source.begin(self)
+
+    def _started(self, y: Array) -> Array:
+        for source in self.sources:
+            y = source.start(self, y)
+        return y
 
     def _closed(self, y: Array) -> Array:
         """Determine rank and rows with closed loops; the start itself is projected if the run projects."""
@@ -89,17 +101,15 @@ class RunState:
 
     def cross(self, t: float) -> None:
         """Restart after a jump, at time t: a second point of the solution, right after the one before."""
-        if self.singular:
-            self.singular.end_leg(self)
+        self.end_interval()
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
         self.ts.append(t)
         self.t = t
-        if self.modes:
-            self.ys[-1] = self.modes.command(self, self.ys[-1])
+        self.ys[-1] = self._started(self.ys[-1])
         self.begin()
         self.stepper.restart()
-        self.behind_jump()
+        self.restart()
 
     def turn(self, y: Array) -> None:
         """Restart in another mode: a second point of the solution at the same time."""
@@ -108,17 +118,18 @@ class RunState:
         self.ts.append(self.t)
         self._begin_at(y, restarted=True)
         self.stepper.restart()
-        self.events.restart_after_impact()
-        self.behind_jump()
-        if self.singular:
-            self.singular.refuse_beginning(self.t, self.ys[-1])
+        self.restart(switched=True)
 
-    def behind_jump(self) -> None:
-        """Restart the monitors after a jump before the last node."""
+    def end_interval(self) -> None:
+        """End a smooth interval at the last node."""
+        for source in self.sources:
+            source.end(self)
+
+    def restart(self, switched: bool = False) -> None:
+        """Restart the sources of events after a jump before the last node, or in another mode."""
         self.crossed += 1
-        for watch in (self.singular, self.stiffness):
-            if watch:
-                watch.restart(len(self.ts) - 1)
+        for source in self.sources:
+            source.restart(self, switched)
 
     @property
     def dense_order(self) -> int:
@@ -197,6 +208,23 @@ class RunState:
         self.t, self.state = self.ts[-1], state
         self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
         self.system.use_rows(self.in_use[-1][1])
+
+    def truncate(self, step: "StepMap", event: Occurrence) -> None:
+        """End the last step at an event."""
+        self.stepper.take_back()
+        self.take_back(step.start or State(step.y))
+        if event.end is not None and event.t != step.t:
+            if event.singular:
+                self.land(event.t, event.end.state.y, last=True)
+            else:
+                self.accept(event.t, event.end)
+        for source in self.sources:
+            source.truncated(self)
+
+    def keep(self, node: int) -> None:
+        """Remove the nodes after a given one."""
+        del self.ts[node + 1 :], self.ys[node + 1 :], self.zs[node + 1 :]
+        self.t = self.ts[-1]
 
     def record(self) -> Solution:
         """Return the run so far as a solution that shares the lists: its dense output serves event detection."""

@@ -15,12 +15,13 @@ from ..solution.solution import Problem
 from ..system import Array, System
 from .backward_steps import BackwardStepper
 from .binding import bind
-from .events import Event, EventDetector, as_events
-from .jumps import Jumps
-from .mode_switching.mode_monitor import ModeMonitor
+from .events.event import Event, as_events, event_value
+from .events.hybrid import ModeChanges
+from .events.jumps import Jumps
+from .events.level_crossing import SignalEvent
+from .events.singularity import SingularityMonitor
+from .events.user_events import UserEvents
 from .run import RunState
-from .signal_events import SignalEvent
-from .singularity_monitor import SingularityMonitor
 from .span import checked_span
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
@@ -28,7 +29,6 @@ from .steppers.native import NativeStepper
 from .steppers.scipy_ivp import Scipy, ScipySolver, find
 from .steppers.stepper import PythonStepper, Stepper
 from .stiffness_detection import StiffnessDetector
-from .termination import event_value
 
 DRIFTED = 100.0  # times rtol: largest violation of loops at the start, as after a run with drift
 
@@ -68,24 +68,27 @@ def prepare(
     ahead = Jumps(system, jumps, end, 1.0 if t1 >= t0 else -1.0, _knots(problem, system, t0, end))
     y = _start(problem, start, t0, None if step else control[0])
     run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
-    run.fallback, run.settings = fallback, {
-        "method": tableau.name,
-        "formulation": formulation,
-        "project": project,
-        "baumgarte": baumgarte,
-        "t_span": [t0, t1],
-    }
+    run.fallback, run.settings = (
+        fallback,
+        {
+            "method": tableau.name,
+            "formulation": formulation,
+            "project": project,
+            "baumgarte": baumgarte,
+            "t_span": [t0, t1],
+        },
+    )
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
         run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
     if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
         run.settings["tableau"] = tableau.to_dict()
     wanted = as_events(events)
-    run.events = EventDetector(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
+    run.events = UserEvents(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)
     if isinstance(problem, Mechanism) and isinstance(system, Index2System) and problem.switches:
         _refuse_modes(problem.switches[0].name, formulation, tableau, run.sign)
-        run.modes, run.events.by_signal = ModeMonitor(system), False
+        run.modes, run.events.by_signal = ModeChanges(system), False
     return run
 
 

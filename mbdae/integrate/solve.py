@@ -9,9 +9,9 @@ from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
 from .loop import Progress, run_to_end
+from .result import make_solution
 from .run_setup import positive, prepare, within
 from .settings import completed
-from .termination import make_solution
 
 
 def solve(

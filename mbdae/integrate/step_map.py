@@ -5,6 +5,8 @@ from contextlib import suppress
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..errors import StepError
 from ..system import Array, State, Step
 
@@ -18,6 +20,7 @@ class StepMap:
     Args:
         run: the run, at the end of the step.
         start: the state at its start; None for a singularity crossing, which cannot be repeated as a step.
+        ends: whether an event was found at its end.
 
     Attributes:
         t, h: start and size of the step, signed.
@@ -26,8 +29,8 @@ class StepMap:
         first: whether it is the first step of the run.
     """
 
-    def __init__(self, run: "RunState", start: State | None) -> None:
-        self.run, self.start, self.node = run, start, len(run.ts) - 2
+    def __init__(self, run: "RunState", start: State | None, ends: bool = False) -> None:
+        self.run, self.start, self.ends, self.node = run, start, ends, len(run.ts) - 2
         self.t, self.t1 = run.ts[-2], run.ts[-1]
         self.h, self.y, self.y1, self.first = self.t1 - self.t, run.ys[-2], run.ys[-1], self.node == 0
         self._known = {0.0: self.y, 1.0: self.y1}
@@ -55,6 +58,13 @@ class StepMap:
             with suppress(StepError):
                 return self.take(theta).state.y
         return self.dense(theta)
+
+    def end(self, theta: float) -> Step:
+        """Return the step of size theta h; its end on the dense output if it fails."""
+        if self.start and self.run.stepper.any_size:
+            with suppress(StepError):
+                return self.take(theta)
+        return Step(State(self.point(theta)), self.run.zs[-1], np.empty(0))
 
     def take(self, theta: float) -> Step:
         """Take a step of size theta h from the same start, in the way of the run, which is left unchanged.

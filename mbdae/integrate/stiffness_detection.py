@@ -12,10 +12,12 @@ from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..methods import Tableau
 from ..system import Array
+from .events.source import EventSource
 from .steppers.adaptive import SMALLEST_SCALE, Adaptive
 
 if TYPE_CHECKING:
     from .run import RunState
+    from .step_map import StepMap
 
 FIRST, MOST = 2000, 16000  # steps before the first check (shorter runs end soon), and between later ones
 WINDOW = 50  # steps over which one polynomial approximates the velocities
@@ -46,7 +48,7 @@ class Stiff:
         return f'{steps}, the motion is smooth over {WINDOW} of them: try -m radau5 (method="radau5")'
 
 
-class StiffnessDetector:
+class StiffnessDetector(EventSource):
     """Checks at intervals whether stability limits the controlled steps of a half-explicit method.
 
     Two conditions must hold. One polynomial of degree 4 approximates the velocities of the last fifty steps to three
@@ -66,19 +68,27 @@ class StiffnessDetector:
         self.next = self.pause = FIRST  # the next node to check, and the interval to the one after
         self.found: Stiff | None = None
 
-    def restart(self, first: int) -> None:
-        """Restart the window at node ``first``, after a jump."""
-        self.next = max(self.next, first + WINDOW)
+    def restart(self, run: "RunState", switched: bool) -> None:
+        """Restart the window after a jump."""
+        self.next = max(self.next, len(run.ts) - 1 + WINDOW)
+
+    def first(self, step: "StepMap") -> None:
+        """Check the steps since the last check; the first stiff one causes a warning."""
+        self.check(step.run)
+
+    def end(self, run: "RunState") -> None:
+        """Check the steps of an interval."""
+        self.check(run)
 
     def check(self, run: "RunState") -> None:
-        """Check the steps since the last check; the first stiff one causes a warning."""
+        """Warn at the first stiff window."""
         while not self.found and self.next < len(run.ts):
             n = self.next
             self.next, self.pause = n + self.pause, min(2 * self.pause, MOST)
             with suppress(StepError):
                 self.found = self._judge(run, n)
             if self.found:
-                warnings.warn(str(self.found), stacklevel=5)
+                warnings.warn(str(self.found), stacklevel=7)
 
     def _judge(self, run: "RunState", n: int) -> Stiff | None:
         """Return the stiffness of the steps before node n, if any."""

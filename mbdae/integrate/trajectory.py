@@ -23,7 +23,7 @@ from ..system import Array, State, System
 from .carry_record import RecordedStates
 from .checkpoints import Checkpoints
 from .differentiable_runs import require_differentiable
-from .jumps import MARGIN
+from .events.jumps import MARGIN
 from .native_trajectory import native_trajectory
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed

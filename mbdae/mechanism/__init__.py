@@ -13,6 +13,7 @@ from .formats.joint_tree import depth_first
 from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formulations.compiled_systems import CompiledSystem
+from .hybrid.impact import Impact
 from .joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
@@ -29,6 +30,7 @@ __all__ = [
     "Driver",
     "Effort",
     "Function",
+    "Impact",
     "Mechanism",
     "NotCompiled",
     "Reaction",

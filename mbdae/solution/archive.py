@@ -18,11 +18,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import STATUS, InputError
 from ..file_io import write_whole
-from ..mechanism import Mechanism, Singular, describe, restore
+from ..mechanism import Impact, Mechanism, Singular, describe, restore
 from ..mechanism.checked_table import one_line
 from ..tabular import write_csv
 from ..textbook.problems import TEXTBOOK, listed
-from .impact_record import Impact
 
 if TYPE_CHECKING:
     from .solution import Solution

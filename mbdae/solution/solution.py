@@ -12,14 +12,13 @@ import numpy as np
 from .. import backend
 from ..discovery import later
 from ..errors import InputError
-from ..mechanism import Contact, Effort, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
+from ..mechanism import Contact, Effort, Impact, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
 from .columns import reaction_of
 from .dense_output import DenseOutput
-from .impact_record import Impact
 from .sampling import at_times
 from .signals import signals, units
 from .statistics import Statistics, statistics

@@ -9,7 +9,7 @@ import pytest
 
 import mbdae
 from mbdae import JointTorque
-from mbdae.integrate import singularity_monitor
+from mbdae.integrate.events import singularity
 from mbdae.mechanism.time_functions import Harmonic
 
 
@@ -50,7 +50,7 @@ def test_the_point_after_a_crossing_satisfies_all_rows(loops):
 
 def test_a_crossing_projected_too_far_is_rejected(monkeypatch):
     """Projection of the point after the crossing may lead elsewhere: here a thousandth of a second further."""
-    mech, honest, tried = mbdae.load("n_four_bar", N=1), singularity_monitor.cross_singularity, []
+    mech, honest, tried = mbdae.load("n_four_bar", N=1), singularity.cross_singularity, []
 
     def counted(system, *args):
         found = honest(system, *args)
@@ -65,12 +65,12 @@ def test_a_crossing_projected_too_far_is_rejected(monkeypatch):
         y = np.concatenate([system.manifold.integrate(q, 1e-3 * v), found.y[system.nq :]])
         return found._replace(y=y, move=found.move + system.difference(found.y, y))
 
-    monkeypatch.setattr(singularity_monitor, "cross_singularity", counted)
+    monkeypatch.setattr(singularity, "cross_singularity", counted)
     expected = crossed(mech, rtol=1e-8)
     accepted = len(tried)
     assert tried[-1].t in expected.nodes[0]
     tried.clear()
-    monkeypatch.setattr(singularity_monitor, "cross_singularity", beside)
+    monkeypatch.setattr(singularity, "cross_singularity", beside)
     sol = crossed(mech, rtol=1e-8)
     assert len(tried) > accepted
     assert sol.singular[0].t == pytest.approx(expected.singular[0].t, abs=1e-7)

@@ -25,8 +25,6 @@ def bob(folder, table):
     return mbdae.load(path)
 
 
-
-
 def test_settings_of_the_file_are_the_defaults(tmp_path):
     mech = bob(tmp_path, 'method = "herk3"\nstep = 0.01')
     sol = mbdae.solve(mech, (0, 0.2))

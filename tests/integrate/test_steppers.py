@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbdae.errors import StepError
-from mbdae.integrate.jumps import MARGIN, Jumps, SmoothInterval
+from mbdae.integrate.events.jumps import MARGIN, Jumps, SmoothInterval
 from mbdae.integrate.steppers.adaptive import Adaptive
 from mbdae.integrate.steppers.fixed import Fixed
 from mbdae.methods.controller import Controller

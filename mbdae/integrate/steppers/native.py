@@ -6,10 +6,10 @@ import numpy as np
 
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
-from ..events import SAME
-from ..jumps import MARGIN, MAX_CLUSTER, SmoothInterval
+from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
+from ..events.level_crossing import ITERATIONS, SHARE, SHARP
+from ..events.user_events import SAME
 from ..projected_step import TAKEN_BACK
-from ..signal_events import ITERATIONS, SHARE, SHARP
 from .adaptive import NEARLY, Adaptive
 from .fixed import NEAR, TOLERATED, Fixed
 from .stepper import SMALLEST_SCALE, SPACINGS, PythonStepper, Stepper
@@ -124,7 +124,7 @@ class NativeStepper(Stepper):
         j.crossed = (events.by_signal or not events.events) and not run.modes
         j.restart = np.nan if run.leg.restart is None else run.leg.restart
         if events.events and events.by_signal:
-            e.start = events.start[0]
+            e.start = events.origin[0]
             e.stand([signal.node for signal in events.signals.values()])
 
     def _from_native(self) -> None:
@@ -158,14 +158,12 @@ class NativeStepper(Stepper):
                     run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
                     self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
                     watch.note()
-                    watch.step(run, end and i == n)
+                    if watch.inspect(run, end and i == n):
+                        run.close()
             if n < len(times):
-                if watch:
-                    watch.end_leg(run)
-                if run.stiffness:
-                    run.stiffness.check(run)
+                run.end_interval()
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
-                run.behind_jump()
+                run.restart()
                 i = n + 1
         if watch and run.modes:  # guards come first, which may truncate the step
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])

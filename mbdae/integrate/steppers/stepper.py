@@ -80,8 +80,6 @@ class PythonStepper(Stepper):
         run.accept(t_next, step)
         if run.singular:
             run.singular.note()
-            if not run.modes:  # otherwise guards come first, which may truncate the step
-                run.singular.step(run, run.time_left() == 0)
 
     @abstractmethod
     def propose(self, run: "RunState") -> tuple[float, float]:

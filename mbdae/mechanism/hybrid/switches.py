@@ -1,12 +1,13 @@
 """Switches of a mechanism, and the inactive rows of a mode."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...discovery import members
+from ...errors import StepError
 from ...system import Array
 from .switch import Switch
 
@@ -40,3 +41,9 @@ def describe_mode(switches: Sequence[Switch], mode: Mode) -> str:
     """Return a description of the mode: the states that are not idle."""
     said = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]
     return ", ".join(said) or "all open"
+
+
+def with_names(reason: StepError, switches: Sequence[Switch], t: float, which: Iterable[int]) -> StepError:
+    """Return an error with the names of the switches that take part, and the time."""
+    names = " and ".join(repr(switches[i].name) for i in dict.fromkeys(which))
+    return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import require
-from ...integrate.events import Event
+from ...integrate.events.event import Event
 from ...integrate.trajectory import Trajectory
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular

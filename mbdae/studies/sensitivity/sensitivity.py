@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MbdaeError, require
-from ...integrate.events import Event
+from ...integrate.events.event import Event
 from ...integrate.trajectory import Trajectory
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.solution import Solution

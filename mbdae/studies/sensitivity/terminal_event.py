@@ -7,9 +7,8 @@ import numpy as np
 
 from ...errors import InputError
 from ...finite_differences import numerical_derivative, numerical_jacobian
-from ...integrate.events import Event
-from ...integrate.signal_events import TURN, parse
-from ...integrate.termination import event_value
+from ...integrate.events.event import Event, event_value
+from ...integrate.events.level_crossing import TURN, parse
 from ...integrate.trajectory import LinearMap, Trajectory, TrajectoryPart
 from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value

@@ -71,7 +71,7 @@ def solve(
     Events are signals of `mbdae solve MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
     with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
     """
-    from ...integrate.events import Event
+    from ...integrate.events.event import Event
     from ...mechanism import Mechanism
     from ...solution.signals import find
     from ..drift.drift import drift as measure_drift

@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import StepError
-from ..mechanism.formulations.index2 import Index2System
-from ..system import Array
+from ...errors import StepError
+from ...mechanism.formulations.index2 import Index2System
+from ...system import Array
 from .passages import MONITORED_RATIO, Passages
-from .singularity_crossing import KNOWN, cross_singularity
+from .singularity_crossing import KNOWN, SingularityCrossing, cross_singularity
+from .source import EventError
 
 if TYPE_CHECKING:
-    from .run import RunState
-    from .steppers.adaptive import Adaptive
+    from ..run import RunState
+    from ..step_map import StepMap
+    from ..steppers.adaptive import Adaptive
 
-SUSPICIOUS_RATIO = (
-    0.6  # of the largest ratio so far: minima above are regular, since stages come close enough
-)
+SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular, since stages come close enough
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: the fall to zero takes one or two steps
 AHEAD = 20.0  # steps: a ratio that would take longer to vanish is small for other reasons
 CROSSING_RATIO = 0.1  # of the largest ratio: below, a crossing is tried
@@ -47,9 +47,9 @@ class SingularityMonitor(Passages):
     """Monitors, step by step, how close the rows of the closures are to dependence.
 
     The indicator is the pivot ratio of the stage solves, at no cost. Where it becomes small, a run with step-size
-    control closes its loops, approaches in steps that halve the distance, and crosses by
-    `mbdae.integrate.singularity_crossing`. Where it has a minimum between other steps, the smallest pivot is minimised
-    on the dense output, and any singularity found is recorded.
+    control closes its loops, approaches in steps that halve the distance, and crosses by `singularity_crossing`. Where
+    it has a minimum between other steps, the smallest pivot is minimised on the dense output, and any singularity found
+    is recorded.
 
     Branches that intersect in a singular configuration have different tangent spaces: afterwards the run must move in
     the previous one, up to its previous rate of rotation.
@@ -64,20 +64,32 @@ class SingularityMonitor(Passages):
     def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", closing: bool) -> None:
         super().__init__(system, kept, control is not None)
         self.control, self.closing, self.newest = control, closing, 1.0
-        self.restart(0)
+        self._forget(0)
 
-    def restart(self, first: int) -> None:
-        """Discard the history at node ``first``, where forces jump."""
+    def restart(self, run: "RunState", switched: bool) -> None:
+        """Discard the history where forces jump; in another mode, reject fixed steps next to a singular configuration.
+
+        The result of steps that begin there is rounding.
+
+        Raises:
+            StepError: with the time.
+        """
+        self._forget(len(run.ts) - 1)
+        t = run.t
+        if switched and self.control is None and self.next_to(t, run.ys[-1]):
+            raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
+
+    def _forget(self, first: int) -> None:
         self.entered: int | None = None  # the node at which steps came near a singular configuration
         self.tried, self.stalled = (np.inf, np.inf), 0  # way and error of the last rejected crossing
         self._begin(first)
 
     def _begin(self, first: int) -> None:
         """Restart the ratios of steps from node ``first``."""
-        self.first, self.ratios = first, [np.inf]
+        self.origin, self.ratios = first, [np.inf]
 
-    def cut(self, run: "RunState") -> None:
-        """The run was truncated to its last node: discard singularities found after it."""
+    def truncated(self, run: "RunState") -> None:
+        """Discard singular configurations after the last node."""
         self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
 
     def begin_step(self) -> None:
@@ -96,15 +108,6 @@ class SingularityMonitor(Passages):
         limit = SINGULAR_RATIO * min(self.largest, self.ratios[-1])
         if nearest < limit or (nearest < SUSPICIOUS_RATIO * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
-
-    def refuse_beginning(self, t: float, y: Array) -> None:
-        """Reject fixed steps from a node (t, y) after an impact next to a singular configuration.
-
-        Raises:
-            StepError: with the time.
-        """
-        if self.control is None and self.next_to(t, y):
-            raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
 
     def next_to(self, t: float, y: Array) -> bool:
         """Return whether a point is closer to a singular configuration than its position is known."""
@@ -132,8 +135,14 @@ class SingularityMonitor(Passages):
         """Record the pivot ratio of the step just taken: other solves may follow before it is inspected."""
         self.newest = float(np.sqrt(self.system.least_pivot_ratio))
 
-    def step(self, run: "RunState", last: bool, ends: bool = False) -> None:
-        """Inspect the step before the one just taken, and this one if it is the last.
+    def first(self, step: "StepMap") -> None:
+        """Inspect a step, unless that was done; close the loops near a singular configuration."""
+        run = step.run
+        if self.origin + len(self.ratios) < len(run.ts) and self.inspect(run, run.time_left() == 0, step.ends):
+            run.close()
+
+    def inspect(self, run: "RunState", last: bool, ends: bool = False) -> bool:
+        """Inspect the step before the one just taken, and this one if it is the last; return whether to close loops.
 
         Args:
             run: the run.
@@ -141,37 +150,43 @@ class SingularityMonitor(Passages):
             ends: whether its mode ends here.
 
         Raises:
-            StepError: for a singular configuration that the run cannot cross, or crossed onto another branch; later
-                nodes are removed.
+            EventError: for a singular configuration that the run cannot cross, or crossed onto another branch.
         """
         self.ratios.append(self.newest)
         self.largest = max(self.largest, self.ratios[-1])
         self._inspect_step(run, len(self.ratios) - 2)
         if last:
-            near = self.ratios[-1] < SUSPICIOUS_RATIO * self.largest
-            if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
-                text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
-                self.end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
-            self.ratios.append(np.inf)
-            self._inspect_step(run, len(self.ratios) - 2)
-        before, here = self.ratios[-2:]
-        near = here < MONITORED_RATIO * self.largest and (
-            _falls(before, here) or (self.entered is not None and here >= before)
-        )
-        near = near and self._ratio(run.ts[-1], run.ys[-1]) < MONITORED_RATIO * self.largest
-        if near:
-            if self.entered is None:
-                self.entered = len(run.ts) - 2
-            if self.control and self.closing and not ends:
-                run.close()
+            self._inspect_end(run)
+        near = self._is_near(run)
+        if near and self.entered is None:
+            self.entered = len(run.ts) - 2
         if self.entered is not None and (last or not near):
             self._leave(run)
+        return bool(near and self.control and self.closing and not ends)
 
-    def end_leg(self, run: "RunState") -> None:
+    def _inspect_end(self, run: "RunState") -> None:
+        """Inspect the last step; reject one that ends in a singular configuration."""
+        near = self.ratios[-1] < SUSPICIOUS_RATIO * self.largest
+        if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
+            text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
+            text = f"{text} velocities and multipliers: the step before is the last"
+            raise EventError("rank", text, len(run.ts) - 2)
+        self.ratios.append(np.inf)
+        self._inspect_step(run, len(self.ratios) - 2)
+
+    def _is_near(self, run: "RunState") -> bool:
+        """Return whether the ratio at the last node is small, and falls to zero soon or did so before."""
+        before, here = self.ratios[-2:]
+        falls = _falls(before, here) or (self.entered is not None and here >= before)
+        if not (here < MONITORED_RATIO * self.largest and falls):
+            return False
+        return self._ratio(run.ts[-1], run.ys[-1]) < MONITORED_RATIO * self.largest
+
+    def end(self, run: "RunState") -> None:
         """Inspect the last step before an impact or a jump.
 
         Raises:
-            StepError: as in `step`.
+            EventError: as in `inspect`.
         """
         self.ratios.append(np.inf)
         self._inspect_step(run, len(self.ratios) - 2)
@@ -185,9 +200,9 @@ class SingularityMonitor(Passages):
         if self.control:
             self.control.cap = np.inf
 
-    def cross_if_near(self, run: "RunState") -> bool:
+    def replace_step(self, run: "RunState") -> bool:
         """If a singular configuration is near, shorten the next step, or cross it, and then return True."""
-        begins = len(run.ts) - 1 == self.first
+        begins = len(run.ts) - 1 == self.origin
         if self.control is None or (self.entered is None and not begins):
             return False
         self.control.cap = np.inf
@@ -195,20 +210,12 @@ class SingularityMonitor(Passages):
         if not np.isfinite(way):
             return False
         if self.entered is None:
-            self.entered = self.first
+            self.entered = self.origin
         self.control.cap = APPROACH * way
         if here > CROSSING_RATIO * self.largest or way > NEARER * self.tried[0]:
             return False
-        found = None
-        with suppress(StepError):
-            found = cross_singularity(self.workspace, run, way, self.first)
+        found = self._attempt(run, way)
         if found is None:
-            self.tried = way, np.inf
-            return False
-        error, move = (self.control.measure(run, found.y, x) for x in (found.error, found.move))
-        self.stalled = self.stalled + 1 if error >= MET * self.tried[1] else 0
-        if not (error <= 1 or (self.stalled >= PATIENCE and error <= TRUSTED)) or move > MOVED * max(1.0, error):
-            self.tried = way, error
             return False
         self.found.append(found.passed)
         self.path = found.path
@@ -220,6 +227,23 @@ class SingularityMonitor(Passages):
             self.compare(run, self.entered, len(run.ts) - 1)
             self.entered = None
         return True
+
+    def _attempt(self, run: "RunState", way: float) -> SingularityCrossing | None:
+        """Return the crossing of a singular configuration about ``way`` seconds ahead, if it is accurate."""
+        assert self.control
+        found = None
+        with suppress(StepError):
+            found = cross_singularity(self.workspace, run, way, self.origin)
+        if found is None:
+            self.tried = way, np.inf
+            return None
+        error, move = (self.control.measure(run, found.y, x) for x in (found.error, found.move))
+        self.stalled = self.stalled + 1 if error >= MET * self.tried[1] else 0
+        accurate = error <= 1 or (self.stalled >= PATIENCE and error <= TRUSTED)
+        if not accurate or move > MOVED * max(1.0, error):
+            self.tried = way, error
+            return None
+        return found
 
     def _ahead(self, run: "RunState", begins: bool) -> tuple[float, float]:
         """Return the ratio at the last node, and its extrapolated time to zero; inf if it does not fall.
@@ -252,5 +276,5 @@ class SingularityMonitor(Passages):
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
         if not _suspicious(before, here, after, self.largest):
             return
-        nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.first))
-        self.search(run, [self.first + i for i in nodes])
+        nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.origin))
+        self.search(run, [self.origin + i for i in nodes])

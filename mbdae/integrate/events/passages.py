@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..errors import StepError
-from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.singularity import Singular, open_limit, singular, tangent, tangent_space_angle, tangent_space_rate
-from ..system import Array
+from ...errors import StepError
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.singularity import Singular, open_limit, singular, tangent, tangent_space_angle, tangent_space_rate
+from ...system import Array
+from .source import EventError, EventSource
 
 if TYPE_CHECKING:
-    from .run import RunState
+    from ..run import RunState
 
 MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
@@ -25,7 +26,7 @@ SHARP = 1e-10  # of a step: tolerance of a minimum
 SAME = 1e-4  # of the steps that are searched: minima closer than this are one
 
 
-class Passages:
+class Passages(EventSource):
     """Singular configurations that a run passes.
 
     Args:
@@ -72,7 +73,7 @@ class Passages:
         explained = EXPLAINED * abs(way) * tangent_space_rate(self.workspace, *before, way)
         if angle > BEND + explained:
             text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
-            self.end(run, a, f"{text}; take a smaller rtol, or project=True")
+            raise EventError("rank", f"{text}; take a smaller rtol, or project=True", a)
 
     def _edge(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
         """Return where the motion from a singular configuration to a node leaves the zone; the node if it does not.
@@ -86,15 +87,6 @@ class Passages:
             if self._ratio(*point) >= MONITORED_RATIO * self.largest:
                 return point
         return run.ts[node], run.ys[node]
-
-    def end(self, run: "RunState", i: int, message: str) -> None:
-        """End the run at node i.
-
-        Raises:
-            StepError: with the message.
-        """
-        del run.ts[i + 1 :], run.ys[i + 1 :], run.zs[i + 1 :]
-        raise StepError("rank", message)
 
     def search(self, run: "RunState", nodes: list[int]) -> None:
         """Minimise over u, node i plus a share of the step after it."""
@@ -129,7 +121,8 @@ class Passages:
         self.found.append(found)
         if not self.controlled and not self.kept and gap > CLOSED:
             text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
-            self.end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
+            text = f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'"
+            raise EventError("rank", text, i)
         self.compare(run, nodes[0], nodes[-1])
 
     def _gap(self, t: float, y: Array) -> float:

@@ -11,7 +11,7 @@ from ...errors import StepError
 from ...mechanism.hybrid.mode_point import ROUNDING
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
-from ..signal_events import ITERATIONS, SHARE, SHARP
+from .level_crossing import ITERATIONS, SHARE, SHARP
 from .load_resolution import QUARTERS, At, sample_points
 
 if TYPE_CHECKING:

@@ -7,12 +7,17 @@ A solution has both points.
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, StepError
-from ..system import System
+from ...errors import InputError, StepError
+from ...system import System
+from .source import EventSource, Occurrence
+
+if TYPE_CHECKING:
+    from ..run import RunState
+    from ..step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps within rounding of one another that count as one
 MARGIN = 8  # roundings of t by which a step stays before a jump: more than the error of its stage times
@@ -32,7 +37,7 @@ class SmoothInterval(NamedTuple):
     restart: float | None
 
 
-class Jumps:
+class Jumps(EventSource):
     """Upcoming jumps of a run: of the system, and times given by the user.
 
     Args:
@@ -66,6 +71,17 @@ class Jumps:
             return SmoothInterval(stop, self.t1, None)
         last = self._last(first, 4 * margin)
         return SmoothInterval(stop, stop, last if s > 0 else last - margin)
+
+    def first(self, step: "StepMap") -> Occurrence | None:
+        """Return the end of a step that ends a smooth interval, unless the span ends there."""
+        run = step.run
+        return Occurrence(run.t) if run.t == run.leg.end and run.leg.restart is not None else None
+
+    def act(self, run: "RunState") -> bool:
+        """Restart after the jump."""
+        assert run.leg.restart is not None
+        run.cross(run.leg.restart)
+        return False
 
     def _next(self, t: float) -> float:
         s = self.sign

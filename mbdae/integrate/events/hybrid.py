@@ -1,21 +1,26 @@
-"""Monitor of the modes of a run from step to step."""
+"""Modes of a run: guards are monitored from step to step, and the mode changes where one passes zero."""
 
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ...errors import InputError, StepError
 from ...mechanism.closures.independent_rows import UNDERWAY
 from ...mechanism.formulations.friction_interface import STILL
-from ...mechanism.hybrid.mode_point import ModePoint
+from ...mechanism.hybrid.active_set import select_mode
+from ...mechanism.hybrid.impact import Impact, resolve_impact
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode
-from ...solution.impact_record import Impact
-from ...system import Array
+from ...system import Array, State
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import QUARTERS, At, loads_unresolved, resolving_step
-from .transition import Transition
+from .singularity_crossing import KNOWN
+from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
+    from ...mechanism.hybrid.onset import Later
     from ...mechanism.hybrid.switches import Mode
     from ..run import RunState
     from ..step_map import StepMap
@@ -27,8 +32,8 @@ SHORT = 1e-7  # of the span: loads that no longer step resolves are jumps
 MANY = 100  # transitions, plus as many per switch: if they all fall within a rest time, there is chattering
 
 
-class ModeMonitor:
-    """Monitors and changes the modes of a run.
+class ModeChanges(EventSource):
+    """Guards of the mode of a run, and its changes.
 
     Args:
         system: the run's workspace, of a mechanism that has switches.
@@ -38,17 +43,25 @@ class ModeMonitor:
         impacts: the impacts of the run.
     """
 
+    each_step = True
+
     def __init__(self, system: "Index2System") -> None:
-        self.system, self.transition = system, Transition(system)
+        self.system, self.all_rows = system, AllRows(system)
         system.sliding.still = STILL * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
+        switched = {row for s in self.switches for row in s.rows}
+        self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
+        self.fired: list[Guard] = []  # guards at zero at the end of the last step
         self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
+
+    def _point(self, t: float, y: Array) -> ModePoint:
+        return ModePoint(self.system, self.all_rows, t, y)
 
     def _enter(self, mode: "Mode", run: "RunState | None" = None) -> None:
         self.system.enter(mode)
@@ -56,19 +69,28 @@ class ModeMonitor:
             signal.system.enter(mode)
         self.guards: list[TrackedGuard] = []
 
-    def begin(self, t: float, y: Array) -> None:
-        """Track the guards of the mode from a point on."""
-        at, mode = self.transition.point(t, y), self.system.mode
+    def begin(self, run: "RunState") -> None:
+        """Track the guards of a mode that has just been entered."""
+        if len(run.ts) == 1 or not self.guards:
+            self._track(run.t, run.ys[-1])
+
+    def _track(self, t: float, y: Array) -> None:
+        at, mode = self._point(t, y), self.system.mode
         self.system.beside = UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
-        """Select the mode of a start; return the point, after an impact if an active contact approaches.
+        """Return the point of a start, or after commanded switches at a jump, in the mode that follows.
+
+        An impact comes first if an active contact approaches.
 
         Raises:
-            InputError: if a gap is negative.
+            InputError: if a gap is negative at the start.
+            StepError: if an impact has no solution.
         """
-        at = self.transition.point(run.t, y)
+        if self.modes:
+            return self._commanded(run, y)
+        at = self._point(run.t, y)
         for s, gap in self._gaps(at):
             if gap < -TOUCHING * self.system.mechanism.row_scales[s.rows[0]]:
                 unit = self.system.mechanism.row_units[s.rows[0]]
@@ -81,22 +103,36 @@ class ModeMonitor:
     def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
         return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
 
-    def touching(self, t: float, y: Array, near: float) -> list[str]:
+    def _touching(self, t: float, y: Array, near: float) -> list[str]:
         """Return the names of contacts that are closed at a point, or nearly."""
-        scales, gaps = self.system.mechanism.row_scales, self._gaps(self.transition.point(t, y))
+        scales, gaps = self.system.mechanism.row_scales, self._gaps(self._point(t, y))
         return [s.name for s, gap in gaps if abs(gap) <= near * scales[s.rows[0]]]
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
-        y, impact = self.transition.resolve_impact(at, recent)
+        y, impact = resolve_impact(at, self.always, recent)
         if impact:
             self.impacts.append(impact)
             self.last_impact |= {s.at: at.t for s in self.switches if s.name in impact.where}
-        return y, self.transition.choice(run, at.t, y, opened)
+        at = self._point(at.t, y)
+        return y, select_mode(at, self.always, opened, _loads_later(run, at))
 
-    def check(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
+    def first(self, step: "StepMap") -> Occurrence | None:
+        """Return the end of the mode in a step, where the first guards pass zero."""
+        try:
+            theta, self.fired = self._first_root(step)
+        except StepError as e:  # a guard cannot be computed: the run ends before
+            raise EventError(e.status, str(e), step.node) from e
+        if not self.fired:
+            return None
+        if theta >= 1:
+            return Occurrence(step.t1)
+        t = step.t + theta * step.h
+        return Occurrence(t, step.end(theta) if t != step.t else None)
+
+    def _first_root(self, step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards; 2 and none if it does not end."""
-        at = self._points(step)
+        at, run = self._points(step), step.run
         fixed = run.stepper.any_size and not run.stepper.controls
         theta, fired = first_guard_root(
             self.guards, step, at, resolving_step(self.guards, at, abs(step.h)) if fixed else QUARTERS
@@ -106,8 +142,9 @@ class ModeMonitor:
                 guard.move(at(1.0))
         return theta, fired
 
-    def unresolved_step(self, run: "RunState", step: "StepMap") -> bool:
+    def rejects(self, step: "StepMap") -> bool:
         """Return whether a step is too long to resolve loads of sticking or resting rows, and bound the next one."""
+        run = step.run
         if not run.stepper.controls or not run.stepper.any_size:
             return False
         h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
@@ -125,47 +162,64 @@ class ModeMonitor:
         def at(theta: float) -> ModePoint:
             if theta not in known:
                 y = step.y if not theta else step.y1 if theta == 1 else step.point(theta)
-                known[theta] = self.transition.point(step.t + theta * step.h, y)
+                known[theta] = self._point(step.t + theta * step.h, y)
             return known[theta]
 
         return at
 
-    def command(self, run: "RunState", y: Array) -> Array:
-        """Return the point after commanded switches at a jump, in the following mode.
-
-        Raises:
-            StepError: if an impact has no solution.
-        """
-        if not any(g.kind in COMMANDS for g in self.violated_guards(run.t, y)):
+    def _commanded(self, run: "RunState", y: Array) -> Array:
+        if not any(g.kind in COMMANDS for g in self._violated(run.t, y)):
             return y
-        y, mode = self._resolved_mode(run, self.transition.point(run.t, y), set())
+        y, mode = self._resolved_mode(run, self._point(run.t, y), set())
         if mode != self.system.mode:
             self.modes.append((len(run.ts) - 1, mode))
         self._enter(mode, run)
         return y
 
-    def violated_guards(self, t: float, y: Array) -> list[Guard]:
+    def _violated(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point, after a jump of loads."""
-        at = self.transition.point(t, y)
+        at = self._point(t, y)
         return [g.guard for g in self.guards if g.value(at) < -g.band]
 
-    def change_mode(self, run: "RunState", fired: list[Guard]) -> None:
+    def act(self, run: "RunState") -> bool:
+        """Change the mode, unless the run ends here."""
+        if run.time_left() > 0:
+            self._change(run, self.fired)
+        return False
+
+    def restart(self, run: "RunState", switched: bool) -> None:
+        """Change the mode after a jump of loads."""
+        if not switched and (fired := self._violated(run.t, run.ys[-1])):
+            self._change(run, fired)
+
+    def _change(self, run: "RunState", fired: list[Guard]) -> None:
         """Continue in the following mode: a second point of the run at the same time.
 
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
         self._count(run.t, fired)
-        if run.singular:
-            run.singular.end_leg(run)
+        run.end_interval()
         opened = {g.at for g in fired if g.kind == "let go"}
-        y, mode = self._resolved_mode(run, self.transition.point(run.t, run.ys[-1]), opened)
+        y, mode = self._resolved_mode(run, self._point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)
         if run.project:
             y = self.system.restore(run.t, y)
         self.modes.append((len(run.ts), mode))
         run.turn(y)
-        self.begin(run.t, run.ys[-1])
+        self._track(run.t, run.ys[-1])
+
+    def explain(self, run: "RunState", reason: StepError) -> str:
+        """Return when a run stopped and in which mode, or which contact met a singular configuration."""
+        last = run.ts[-1], run.ys[-1]
+        if run.singular and run.singular.next_to(*last) and (met := self._touching(*last, KNOWN)):
+            names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
+            order = "the order of the two is beyond what its place is known to"
+            where = f"{names} met within {KNOWN:g} rad or characteristic lengths of a singular configuration"
+            return f"{where}: {order} ({reason})"
+        when = "" if "t = " in str(reason) else f", at t = {run.t:.17g}"
+        mode = describe_mode(self.switches, self.system.mode)
+        return f"{reason}{when} ({mode})" if reason.status in ("step_size", "singular") else f"{reason}{when}"
 
     def _count(self, t: float, fired: list[Guard]) -> None:
         most = MANY * (1 + len(self.switches))
@@ -174,3 +228,22 @@ class ModeMonitor:
             names = " and ".join(repr(g.name) for g in fired)
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")
+
+
+def _loads_later(run: "RunState", at: ModePoint) -> "Later":
+    """Return the loads after a step in a mode, whose size is a share of the time to the next jump."""
+
+    def step(mode: "Mode", share: float) -> tuple[Array, float]:
+        system, before = at.system, at.system.mode
+        system.enter(mode)
+        try:
+            h = share * (run.ahead.leg(at.t).stop - at.t)
+            start = system.update_independent_rows(at.t, State(at.y)).y
+            carry = system.carry(*system.derivative(at.t, start))
+            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
+            point = ModePoint(system, at.all_rows, at.t + h, end)
+            return point.lam, point.rounding
+        finally:
+            system.enter(before)
+
+    return step

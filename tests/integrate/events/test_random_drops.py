@@ -29,6 +29,6 @@ def test_a_chain_that_falls(seed):
         assert sum(x.loss for x in sol.impacts) == pytest.approx(-sol.work[-1], abs=1e-9 * scale)
 
 
-if __name__ == "__main__":  # a thousand of them: python -m tests.integrate.mode_switching.test_random_drops
+if __name__ == "__main__":  # a thousand of them: python -m tests.integrate.events.test_random_drops
     for number in range(1000):
         test_a_chain_that_falls(number)

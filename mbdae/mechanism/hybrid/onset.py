@@ -16,41 +16,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.hybrid.switch import ACTIVE_STATE
-from ...system import Array, State
+from ...system import Array
+from .switch import ACTIVE_STATE
 
 if TYPE_CHECKING:
-    from ...mechanism.hybrid.mode_point import ModePoint
-    from ...mechanism.hybrid.switch import LoadCandidate
-    from ...mechanism.hybrid.switches import Mode
-    from ..run import RunState
+    from .switch import LoadCandidate
+    from .switches import Mode
 
 SHARES = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, which no step may cross
 CLEAR = 1e3  # times the rounding of multipliers: smallest significant load
 
-Later = Callable[["Mode", float], tuple[Array, float]]
-
-
-def later(run: "RunState", at: "ModePoint") -> Later:
-    """Return a function of a mode and a share of the time to the next jump.
-
-    It returns lam (ng,) after a step of that length in the mode, and its rounding error.
-    """
-
-    def step(mode: "Mode", share: float) -> tuple[Array, float]:
-        system, before = at.system, at.system.mode
-        system.enter(mode)
-        try:
-            h = share * (run.ahead.leg(at.t).stop - at.t)
-            start = system.update_independent_rows(at.t, State(at.y)).y
-            carry = system.carry(*system.derivative(at.t, start))
-            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
-            point = type(at)(system, at.all_rows, at.t + h, end)
-            return point.lam, point.rounding
-        finally:
-            system.enter(before)
-
-    return step
+Later = Callable[["Mode", float], tuple[Array, float]]  # see `pressing`
 
 
 def pressing(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: Later) -> set[int]:
@@ -59,7 +35,8 @@ def pressing(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: Later) -
     Args:
         mode: state of the other switches, with these open.
         undecided: their rows, by indices of the switches.
-        step: see `later`.
+        step: returns lam (ng,) after a step in a mode, and its rounding error, given the mode and the size of the step
+            as a share of the time to the next jump.
     """
     left = dict(undecided)
     while left:

@@ -3,7 +3,7 @@
 Its motion is that of one pendulum, J q'' = 2 g cos q, integrated by scipy from impact to impact. Of 432 runs none may
 end early if the stop is 1e-5 rad or more from the line, on either side; closer ones may, with a reason.
 
-    python -m tests.integrate.mode_switching.test_stops_beside_singular      # all of them
+    python -m tests.integrate.events.test_stops_beside_singular      # all of them
 """
 
 from functools import cache

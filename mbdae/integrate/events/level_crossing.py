@@ -11,23 +11,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from ..errors import InputError, StepError
-from ..mechanism import Mechanism
-from ..mechanism.formulations.index2 import Index2System
-from ..solution.columns import TURN
-from ..solution.signal_value import SignalValue, find_signal, value
-from ..system import Array
+from ...errors import InputError, StepError
+from ...mechanism import Mechanism
+from ...mechanism.formulations.index2 import Index2System
+from ...solution.columns import TURN
+from ...solution.signal_value import SignalValue, find_signal, value
+from ...system import Array
 
 if TYPE_CHECKING:
-    from .step_map import StepMap
+    from ..step_map import StepMap
 
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 SHARP = 2  # roundings of t: tolerance of the time of an event
 SHARE = 4 * float(np.finfo(float).eps)  # the same relative to the step
-TANGENCY_TOLERANCE = (
-    1e-12  # of 1 + |level|: a signal this close to its level before and after an impact has a tangency
-)
+TANGENCY_TOLERANCE = 1e-12  # of 1 + |level|: a signal this close to its level before and after an impact has a tangency
 ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
-from ..errors import StepError
-from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.singularity import Singular, singular, singular_crossing
-from ..system import Array
+from ...errors import StepError
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.singularity import Singular, singular, singular_crossing
+from ...system import Array
 
 OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: distances of the earlier states
 SEARCH_RANGE = 4.0  # times the way: search range for a singular configuration

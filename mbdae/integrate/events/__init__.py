@@ -1,0 +1,1 @@
+"""Sources of events of a run (`mbdae.integrate.events.source`), and the location of events in steps."""

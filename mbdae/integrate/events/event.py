@@ -1,0 +1,72 @@
+"""Events of a user: level crossings of signals, and zeros of functions of time and state."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism.callbacks import called, checked, function_name
+from ...system import Array, System
+
+
+@dataclass(frozen=True)
+class Event:
+    """A level crossing of a signal, or a zero of a function.
+
+    A signal is a text: ``"v.crank"`` for its zeros, ``"q.slider = 0.3"``, ``"force.wrist pin > 100"`` where it rises
+    above, ``"q.slider < 0.1"`` where it falls below; its names are those of `Solution.signals`, and effort of
+    closures and drivers. A function is evaluated at four points of each step.
+
+    Pairs of zeros between two evaluations are missed: choose ``max_step`` for fast changes.
+
+    Attributes:
+        function: a text, event(t, q, v) -> float for mechanisms, or event(t, y) for textbook problems.
+        terminal: stop at the event.
+        direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
+
+    Raises:
+        InputError: unless the event is a text or function and the direction is valid.
+    """
+
+    function: Callable[..., float] | str
+    terminal: bool = False
+    direction: int = 0
+
+    def __post_init__(self) -> None:
+        if not callable(self.function) and not isinstance(self.function, str):
+            raise InputError(
+                f"an event is a signal or a function of (t, q, v), or of (t, y), got {self.function!r:.60}"
+            )
+        if self.direction not in (-1, 0, 1):
+            raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
+
+
+def as_events(events: Any) -> tuple[Event, ...]:
+    """Return events as a tuple, given one or several: `Event`, signals, or functions with attributes as in scipy.
+
+    Raises:
+        InputError: for any other value.
+    """
+    one = isinstance(events, str) or not isinstance(events, Sequence)
+    several = [] if events is None else [events] if one else list(events)
+    out = []
+    for e in several:
+        if not isinstance(e, Event):
+            if not callable(e) and not isinstance(e, str):
+                raise InputError(f"an event is a signal, a function or mbdae.Event, got {type(e).__name__}")
+            e = Event(e, bool(getattr(e, "terminal", False)), int(np.sign(getattr(e, "direction", 0))))
+        out.append(e)
+    return tuple(out)
+
+
+def event_value(system: System, event: Event, t: float, y: Array) -> float:
+    """Evaluate an event function.
+
+    Raises:
+        StepError: if it fails or does not return a finite number.
+    """
+    assert callable(event.function)
+    what = f"event {function_name(event.function)!r}"
+    return float(checked(called(what, event.function, t, *system.split(y)), (), t, what))

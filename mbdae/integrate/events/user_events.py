@@ -1,0 +1,210 @@
+"""Events: level crossings of signals, and sign changes of functions of time and state.
+
+Signals are located on steps of the method (`level_crossing`), functions on the dense output; terminal events on a step.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...errors import StepError
+from ...mechanism.callbacks import function_name
+from ...system import Array, State, Step
+from .event import Event
+from .level_crossing import TANGENCY_TOLERANCE, SignalEvent, crossing_at_jump
+from .source import EventSource, Occurrence
+
+if TYPE_CHECKING:
+    from ..run import RunState
+    from ..step_map import StepMap
+
+SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
+SAME = 1e-10  # s, or relative to t: an event this close to the start coincides with it, up to rounding errors
+BESIDE = 1e-3  # of a step: distance on either side of an event for the derivative of its function
+TRIALS = 8  # steps towards a terminal event, of which three or four are needed
+
+
+class UserEvents(EventSource):
+    """Detects the events of a user from step to step and records them; terminal ones end the run.
+
+    A zero at the start of the run, to rounding, is an event there, in the direction in which it leaves zero, but does
+    not end the run: a run may start on the surface where another one ended.
+
+    Args:
+        events: the events.
+        evaluate: evaluates a function at (t, y).
+        signals: the other events, bound to a workspace, by index.
+    """
+
+    def __init__(
+        self,
+        events: tuple[Event, ...],
+        evaluate: Callable[[Event, float, Array], float],
+        signals: dict[int, SignalEvent] | None = None,
+    ) -> None:
+        self.events, self.evaluate, self.signals = events, evaluate, signals or {}
+        self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
+        self.by_signal = not self.functions and all(s.signal.compiled for s in self.signals.values())  # in the core
+        self.looked = self.stopped = False  # the last steps were checked; a terminal event was found
+        self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
+        self._last: dict[int, float] = {}
+        self._seen = np.nan  # time up to which steps were checked; nan after an impact
+
+    def begin(self, run: "RunState") -> None:
+        """Evaluate every event at the start of the run."""
+        if len(run.ts) > 1:
+            return
+        self.origin = t, y = run.t, run.state.y
+        self._seen = t
+        self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
+        for signal in self.signals.values():
+            signal.begin(t, y)
+
+    def restart(self, run: "RunState", switched: bool) -> None:
+        """Begin the next step after an impact, at the time where the last one ended."""
+        if switched:
+            self._seen = np.nan
+
+    @property
+    def each_step(self) -> bool:  # type: ignore[override]
+        """Whether it must see every step, since the core cannot detect the events."""
+        return not self.by_signal
+
+    @property
+    def why_python(self) -> str:
+        """Reason why the core cannot detect events."""
+        named = [f"event {function_name(e.function)!r} is a function" for e in self.functions.values()]
+        others = [self.events[i].function for i, s in self.signals.items() if not s.signal.compiled]
+        modes = [] if named or others or self.by_signal else ["modes switch in Python"]
+        return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
+
+    def core_data(self) -> list[Any]:
+        """Return core data of the signals."""
+        return [(s.signal.core_data(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
+
+    def adopt_native(self, native: Any) -> None:
+        """Take over events found by the core, and its current values."""
+        if not self.events or not self.by_signal:
+            return
+        self.looked, self.stopped = True, native.stopped
+        for i, t, y in native.found:
+            self.found[i].append(self.origin if t == self.origin[0] else (t, y))
+        for signal, node in zip(self.signals.values(), native.nodes, strict=True):
+            signal.node = node
+            self._seen = node[0]
+
+    def first(self, step: "StepMap") -> Occurrence | None:
+        """Record the events of a step, and return the first terminal one."""
+        if self.looked:
+            self.looked = False
+            return Occurrence(step.t1) if self.stopped else None
+        stop = self._terminal(step) if self.events else None
+        return self._occurrence(step, *stop) if stop else None
+
+    def act(self, run: "RunState") -> bool:
+        """End the run: events at or, by the dense output, beyond its end are moved to it."""
+        t, y, sign = run.t, run.ys[-1], run.sign
+        limit = sign * t - SAME * max(1.0, abs(t))
+        self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
+        return True
+
+    def _terminal(self, step: "StepMap") -> tuple[float, Event] | None:
+        """Check a step; return its first terminal event, preceded by the event's position in the step."""
+        t, h = step.t, step.h
+        same, stop = SAME * max(1.0, abs(t)), None
+        for theta, i, y in sorted(self._hits(step), key=lambda hit: hit[:2]):
+            if stop and (theta - stop[0]) * abs(h) > same:
+                break
+            begins = t == self.origin[0] and theta * abs(h) <= same
+            if theta == 0 and self.found[i] and abs(t - self.found[i][-1][0]) <= same:
+                continue  # found before the impact
+            self.found[i].append(self.origin if begins else (t + theta * h, y))
+            if self.events[i].terminal and not begins and stop is None:
+                stop = theta, self.events[i]
+        return stop
+
+    def _hits(self, step: "StepMap") -> list[tuple[float, int, Array]]:
+        """Return the zeros in a step: share of the step, index of the event, point."""
+        touch = None if step.t == self._seen else TANGENCY_TOLERANCE if np.isnan(self._seen) else 0.0
+        self._seen = step.t1
+        hits: list[tuple[float, int, Array]] = []
+        for i, event in self.functions.items():
+            hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, step, touch)]
+        for i, signal in self.signals.items():
+            hits += [(theta, i, y) for theta, y in signal.zeros(step, touch)]
+        return hits
+
+    def _zeros(self, i: int, event: Event, step: "StepMap", touch: float | None) -> list[float]:
+        zeros, theta0, g0 = [], 0.0, self._last[i]
+        if touch is not None:
+            passes, g0 = crossing_at_jump(g0, self.evaluate(event, step.t, step.y), event.direction, touch)
+            zeros = [0.0] if passes else []
+        known = {0.0: g0}
+
+        def value(theta: float) -> float:
+            if theta not in known:
+                known[theta] = self.evaluate(event, step.t + theta * step.h, step.dense(theta))
+            return known[theta]
+
+        for theta1 in SAMPLES:
+            g1 = value(theta1)
+            sense = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
+            if event.direction * sense >= 0:
+                if g0 == 0 and theta0 == 0 and g1 != 0 and step.t == self.origin[0]:
+                    zeros.append(0.0)
+                elif g0 * g1 < 0:
+                    zeros.append(float(brentq(value, theta0, theta1, xtol=1e-15, rtol=1e-15)))
+                elif g1 == 0 and g0 != 0:
+                    zeros.append(float(theta1))
+            theta0, g0 = theta1, g1
+        self._last[i] = g0
+        return zeros
+
+    def _occurrence(self, step: "StepMap", theta: float, event: Event) -> Occurrence:
+        """Return a terminal event with a step of the method, so that closures are satisfied as at any other node.
+
+        If no shorter step succeeds, the end is the point of the dense output, projected onto the closures. It is not
+        projected with scipy's solvers, whose nodes do not satisfy the closures either, in a singularity crossing, or
+        next to a singular configuration, where a step or a projection would rotate velocities.
+        """
+        run, t, nothing = step.run, step.t + theta * step.h, np.empty(0)
+        if step.start is None or (run.singular and run.singular.beside(t, step.dense(theta))):
+            return Occurrence(t, Step(State(step.dense(theta)), nothing, nothing), True)
+        with suppress(StepError):
+            if run.stepper.any_size:
+                return self._on_step(step, theta, event)
+        y = run.system.restore(t, step.dense(theta)) if run.stepper.any_size else step.dense(theta)
+        return Occurrence(t, Step(State(y), run.system.derivative(t, y)[1], nothing))
+
+    def _on_step(self, step: "StepMap", theta: float, event: Event) -> Occurrence:
+        """Return an event at the end of a step of the method.
+
+        The dense output, of one order less, provides the initial estimate of the zero of a function and the derivative
+        for secants; where they fail (an event function that jumps) the estimate is kept.
+
+        Raises:
+            StepError: if a shorter step cannot be taken.
+        """
+        t, h = step.t, step.h
+        if theta == 0:
+            return Occurrence(t)
+        taken = step.take(theta)
+        if isinstance(event.function, str):
+            return Occurrence(t + theta * h, taken)
+        low, high = max(0.0, theta - BESIDE), min(1.0, theta + BESIDE)
+        rise = self.evaluate(event, t + high * h, step.dense(high)) - self.evaluate(event, t + low * h, step.dense(low))
+        derivative = rise / (high - low)
+        miss = self.evaluate(event, t + theta * h, taken.state.y)
+        for _ in range(TRIALS):
+            nearer = theta - miss / derivative if derivative else theta
+            if nearer == theta or not 0 < nearer <= 1:
+                break
+            trial = step.take(nearer)
+            left = self.evaluate(event, t + nearer * h, trial.state.y)
+            if not abs(left) < abs(miss):
+                break
+            derivative, theta, miss, taken = (left - miss) / (nearer - theta), nearer, left, trial
+        return Occurrence(t + theta * h, taken)

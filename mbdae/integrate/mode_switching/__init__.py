@@ -1,1 +1,0 @@
-"""Guards and mode transitions between the steps of a run: see `mbdae.mechanism.hybrid` for the switches."""
