@@ -5,8 +5,9 @@ of the code that draws them; it takes some minutes. Each picture contains a dige
 sheets and scripts as they are, Python without docstrings and comments), by which a test finds outdated ones.
 """
 
-import ast
 import hashlib
+import io
+import tokenize
 from collections.abc import Iterable, Sequence
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -135,17 +136,39 @@ def digest(name: str) -> str:
     found = hashlib.sha256()
     for path in (x for pattern in SOURCES[name] for x in sorted(pattern.parent.glob(pattern.name))):
         text = path.read_text("utf-8")
-        found.update((without_docstrings(text) if path.suffix == ".py" else text).encode())
+        found.update((code_text(text) if path.suffix == ".py" else text).encode())
     return found.hexdigest()[:16]
 
 
-def without_docstrings(text: str) -> str:
-    """The syntax tree of a module, which has no comments, without docstrings."""
-    tree = ast.parse(text)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
-            node.body = node.body[1:]
-    return ast.dump(tree)
+def code_text(text: str) -> str:
+    """Statements of a module, one a line, without comments, docstrings and white space between tokens.
+
+    The same in every version of Python: f-strings, which newer tokenizers divide, are taken whole from the text.
+    """
+    rows, statements = io.StringIO(text).readlines(), list[str]()
+    tokens, indent, depth, begin = list[tuple[str, str]](), 0, 0, (0, 0)
+    for kind, word, start, end, _ in tokenize.generate_tokens(iter(rows).__next__):
+        name = tokenize.tok_name[kind]
+        if name == "FSTRING_START":
+            begin, depth = (begin if depth else start), depth + 1
+        if name == "FSTRING_END":
+            depth, name, word = depth - 1, "OP", between(rows, begin, end)
+        if depth or name in ("NL", "COMMENT", "INDENT", "DEDENT", "ENDMARKER"):
+            continue
+        if name == "NEWLINE":
+            if any(kind != "STRING" for kind, _ in tokens):
+                statements.append(" " * indent + " ".join(word for _, word in tokens))
+            tokens = []
+            continue
+        indent = indent if tokens else start[1]
+        tokens.append((name, word))
+    return "\n".join(statements)
+
+
+def between(rows: Sequence[str], start: tuple[int, int], end: tuple[int, int]) -> str:
+    """Text between two positions, (line from 1, column from 0), of the lines of a file."""
+    (i, a), (j, b) = start, end
+    return "".join(rows[i - 1 : j])[a : len("".join(rows[i - 1 : j - 1])) + b]
 
 
 def outdated(pictures: Iterable[Path]) -> list[str]:

@@ -189,8 +189,11 @@ class System(Protocol):
         """The constraint rows in use, if some are redundant."""
         return ()
 
-    def use_rows(self, rows: tuple[int, ...]) -> None:
-        """Use these rows from now on, until `update_independent_rows` selects others."""
+    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
+        """Use these rows from now on, until `update_independent_rows` selects others.
+
+        Without ``held`` as many others also replace them where they become ill-conditioned.
+        """
 
     def update_independent_rows(self, t: float, state: State) -> State:
         """Select the rows in use of the next step, and return the state projected onto them."""

@@ -42,3 +42,27 @@ def test_a_picture_of_other_code_is_noticed(tmp_path):
         assert gallery.outdated([picture]) == []
         image.save(picture)
     assert gallery.outdated([picture]) == ["drift.png"]
+
+
+COMMENTED = '''"""Doc."""
+
+
+def f(x):  # more
+    """Doc of
+    two lines."""
+    a = (1,  # one
+         f"{x!r:>{x}} # {{{'a' + f'{x}'}" "b")
+
+    if x: return f"""1
+      {x}"""
+'''
+PLAIN = '''def f ( x ) :
+    a = ( 1 , f"{x!r:>{x}} # {{{'a' + f'{x}'}" "b" )
+    if x : return f"""1
+      {x}"""'''
+
+
+def test_pictures_are_current_in_every_version_of_python():
+    """Syntax trees and tokens of f-strings differ between versions; comments and docstrings draw nothing."""
+    assert example("gallery").code_text(COMMENTED) == PLAIN
+    assert example("gallery").code_text(COMMENTED.replace("    if x", "if x")) != PLAIN

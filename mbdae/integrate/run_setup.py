@@ -38,7 +38,7 @@ Control = tuple[float, float | Array | None, float | None, float]
 
 def prepare(
     problem: Problem,
-    t_span: Sequence[float],
+    t_span: Sequence[float] | None,
     start: Start,
     method: Any,
     formulation: str,
@@ -58,7 +58,7 @@ def prepare(
     """
     tableau = find(formulation, method)
     project = projected(problem, project, formulation, tableau, step)
-    t0, t1 = checked_span(t_span, pair=True)
+    t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
     system, fallback = bind(problem, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
     stepper: Stepper = inner

@@ -16,7 +16,7 @@ from .settings import completed
 
 def solve(
     problem: Problem | str | Path,
-    t_span: Sequence[float],
+    t_span: Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,
     s: Array | None = None,
@@ -49,7 +49,7 @@ def solve(
     Args:
         problem: a mechanism, a `mbdae.Hessenberg` problem (which has a start), or the name or path of one, see
             `mbdae.load`.
-        t_span: start and end in s; the end may lie before the start.
+        t_span: start and end in s; the end may lie before the start. From 0 to the model's duration when left out.
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their defaults when left out.

@@ -95,6 +95,8 @@ class Tableau:
         if not (lower and pivots and closes and len(Ahat) == n):
             shape = "A strictly lower, Ahat lower with a regular diagonal, b a row of Ahat"
             raise InputError(f"tableau {self.name!r}: {shape}")
+        if not np.isfinite(self.noise):
+            raise InputError(f"tableau {self.name!r}: its weights divided by the diagonal of Ahat overflow")
 
     @cached_property
     def exact_A(self) -> list[Row]:
@@ -150,7 +152,8 @@ class Tableau:
         a = self.arrays
         first = int(self.explicit_first)
         weights = a.e[0] if len(a.e) else a.b
-        return float(2 * np.finfo(float).eps * np.abs(weights[first:] / a.Ahat.diagonal()[first:]).sum())
+        with np.errstate(over="ignore"):
+            return float(2 * np.finfo(float).eps * np.abs(weights[first:] / a.Ahat.diagonal()[first:]).sum())
 
     @property
     def error_power(self) -> int:

@@ -37,12 +37,22 @@ class DenseOutput:
 
     def at(self, i: int) -> Any:
         """Return the workspace with the rows in use at node i: results depend on nothing else."""
+        return self.placed(self.system, i)
+
+    def placed(self, system: Any, i: int, held: bool = True) -> Any:
+        """Return a workspace of any formulation in the mode and with the rows in use at node i.
+
+        Args:
+            system: the workspace.
+            i: the node.
+            held: see `mbdae.system.System.use_rows`.
+        """
         rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
         if self.modes:
-            self.system.enter(self.mode(i))
-        if rows and (not self.system.held or rows != self.system.in_use):
-            self.system.use_rows(rows)
-        return self.system
+            system.enter(self.mode(i))
+        if rows and (not system.held or rows != system.in_use):
+            system.use_rows(rows, held)
+        return system
 
     def mode(self, i: int) -> tuple[int, ...]:
         """Return the states of the mechanism's switches at node i."""

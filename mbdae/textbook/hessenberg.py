@@ -133,7 +133,7 @@ class HessenbergSystem(System):
     def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
         return y1 - y0
 
-    def use_rows(self, rows: tuple[int, ...]) -> None:
+    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         """Always solves for all constraints."""
 
     def size(self, y: Array) -> Array:  # noqa: D102

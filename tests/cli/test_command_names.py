@@ -8,6 +8,7 @@ from commands import call
 
 import mbdae
 from mbdae.__main__ import cli
+from mbdae.textbook.problems import TEXTBOOK
 
 LISTS = {  # commands without a function of their name
     "methods": "prints `mbdae.METHODS`; mbdae.methods is the package of the methods",
@@ -101,6 +102,14 @@ def test_an_end_alone_and_a_start_with_an_end():
         code, out, _ = call("solve", "four_bar", "-t", text, "--rtol", "1e-6", "--json")
         sol = mbdae.solve("four_bar", span, rtol=1e-6)
         assert (code, json.loads(out)["stats"]["steps"]) == (0, sol.stats["steps"])
+
+
+def test_a_span_that_is_left_out_is_the_model_s():
+    """`mbdae solve NAME` and `mbdae.solve(NAME)` are the same run, as those of compare and report are."""
+    for name, problem in (("pendulum", mbdae.load("pendulum")), ("hessenberg_a", TEXTBOOK["hessenberg_a"]())):
+        sol, found = mbdae.solve(name), json.loads(call("solve", name, "--json")[1])
+        assert (found["t"], found["stats"]["steps"]) == (problem.duration, sol.stats["steps"])
+        assert (sol.t[0], sol.t[-1]) == (0.0, problem.duration)
 
 
 def test_info_is_the_same_in_python():

@@ -72,6 +72,8 @@ def test_wrong_ones_are_refused(tmp_path):
         method(Tableau("a", A=((),), b=("1/2",)))
     with pytest.raises(InputError, match="tableau 'a': A strictly lower"):
         Tableau("a", A=(("1",),), b=("1",))
+    with pytest.raises(InputError, match="tableau 'a': its weights divided by the diagonal of Ahat overflow"):
+        Tableau("a", A=((), ("5e-321",)), b=("0", "1"), b_embedded=("1",))
     with pytest.raises(InputError, match="a row has more than 1 entries"):
         Tableau("a", A=((),), b=("1/2", "1/2"))
     with pytest.raises(InputError, match="'rk4' is the name of a method of mbdae"):

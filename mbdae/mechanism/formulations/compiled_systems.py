@@ -213,9 +213,9 @@ class CompiledSystem(Index2System):
             self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
             self.core.slowest_slip(self.sliding.still)
 
-    def use_rows(self, rows: tuple[int, ...]) -> None:
+    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         """See `mbdae.system.System`."""
-        super().use_rows(rows)
+        super().use_rows(rows, held)
         self.after_python()
 
     def update_independent_rows(self, t: float, state: State) -> State:

@@ -134,8 +134,8 @@ class Index2System(PinocchioData, System):
         """See `mbdae.system.System`."""
         return () if self.rows is None else tuple(self.rows.tolist())
 
-    def use_rows(self, rows: tuple[int, ...]) -> None:  # noqa: D102
-        self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
+    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:  # noqa: D102
+        self.rows, self.rank, self.held = np.array(rows, int), len(rows), held
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, with kinematics current there; reuses the last stage if it ended here."""

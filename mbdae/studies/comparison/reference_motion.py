@@ -87,15 +87,14 @@ class ReferenceMotion:
 
         A run is continued from the step before each of them by the underlying ordinary differential equation, solved to
         rounding: this measures the error of the steps, not that of interpolation. After a singular configuration, which
-        that equation cannot cross, it is interpolated. Each time has the mode of its step.
+        that equation cannot cross, it is interpolated. Each time has the mode of its step, and as many independent
+        rows: loops that have drifted open have more.
         """
         m = self.problem
         system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
         points, z = [], np.full((len(self.times), system.nz), np.nan)
         for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
-            if sol.modes:
-                system.enter(sol.mode(int(node)))
-            points.append(_carried(system, sol, int(node), t))
+            points.append(_carried(sol.placed(system, int(node), held=False), sol, int(node), t))
             with suppress(StepError):  # none exists in a singular configuration
                 z[k] = system.derivative(t, points[-1])[1]
         y = np.array(points)

@@ -32,6 +32,8 @@ def test_radii_that_do_not_fit_the_distance(tmp_path):
     with pytest.raises(InputError, match=r"are 0\.3 m apart, and radii of 0\.1 and 0\.3 m ask for 0\.4 m"):
         mbdae.solve(wheels(tmp_path, Closure.gear("a", "b", (0.1, 0.3), name="mesh"), **SPIN), (0, 1))
     assert mbdae.solve(wheels(tmp_path, GEAR, **SPIN), (0, 1)).status == "finished"
+    with pytest.raises(InputError, match="closure 'mesh': its wheels have one axis"):
+        mbdae.solve(wheels(tmp_path, GEAR, xyz=(0.0, 0.0, 0.3), **SPIN), (0, 1))
     ring = Closure.gear("a", "b", (-0.5, 0.2), name="mesh")
     assert mbdae.solve(wheels(tmp_path, ring, xyz=(0.0, 0.3, 0.7), **SPIN), (0, 1)).status == "finished"
 

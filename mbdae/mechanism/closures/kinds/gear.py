@@ -5,6 +5,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import field_validator
 
+from ....errors import StepError
 from ....system import Array
 from ...frames import Pair, cross
 from ..closure import Axis, Z
@@ -74,5 +75,7 @@ class Gear(LineRows):
         pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
         d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
         k = pair.Ra.dot(self.axis)
-        e, de = unit(cross(k, d), cross(rotated(pair.Va, k), d) + cross(k, dd))
+        if not (along := cross(k, d)).any():
+            raise StepError("singular", "its wheels have one axis: they have no line of centres")
+        e, de = unit(along, cross(rotated(pair.Va, k), d) + cross(k, dd))
         return Lines(e, pa + self.share * d, de, va + self.share * dd)
