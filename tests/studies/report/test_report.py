@@ -187,7 +187,8 @@ def test_wrong_input_is_refused(result, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_it(tmp_path):
+def test_the_command_writes_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("mbdae.studies.report.page.image", lambda *_, **__: "")
     arguments = shlex.split("report pendulum -t 0.5 -m herk3 --rtol 1e-5 --repeats 1 -o r.html --json")
     code, out, err = call(*arguments, cwd=tmp_path)
     assert (code, err) == (0, "")
