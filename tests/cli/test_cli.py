@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from commands import call, found
+from commands import call, found, without_pictures
 
 import mbdae
 from mbdae.__main__ import cli
@@ -118,7 +118,7 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
         for more in ([], ["--json"]):
             with monkeypatch.context() as patch:
                 if more:  # pictures of the page were drawn without --json
-                    patch.setattr("mbdae.studies.report.page.image", lambda *_, **__: "")
+                    without_pictures(patch)
                 code, out, err = call(*arguments.split(), *more, cwd=tmp_path)
             assert (code, err) == (0, ""), arguments
             if more:
