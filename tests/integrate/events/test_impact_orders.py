@@ -35,9 +35,9 @@ def reference(four_bar):
         ("herk5", 4.8, (512, 1024, 2048, 4096), "native"),
         ("pherk5", 4.8, (512, 1024, 2048, 4096), "native"),
         ("pherk6", 5.7, (256, 512, 1024, 2048), "native"),
-        ("herk5", 4.8, (512, 1024, 2048), "python"),
-        ("pherk5", 4.8, (128, 256, 512), "python"),
-        ("pherk6", 5.7, (128, 256, 512), "python"),
+        ("herk5", 4.8, (64, 128, 256), "python"),
+        ("pherk5", 4.8, (64, 128, 256), "python"),
+        ("pherk6", 5.7, (64, 128, 256), "python"),
     ],
 )
 def test_orders_through_ten_impacts(four_bar, reference, method, order, ns, backend):

@@ -97,7 +97,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
         if (tmp_path / "c.json").exists() or process.poll() is not None:
             break
         time.sleep(0.1)
-    time.sleep(1.0)
+    time.sleep(0.2)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
     out, err = process.communicate(timeout=60)
     assert process.returncode == 1, err

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Chromium
-from commands import call
+from commands import call, without_pictures
 
 import mbdae
 from mbdae.errors import InputError
@@ -187,7 +187,8 @@ def test_wrong_input_is_refused(result, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_it(tmp_path):
+def test_the_command_writes_it(tmp_path, monkeypatch):
+    without_pictures(monkeypatch)
     arguments = shlex.split("report pendulum -t 0.5 -m herk3 --rtol 1e-5 --repeats 1 -o r.html --json")
     code, out, err = call(*arguments, cwd=tmp_path)
     assert (code, err) == (0, "")
@@ -262,8 +263,7 @@ def test_ctrl_c_keeps_what_is_finished(at, missing, orders, points):
 
 
 def test_ctrl_c_writes_what_is_finished(tmp_path, monkeypatch):
-    for figure in ("motion", "drifts", "image"):
-        monkeypatch.setattr(f"mbdae.studies.report.page.{figure}", lambda *_, **__: "")
+    without_pictures(monkeypatch)
     monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6", "herk2"))
     press = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)  # noqa: E731
     monkeypatch.setattr("mbdae.studies.report.report.order", press)
