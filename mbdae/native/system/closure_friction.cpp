@@ -3,12 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
-
-#include "system/saddle.hpp"
+#include "math/dense_lu.hpp"
 #include "math/vec3.hpp"
+#include "system/saddle.hpp"
 
 namespace mbdae {
 
@@ -99,12 +96,20 @@ void ClosureFriction::spread(const double* G) {
   const auto r = static_cast<Eigen::Index>(rows.size()), d = static_cast<Eigen::Index>(others.size());
   C_.setZero(d, r);
   if (!r || !d) return;
-  Eigen::MatrixXd used(m_.nv, r), rest(m_.nv, d);
-  for (Eigen::Index i = 0; i < r; ++i) used.col(i) = Vector<double>::Map(G + static_cast<size_t>(rows[i]) * m_.nv, m_.nv);
-  for (Eigen::Index i = 0; i < d; ++i) rest.col(i) = Vector<double>::Map(G + static_cast<size_t>(others[i]) * m_.nv, m_.nv);
-  C_ = used.householderQr().solve(rest).transpose();
-  const Rows<double> normal = Rows<double>::Identity(d, d) + C_ * C_.transpose();
-  P_ = normal.llt().solve(C_);
+  Numbers used, rest;  // by columns
+  const size_t nv = m_.nv;
+  for (int k : rows) used.insert(used.end(), G + k * nv, G + (k + 1) * nv);
+  for (int k : others) rest.insert(rest.end(), G + k * nv, G + (k + 1) * nv);
+  least_squares(m_.nv, static_cast<int>(r), used.data(), static_cast<int>(d), rest.data());
+  for (Eigen::Index i = 0; i < d; ++i) C_.row(i) = Vector<double>::Map(&rest[i * nv], r);
+  DenseLU<1> normal;
+  normal.resize(static_cast<int>(d));
+  for (Eigen::Index j = 0; j < d; ++j)
+    for (Eigen::Index i = 0; i < d; ++i) normal.column(j)[i] = (i == j) + C_.row(i).dot(C_.row(j));
+  normal.factorize();
+  Eigen::MatrixXd P = C_;
+  for (Eigen::Index j = 0; j < r; ++j) normal.solve(&P(0, j));
+  P_ = P;
 }
 
 void ClosureFriction::whole(const double* lam, double* all) const {
@@ -135,17 +140,20 @@ void ClosureFriction::forces(const Numbers& lam, const Rows<double>& responses) 
   double last = INFINITY;
   for (int it = 0; it < limits.loading; ++it) {
     const Vector<double> now = Vector<double>::Map(lam.data(), ng) + responses.transpose() * T_;
-    Rows<double> partials = Rows<double>::Identity(k, k);
+    DenseLU<1> partials;
     Vector<double> move(k);
+    bool wedged = false;
+    partials.resize(static_cast<int>(k));
     for (Eigen::Index i = 0; i < k; ++i) {
       const FrictionInterface& place = places_[i];
       double gradient[6];
       move[i] = factor_[i] * carried(place, now.data(), gradient) - T_[i];
-      for (Eigen::Index j = 0; j < k; ++j) partials(i, j) -= factor_[i] * dot(gradient, &responses(j, place.row), place.carried);
+      for (Eigen::Index j = 0; j < k; ++j)
+        partials.column(j)[i] = (i == j) - factor_[i] * dot(gradient, &responses(j, place.row), place.carried);
+      wedged = wedged || !(partials.column(i)[i] > 0);
     }
-    const Eigen::PartialPivLU<Rows<double>> lu(partials);
-    if (!(lu.determinant() > 0) || !(partials.diagonal().array() > 0).all()) throw FallBackToPython();  // wedging
-    move = lu.solve(move);
+    if (wedged || !partials.factorize() || !partials.positive_determinant()) throw FallBackToPython();
+    partials.solve(move.data());
     T_ += move;
     const double change = move.cwiseAbs().maxCoeff(), size = T_.cwiseAbs().maxCoeff();
     if (change <= limits.loaded * size || (change >= 0.5 * last && change <= limits.settled * size)) return;
