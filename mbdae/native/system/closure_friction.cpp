@@ -81,7 +81,7 @@ void ClosureFriction::along(const FrictionInterface& place, const double* v, dou
   } else {
     const Row& first = constraints_.rows[place.row];
     first.wrench(pair, n);
-    if (first.kind == Row::height) p = pair.touch(first.shape, false).p;
+    if (first.kind == Row::height) p = pair.touch(first.shape).p.x;
     cross(V + 3, p, w);
     for (int i = 0; i < 3; ++i) w[i] += V[i];
     const double off = dot(n, w);
