@@ -71,9 +71,9 @@ def test_the_law_has_the_derivatives_of_its_force(tmp_path):
 
 
 @compiler
-@pytest.mark.parametrize("kind", ["{fits, add}", "{fits, add, nullptr}"])
+@pytest.mark.parametrize("kind", ["{fits, JointLaw<Drag>::add}", "{fits, JointLaw<Drag>::add, nullptr}"])
 def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
-    law = LAW.replace("{fits, add, partials}", kind).replace("static void partials", "void partials")
+    law = LAW.replace("= joint_law<Drag>(fits)", kind)
     done = compiled(tmp_path, law)
     assert done.returncode
     assert re.search(r"(use of|call to) deleted", done.stderr), done.stderr

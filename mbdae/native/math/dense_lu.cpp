@@ -144,6 +144,13 @@ void DenseLU<parts>::solve(double* b) const {
   }
 }
 
+template <int parts>
+bool DenseLU<parts>::positive_determinant() const {
+  bool out = true;
+  for (int k = 0; k < n_; ++k) out ^= (swap_[k] != k) != (a_[static_cast<size_t>(k) * (parts * n_ + 1)] < 0);
+  return out;
+}
+
 template class DenseLU<1>;
 template class DenseLU<2>;
 

@@ -156,4 +156,19 @@ void least(int m, int n, const double* B, const double* r, double truncation, do
   std::copy(w.begin(), w.end(), z);
 }
 
+void least_squares(int m, int n, double* A, int k, double* B) {
+  Numbers head(n), diagonal, x(n);
+  std::vector<int> order;
+  qr(m, n, A, order, diagonal, head.data());
+  for (double* b = B; b < B + static_cast<size_t>(m) * k; b += m) {
+    reflect(m, n, A, head.data(), b, true);
+    for (int i = n - 1; i >= 0; --i) {
+      for (int j = i + 1; j < n; ++j) b[i] -= A[j * m + i] * b[j];
+      b[i] /= A[i * m + i];
+    }
+    for (int i = 0; i < n; ++i) x[order[i]] = b[i];
+    std::copy(x.begin(), x.end(), b);
+  }
+}
+
 }  // namespace mbdae

@@ -33,4 +33,7 @@ void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<
 // The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void least(int m, int n, const double* B, const double* r, double truncation, double* z);
 
+// The X (n, k) that minimises |A X - B|, A (m, n) of full rank, all by columns: written to the first n rows of B (m, k).
+void least_squares(int m, int n, double* A, int k, double* B);
+
 }  // namespace mbdae

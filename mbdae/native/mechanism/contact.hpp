@@ -4,9 +4,12 @@
 #include <map>
 #include <string>
 
+#include "math/geometry.hpp"
+
 namespace mbdae {
 
-struct Pair;
+template <class S>
+struct Frames;
 
 struct Shape {
   enum Body { sphere, wheel, ellipsoid } body = sphere;
@@ -21,13 +24,13 @@ inline const std::map<std::string, Shape::Body> BODIES = {
 inline const std::map<std::string, Shape::Surface> SURFACES = {
     {"plane", Shape::plane}, {"sphere", Shape::ball}, {"cylinder", Shape::cylinder}};
 
-// The normal towards b, the lowest point, the tangents ahead and to the left; and their rates.
-struct ContactKinematics {
-  double n[3], p[3], ahead[3], left[3];
-  double dn[3], dp[3], dahead[3], dleft[3];
+// The normal towards b, the lowest point, the tangents ahead and to the left.
+template <class S>
+struct Contact {
+  Vec3<S> n, p, ahead, left;
 };
 
-// With rates if both velocities (6,) are given.
-void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, ContactKinematics& out);
+template <class S>
+Contact<S> touch(const Shape& shape, const Frames<S>& frames);
 
 }  // namespace mbdae

@@ -2,15 +2,14 @@
 // (mbdae/mechanism/closures/line_rows.py).
 #pragma once
 
-#include "mechanism/wrench_partials.hpp"
-#include "mechanism/rows.hpp"
+#include "mechanism/frames.hpp"
 
 namespace mbdae {
 
-bool touches(const Row& r);                                        // along a line through a contact point
-double line_wrench(const Row& r, const Pair& pair, double* w);     // g, and the wrench on b, (6,)
-// The wrench's rate (6,) for velocities of the frames; contact kinematics if given.
-void line_rate(const Row& r, const Pair& pair, const double* Va, const double* Vb, const ContactKinematics* touch, double* dw);
-void line_partials(const Row& r, const Pair& pair, WrenchPartials& t);   // Da and Db, as w' is linear in the velocities
+bool touches(const Row& r);  // along a line through a contact point
+
+// g, and the wrench on b; the contact of rows that touch.
+template <class S>
+S line_wrench(const Row& r, const Frames<S>& frames, const Contact<S>* contact, Wrench<S>& w);
 
 }  // namespace mbdae

@@ -51,7 +51,8 @@ static void right_jacobian(const Tolerances& limits, int n, const double* X, con
   }
 }
 
-void inverse_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
+// y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
+static void inverse_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];
   times(n, X, x, next);
   for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], term[i] = x[i];
@@ -63,8 +64,9 @@ void inverse_jacobian(const Tolerances& limits, int n, const double* X, const do
   }
 }
 
-void inverse_jacobian_rate(const Tolerances& limits, int n, const double* X, const double* dX, const double* v,
-                           double* out) {
+// out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
+static void inverse_jacobian_rate(const Tolerances& limits, int n, const double* X, const double* dX, const double* v,
+                                  double* out) {
   double term[6], dterm[6] = {0, 0, 0, 0, 0, 0}, next[6], dnext[6], work[6];
   times(n, dX, v, out);
   for (int i = 0; i < n; ++i) out[i] *= 0.5, term[i] = v[i];

@@ -58,11 +58,4 @@ class Manifold {
   Numbers neutral_;           // (nq,)
 };
 
-// out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
-void inverse_jacobian_rate(const Tolerances& limits, int n, const double* X, const double* dX, const double* v,
-                           double* out);
-
-// y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
-void inverse_jacobian(const Tolerances& limits, int n, const double* ad, const double* x, double* y);
-
 }  // namespace mbdae

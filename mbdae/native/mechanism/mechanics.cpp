@@ -2,15 +2,20 @@
 
 #include <chrono>
 #include <iterator>
+#include <stdexcept>
 
 #include <pinocchio/multibody.hpp>
-#include <Eigen/LU>
 #include <pinocchio/algorithm/cholesky.hpp>
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
+
+#include <boost/python/extract.hpp>
+
+#include "math/dense_lu.hpp"
+#include "mechanism/model.hpp"
 
 namespace mbdae {
 
@@ -187,7 +192,8 @@ double Mechanics::bare(const double* q, const double* v, int r, const double* G_
   const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
   w->q = In(q, nq), w->v = In(v, nv);
   pinocchio::Data data(w->model);
-  Matrix X(nv, r + 1), S(r, r);
+  Matrix X(nv, r + 1);
+  DenseLU<1> S;
   VectorXd lam(r), vdot(nv);
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < repetitions; ++i) {
@@ -198,8 +204,10 @@ double Mechanics::bare(const double* q, const double* v, int r, const double* G_
     pinocchio::cholesky::solve(w->model, data, X);
     vdot = X.col(r);
     if (r) {
-      S.noalias() = GT.transpose() * X.leftCols(r);
-      lam = S.partialPivLu().solve(-GT.transpose() * vdot);
+      S.resize(r);
+      Eigen::Map<Matrix>(S.column(0), r, r).noalias() = GT.transpose() * X.leftCols(r);
+      lam.noalias() = -GT.transpose() * vdot;
+      if (S.factorize()) S.solve(lam.data());
       vdot.noalias() += X.leftCols(r) * lam;
     }
   }
@@ -274,6 +282,17 @@ Body Mechanics::body(int j) const {
   Eigen::Map<Eigen::Vector3d>(out.centre, 3).noalias() = place.rotation() * own.lever() + place.translation();
   Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3).noalias() = turned * place.rotation().transpose();
   return out;
+}
+
+const void* model_pointer(PyObject* object) {
+  boost::python::extract<const pinocchio::Model&> extract(object);
+  if (!extract.check()) throw std::invalid_argument("expected a pinocchio.Model");
+  return &extract();
+}
+
+std::array<int, 3> model_sizes(const void* pointer) {
+  const auto& model = *static_cast<const pinocchio::Model*>(pointer);
+  return {model.nq, model.nv, model.njoints};
 }
 
 }  // namespace mbdae

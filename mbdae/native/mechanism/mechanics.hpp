@@ -49,7 +49,7 @@ class Mechanics {
   void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
   // Seconds of one crba, nle, Cholesky factorization of M and solve of the saddle-point system with G (r, nv) by rows,
-  // all with the routines of Pinocchio and Eigen: the minimum cost of a stage.
+  // all but the last with the routines of Pinocchio: the minimum cost of a stage.
   double bare(const double* q, const double* v, int r, const double* G, int repetitions);
 
   double potential() const;                 // of gravity in J, at the current poses

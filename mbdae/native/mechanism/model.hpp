@@ -1,4 +1,4 @@
-// Transfer of a model from Python to the core.
+// Transfer of a model from Python to the core, in mechanics.cpp, which alone includes Pinocchio.
 #pragma once
 
 #include <Python.h>

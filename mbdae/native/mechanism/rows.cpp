@@ -26,6 +26,10 @@ void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R
     for (int j = 0; j < 3; ++j) R[3 * i + j] = o[i] * x.R[j] + o[3 + i] * x.R[3 + j] + o[6 + i] * x.R[6 + j];
 }
 
+Six difference(const double* a, const double* b) {  // b - a
+  return {b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3], b[4] - a[4], b[5] - a[5]};
+}
+
 double angle(const double* q, int nq) { return nq == 1 ? q[0] : std::atan2(q[1], q[0]); }
 
 void horner(const std::vector<double>& c, double x, double& p, double& first, double& curve) {
@@ -48,7 +52,7 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int
 void Pair::locate(const Mechanics& m) {
   if (located_ == m.placed()) return;
   place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb);
-  known_ = nothing, located_ = m.placed();
+  known_ = known_moving_ = false, located_ = m.placed();
 }
 
 void Pair::twist(const Mechanics& m, bool falling) {
@@ -57,13 +61,17 @@ void Pair::twist(const Mechanics& m, bool falling) {
   const auto of = falling ? &Mechanics::falling : &Mechanics::acceleration;
   (m.*of)(a.joint, other), (m.*of)(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
-  known_ = nothing;
+  known_moving_ = false;
 }
 
-const ContactKinematics& Pair::touch(const Shape& s, bool moving) const {
-  const Known wanted = moving ? rates : places;
-  if (known_ < wanted) mbdae::touch(s, *this, moving ? Va : nullptr, Vb, touch_), known_ = wanted;
+const Contact<double>& Pair::touch(const Shape& s) const {
+  if (!known_) touch_ = mbdae::touch(s, frames_of(*this)), known_ = true;
   return touch_;
+}
+
+const Contact<Dual<1>>& Pair::moving_touch(const Shape& s) const {
+  if (!known_moving_) moving_touch_ = mbdae::touch(s, moving_frames(*this, difference(Va, Vb).data())), known_moving_ = true;
+  return moving_touch_;
 }
 
 void Pair::relative(const Mechanics& m, const double* v, double* out) const {
@@ -94,7 +102,12 @@ double unit_gap(const Pair& pair, double* n) {
 
 double Row::wrench(const Pair& pair, double* w) const {
   double g = 0;
-  if (kind >= height) return line_wrench(*this, pair, w);
+  if (kind >= height) {
+    Wrench<double> line;
+    g = line_wrench(*this, frames_of(pair), touches(*this) ? &pair.touch(shape) : nullptr, line);
+    read(line, w, nullptr);
+    return g;
+  }
   if (kind == dot_product_1) {
     double x[3], y[3];
     turn(pair.Ra, a, x), turn(pair.Rb, b, y);
@@ -115,13 +128,20 @@ double Row::wrench(const Pair& pair, double* w) const {
 }
 
 double Row::rate(const Pair& pair) const {
-  double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, relative[6], out = 0;
-  if (touches(*this)) pair.touch(shape, true);
+  double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, out = 0;
+  const Six relative = difference(pair.Va, pair.Vb);
+  if (kind >= height) {  // a common motion of both frames, V_a, changes w by V_a x* w
+    Wrench<Dual<1>> line;
+    double common[6];
+    const auto frames = moving_frames(pair, relative.data());
+    line_wrench(*this, frames, touches(*this) ? &pair.moving_touch(shape) : nullptr, line);
+    read(line, w, dw), wrench_cross(pair.Va, w, common);
+    for (int i = 0; i < 6; ++i) out += pair.A[i] * w[i] + relative[i] * (dw[i] + common[i]);
+    return out;
+  }
   wrench(pair, w);
-  for (int i = 0; i < 6; ++i) relative[i] = pair.Vb[i] - pair.Va[i], out += pair.A[i] * w[i];
-  if (kind >= height) {
-    line_rate(*this, pair, pair.Va, pair.Vb, touches(*this) ? &pair.touch(shape, true) : nullptr, dw);
-  } else if (kind == dot_product_1) {
+  for (int i = 0; i < 6; ++i) out += pair.A[i] * w[i];
+  if (kind == dot_product_1) {
     double x[3], y[3], dx[3], dy[3], s[3], u[3];
     turn(pair.Ra, a, x), turn(pair.Rb, b, y);
     cross(pair.Va + 3, x, dx), cross(pair.Vb + 3, y, dy);
@@ -149,9 +169,16 @@ double Row::rate(const Pair& pair) const {
 }
 
 void Row::partials(const Pair& pair, WrenchPartials& t) const {
+  if (kind >= height) {
+    const Frames<Dual<6>> frames = moving_frames(pair);
+    Contact<Dual<6>> contact;
+    Wrench<Dual<6>> line;
+    if (touches(*this)) contact = mbdae::touch(shape, frames);
+    line_wrench(*this, frames, &contact, line);
+    return read(line, t.F, t.Db), t.complete();
+  }
   wrench(pair, t.F);
   if (kind == distance) return distance_partials(pair, 1, t);
-  if (kind >= height) return line_partials(*this, pair, t);
   double x[3], y[3], X[9], XX[9];
   turn(pair.Ra, a, x);
   if (kind == dot_product_1) {

@@ -39,13 +39,15 @@ struct Pair {
   std::vector<double> sign;             // of each of them; 0 for common ancestors
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
-  const ContactKinematics& touch(const Shape& s, bool moving) const;  // for the rows of a pair, which share one shape
+  // For the rows of a pair, which share one shape; and along the motion V_b - V_a of b.
+  const Contact<double>& touch(const Shape& s) const;
+  const Contact<Dual<1>>& moving_touch(const Shape& s) const;
 
  private:
   long located_ = -1;  // Mechanics::placed of the last location
-  enum Known { nothing, places, rates };
-  mutable Known known_ = nothing;
-  mutable ContactKinematics touch_;
+  mutable bool known_ = false, known_moving_ = false;
+  mutable Contact<double> touch_;
+  mutable Contact<Dual<1>> moving_touch_;
 };
 
 struct WrenchPartials;

@@ -4,6 +4,8 @@
 #include <functional>
 #include <vector>
 
+#include "math/dual.hpp"
+
 namespace mbdae {
 
 // Failure in the core; the step is taken in Python instead, which writes the message.
@@ -19,6 +21,10 @@ struct TimeFunction {
   std::function<double(double, int)> call;
 
   double at(double t, int k = 0) const;  // the k-th derivative
+  template <int N>
+  Dual<N> at(const Dual<N>& t) const {
+    return chain(t, at(t.x), at(t.x, 1));
+  }
 };
 
 }  // namespace mbdae

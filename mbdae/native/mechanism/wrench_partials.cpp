@@ -24,6 +24,18 @@ void WrenchPartials::damp() {
   damped = true;
 }
 
+void WrenchPartials::complete(const double* V) {
+  matrix_of_wrench(F, Da);
+  for (int j = 0; j < 6; ++j) {
+    double column[6] = {0, 0, 0, 0, 0, 0};
+    if (damped) {
+      double e[6] = {0, 0, 0, 0, 0, 0}, dV[6];
+      e[j] = 1, motion_cross(V, e, dV), times6(C, dV, column);
+    }
+    for (int i = 0; i < 6; ++i) Da[6 * i + j] += column[i] - Db[6 * i + j];
+  }
+}
+
 void times6(const double* D, const double* x, double* out) {
   for (int i = 0; i < 6; ++i) out[i] = dot6(D + 6 * i, x);
 }

@@ -15,6 +15,9 @@ struct WrenchPartials {
   void clear();  // set to zero
   void add(double factor, const WrenchPartials& other);  // without damping
   void damp();                                    // set C = 0, to be added to
+  // Da of a wrench of the frames and V = V_b - V_a alone: a motion d of both frames with their velocities changes it by
+  // d x* F, so that Da + Db - C (V x .) = F*.
+  void complete(const double* V = nullptr);
 
   double F[6], Da[36], Db[36], C[36];
   bool damped;  // C is not 0

@@ -236,7 +236,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   if (controlled) {
     std::shared_ptr<const StageSolver> filtered;
     if (a.real < 0)
-      s_.counts.factorizations += 1, filtered = stage_solver(m->partials, h * a.gamma);
+      s_.counts.factorizations += 1, filtered = solver(m->partials, nv_, h * a.gamma);
     else
       filtered = m->solvers[a.real];
     const RowsIn M(m->partials->partials.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);

@@ -35,6 +35,7 @@ class StageSolver;
 struct LinearizedStages {
   EquationPartials partials;
   std::vector<TangentBlock> turning;
+  Numbers P, N = {};  // (k, nv): rows in use that have a g, and M^-1 P^T by columns; of GGL
 };
 
 // Data that a step passes to the next one.
@@ -59,8 +60,6 @@ class CollocationStep {
   // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and further multipliers of a
   // formulation.
   virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
-  virtual std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& partials,
-                                                          std::complex<double> mu) const;
   virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
   virtual void open(const double*) {}         // a step begins at y (length,)
   virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) at the end of a step; lam_ is current

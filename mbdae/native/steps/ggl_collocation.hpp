@@ -12,8 +12,6 @@ class GGLCollocation final : public CollocationStep {
 
  protected:
   void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C) override;
-  std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& partials,
-                                                  std::complex<double> mu) const override;
   std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
                                                     const double* z) override;
   std::vector<int> unknowns() const override;

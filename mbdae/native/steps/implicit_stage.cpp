@@ -58,17 +58,12 @@ std::vector<std::shared_ptr<const StageSolver>> CollocationStep::factorize(
   std::vector<std::shared_ptr<const StageSolver>> out;
   for (const EigenMode& mode : a.modes) {
     s_.counts.factorizations += 1;
-    out.push_back(stage_solver(partials, h * mode.value));
+    out.push_back(solver(partials, nv_, h * mode.value));
   }
   return out;
 }
 
 std::vector<int> CollocationStep::unknowns() const { return s_.rows.in_use(); }
-
-std::shared_ptr<const StageSolver> CollocationStep::stage_solver(const std::shared_ptr<const LinearizedStages>& partials,
-                                                                 Complex mu) const {
-  return solver(partials, nv_, mu);
-}
 
 void CollocationStep::all_multipliers(double, const double*, double* out) {
   s_.saddle.all_multipliers(lam_.data(), out);

@@ -9,6 +9,12 @@ namespace mbdae {
 
 namespace {
 
+// With N = M^-1 P^T, m = h times an eigenvalue, and L of the columns of lam; P has no rows outside GGL:
+//
+//   [ E - m D - m^2 K S J   -L   -m K S J N ] [du' ]
+//   [ G + m B S J            0     B S J N  ] [dlam]
+//   [ m P S J                0     P S J N  ] [dmu ]
+//
 // The work w' appears in no other equation: it is computed last, from `w_`.
 template <int parts>
 class ModeSolver final : public StageSolver {
@@ -16,7 +22,8 @@ class ModeSolver final : public StageSolver {
   ModeSolver(std::shared_ptr<const LinearizedStages> partials, int nv, Complex mu)
       : at_(std::move(partials)), nv_(nv), mu_(mu) {
     const EquationPartials& s = at_->partials;
-    r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv, m_ = n_ - 1 + r_;
+    r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv;
+    k_ = static_cast<int>(at_->P.size()) / nv, m_ = n_ - 1 + r_ + k_;
     lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * parts, 0.0);
     for (const TangentBlock& b : at_->turning) blocks_.emplace_back(b, mu);
     for (int i = 0; i < n_; ++i) {
@@ -36,12 +43,13 @@ class ModeSolver final : public StageSolver {
       for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= by_lam[j];
       w_[n_ - 1 + k] -= by_lam[nv];
     }
+    for (int k = 0; k < k_; ++k) add_position_row(k);
     if (!lu_.factorize()) throw FallBackToPython();
   }
 
   void solve(double* r, double* c, Numbers& work) const override {
     const EquationPartials& s = at_->partials;
-    const int ny = nv_ + n_;
+    const int ny = nv_ + n_, nz = r_ + k_;
     work.resize(static_cast<size_t>(parts) * (nv_ + m_));
     double *x = work.data(), *b = x + parts * nv_;
     for (int p = 0; p < parts; ++p) std::copy(r + p * ny, r + p * ny + nv_, x + p * nv_);
@@ -51,18 +59,21 @@ class ModeSolver final : public StageSolver {
       const Complex sum = number(r, nv_ + i, ny) + times(mu_, times(&s.K[static_cast<size_t>(i) * nv_], x));
       i < n_ - 1 ? write(b, i, m_, sum) : void(w = sum);
     }
-    for (int k = 0; k < r_; ++k)
-      write(b, n_ - 1 + k, m_, number(c, k, r_) / mu_ - times(&s.B[static_cast<size_t>(k) * nv_], x));
+    for (int k = 0; k < nz; ++k) write(b, n_ - 1 + k, m_, number(c, k, nz) / mu_ - times(constraint_partials(k), x));
     lu_.solve(b);
     for (int i = 0; i < m_; ++i) w -= times(number(w_.data(), i, m_), number(b, i, m_));
     for (int p = 0; p < parts; ++p) std::copy(b + p * m_, b + p * m_ + nv_, x + p * nv_);
     for (const Turned& block : blocks_) block.forth(x, nv_);
-    for (int i = 0; i < nv_; ++i) write(x, i, nv_, number(r, i, ny) + times(mu_, number(x, i, nv_)));
+    for (int i = 0; i < nv_; ++i) {
+      Complex sum = number(r, i, ny) + times(mu_, number(x, i, nv_));
+      for (int k = 0; k < k_; ++k) sum += JN_[static_cast<size_t>(k) * nv_ + i] * number(b, n_ - 1 + r_ + k, m_);
+      write(x, i, nv_, sum);
+    }
     for (const Turned& block : blocks_) block.back(x, nv_), block.forth(x, nv_);
     for (int p = 0; p < parts; ++p) {
       std::copy(x + p * nv_, x + (p + 1) * nv_, r + p * ny);
       std::copy(b + p * m_, b + p * m_ + n_ - 1, r + p * ny + nv_);
-      std::copy(b + p * m_ + n_ - 1, b + (p + 1) * m_, c + p * r_);
+      std::copy(b + p * m_ + n_ - 1, b + (p + 1) * m_, c + p * nz);
     }
     write(r, ny - 1, ny, w);
   }
@@ -136,6 +147,25 @@ class ModeSolver final : public StageSolver {
     for (; j < nv_; ++j) add(i, j, factor * K[j]);
   }
 
+  void add_position_row(int k) {  // and the column of its multiplier
+    const size_t at = static_cast<size_t>(k) * nv_;
+    const int column = n_ - 1 + r_ + k;
+    Numbers y(static_cast<size_t>(parts) * nv_, 0.0);
+    std::copy_n(&at_->N[at], nv_, y.begin());
+    for (const Turned& block : blocks_) block.forth(y.data(), nv_);
+    JN_.insert(JN_.end(), y.begin(), y.begin() + nv_);
+    for (const Turned& block : blocks_) block.back(y.data(), nv_);
+    add_turned(n_ + r_ + k, &at_->P[at], mu_);
+    for (int i = 0; i < n_; ++i)
+      add(i, column, -times(mu_, times(&at_->partials.K[static_cast<size_t>(i) * nv_], y.data())));
+    for (int i = 0; i < r_ + k_; ++i) add(n_ + i, column, times(constraint_partials(i), y.data()));
+  }
+
+  const double* constraint_partials(int k) const {  // of a row of velocity by q, or a row of P
+    const Numbers& of = k < r_ ? at_->partials.B : at_->P;
+    return &of[static_cast<size_t>(k < r_ ? k : k - r_) * nv_];
+  }
+
   Complex times(const double* K, const double* x) const {  // of a row, and a vector
     double re = 0, im = 0;
     for (int j = 0; j < nv_; ++j) {
@@ -146,11 +176,11 @@ class ModeSolver final : public StageSolver {
   }
 
   std::shared_ptr<const LinearizedStages> at_;
-  int nv_, n_, r_, m_;
+  int nv_, n_, r_, k_, m_;
   Complex mu_;
   std::vector<Turned> blocks_;
   DenseLU<parts> lu_;
-  Numbers w_;
+  Numbers w_, JN_;
 };
 
 }  // namespace

@@ -3,12 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
-
-#include "system/saddle.hpp"
+#include "math/dense_lu.hpp"
 #include "math/vec3.hpp"
+#include "system/saddle.hpp"
 
 namespace mbdae {
 
@@ -17,8 +14,8 @@ ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, c
 
 void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading) {
   places_ = std::move(places), active_ = active, heading_ = heading;
-  const auto k = static_cast<Eigen::Index>(places_.size());
-  e_.setZero(k, m_.nv), speed_.setZero(k), factor_.setZero(k), T_.setZero(k);
+  const size_t k = places_.size();
+  e_.assign(k * m_.nv, 0.0), speed_.assign(k, 0.0), factor_ = T_ = speed_;
   all_.assign(constraints_.rows.size(), 0.0), one_ = all_, v_.resize(m_.nv);
   for (const FrictionInterface& p : places_)
     if (p.kind == FrictionInterface::turns || p.kind == FrictionInterface::slides) constraints_.pairs[p.pair].turns_a = true;
@@ -31,14 +28,15 @@ ClosureFriction::operator bool() const {
 void ClosureFriction::slips(const double* v) {
   for (size_t k = 0; k < places_.size(); ++k) {
     const FrictionInterface& place = places_[k];
-    e_.row(k).setZero(), speed_[k] = factor_[k] = 0;
+    double* e = &e_[k * m_.nv];
+    std::fill(e, e + m_.nv, 0.0), speed_[k] = factor_[k] = 0;
     if (!active_[k]) continue;
     Pair& pair = constraints_.pairs[place.pair];
     double w[6];
     pair.locate(m_);
     place.kind == FrictionInterface::grips ? along_grip(k, v, w) : along(place, v, w);
-    pair.torque(m_, w, 1, &e_(k, 0));
-    speed_[k] = dot(&e_(k, 0), v, m_.nv);
+    pair.torque(m_, w, 1, e);
+    speed_[k] = dot(e, v, m_.nv);
     factor_[k] = -place.coefficient * (place.kind == FrictionInterface::grips ? 1 : std::tanh(speed_[k] / place.width));
   }
 }
@@ -83,7 +81,7 @@ void ClosureFriction::along(const FrictionInterface& place, const double* v, dou
   } else {
     const Row& first = constraints_.rows[place.row];
     first.wrench(pair, n);
-    if (first.kind == Row::height) p = pair.touch(first.shape, false).p;
+    if (first.kind == Row::height) p = pair.touch(first.shape).p.x;
     cross(V + 3, p, w);
     for (int i = 0; i < 3; ++i) w[i] += V[i];
     const double off = dot(n, w);
@@ -96,28 +94,40 @@ void ClosureFriction::along(const FrictionInterface& place, const double* v, dou
 // Dependent rows G_D = C G_R give the null vectors (-C^T n, n) of G^T; the norm is least where (1 + C C^T) n = C lam.
 void ClosureFriction::spread(const double* G) {
   const std::vector<int>&rows = rows_.in_use(), &others = rows_.others();
-  const auto r = static_cast<Eigen::Index>(rows.size()), d = static_cast<Eigen::Index>(others.size());
-  C_.setZero(d, r);
+  const int r = static_cast<int>(rows.size()), d = static_cast<int>(others.size());
+  C_.clear(), P_.clear();
   if (!r || !d) return;
-  Eigen::MatrixXd used(m_.nv, r), rest(m_.nv, d);
-  for (Eigen::Index i = 0; i < r; ++i) used.col(i) = Vector<double>::Map(G + static_cast<size_t>(rows[i]) * m_.nv, m_.nv);
-  for (Eigen::Index i = 0; i < d; ++i) rest.col(i) = Vector<double>::Map(G + static_cast<size_t>(others[i]) * m_.nv, m_.nv);
-  C_ = used.householderQr().solve(rest).transpose();
-  const Rows<double> normal = Rows<double>::Identity(d, d) + C_ * C_.transpose();
-  P_ = normal.llt().solve(C_);
+  Numbers used, rest, column(d);  // by columns
+  const size_t nv = m_.nv;
+  for (int k : rows) used.insert(used.end(), G + k * nv, G + (k + 1) * nv);
+  for (int k : others) rest.insert(rest.end(), G + k * nv, G + (k + 1) * nv);
+  least_squares(m_.nv, r, used.data(), d, rest.data());
+  for (int i = 0; i < d; ++i) C_.insert(C_.end(), &rest[i * nv], &rest[i * nv] + r);
+  DenseLU<1> normal;
+  normal.resize(d);
+  for (int j = 0; j < d; ++j)
+    for (int i = 0; i < d; ++i) normal.column(j)[i] = (i == j) + dot(&C_[i * r], &C_[j * r], r);
+  normal.factorize();
+  P_.resize(C_.size());
+  for (int j = 0; j < r; ++j) {
+    for (int i = 0; i < d; ++i) column[i] = C_[i * r + j];
+    normal.solve(column.data());
+    for (int i = 0; i < d; ++i) P_[i * r + j] = column[i];
+  }
 }
 
 void ClosureFriction::whole(const double* lam, double* all) const {
   const std::vector<int>&rows = rows_.in_use(), &others = rows_.others();
   std::fill(all, all + all_.size(), 0.0);
   for (int k : rows) all[k] = lam[k];
-  if (!C_.size()) return;
-  Vector<double> used(rows.size());
-  for (size_t i = 0; i < rows.size(); ++i) used[i] = lam[rows[i]];
-  const Vector<double> n = P_ * used;
-  used -= C_.transpose() * n;
-  for (size_t i = 0; i < rows.size(); ++i) all[rows[i]] = used[i];
-  for (size_t i = 0; i < others.size(); ++i) all[others[i]] = n[i];
+  if (C_.empty()) return;
+  const size_t r = rows.size();
+  for (size_t i = 0; i < others.size(); ++i) {
+    double n = 0;
+    for (size_t j = 0; j < r; ++j) n += P_[i * r + j] * lam[rows[j]];
+    all[others[i]] = n;
+    for (size_t j = 0; j < r; ++j) all[rows[j]] -= C_[i * r + j] * n;
+  }
 }
 
 double ClosureFriction::carried(const FrictionInterface& place, const double* all, double* gradient) const {
@@ -127,27 +137,32 @@ double ClosureFriction::carried(const FrictionInterface& place, const double* al
   return size;
 }
 
-void ClosureFriction::forces(const Numbers& lam, const Rows<double>& responses) {
+void ClosureFriction::forces(const Numbers& lam, const Numbers& responses) {
   const Tolerances& limits = m_.limits;
-  const auto k = static_cast<Eigen::Index>(places_.size());
-  const auto ng = static_cast<Eigen::Index>(lam.size());
-  T_.setZero(k);
+  const int k = static_cast<int>(places_.size());
+  const size_t ng = lam.size();
+  std::fill(T_.begin(), T_.end(), 0.0);
   double last = INFINITY;
+  Numbers now, move(k);
+  DenseLU<1> partials;
   for (int it = 0; it < limits.loading; ++it) {
-    const Vector<double> now = Vector<double>::Map(lam.data(), ng) + responses.transpose() * T_;
-    Rows<double> partials = Rows<double>::Identity(k, k);
-    Vector<double> move(k);
-    for (Eigen::Index i = 0; i < k; ++i) {
+    now = lam;
+    for (int i = 0; i < k; ++i)
+      for (size_t j = 0; j < ng; ++j) now[j] += T_[i] * responses[i * ng + j];
+    bool wedged = false;
+    partials.resize(k);
+    for (int i = 0; i < k; ++i) {
       const FrictionInterface& place = places_[i];
       double gradient[6];
       move[i] = factor_[i] * carried(place, now.data(), gradient) - T_[i];
-      for (Eigen::Index j = 0; j < k; ++j) partials(i, j) -= factor_[i] * dot(gradient, &responses(j, place.row), place.carried);
+      for (int j = 0; j < k; ++j)
+        partials.column(j)[i] = (i == j) - factor_[i] * dot(gradient, &responses[j * ng + place.row], place.carried);
+      wedged = wedged || !(partials.column(i)[i] > 0);
     }
-    const Eigen::PartialPivLU<Rows<double>> lu(partials);
-    if (!(lu.determinant() > 0) || !(partials.diagonal().array() > 0).all()) throw FallBackToPython();  // wedging
-    move = lu.solve(move);
-    T_ += move;
-    const double change = move.cwiseAbs().maxCoeff(), size = T_.cwiseAbs().maxCoeff();
+    if (wedged || !partials.factorize() || !partials.positive_determinant()) throw FallBackToPython();
+    partials.solve(move.data());
+    for (int i = 0; i < k; ++i) T_[i] += move[i];
+    const double change = largest(move.data(), k), size = largest(T_.data(), k);
     if (change <= limits.loaded * size || (change >= 0.5 * last && change <= limits.settled * size)) return;
     last = change;
   }
@@ -155,22 +170,21 @@ void ClosureFriction::forces(const Numbers& lam, const Rows<double>& responses) 
 }
 
 double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f) {
-  const auto k = static_cast<Eigen::Index>(places_.size());
-  const auto ng = static_cast<Eigen::Index>(all_.size());
-  Rows<double> lam = Rows<double>::Zero(k, ng), responses(k, ng), moves(e_);
+  const size_t k = places_.size(), ng = all_.size(), nv = m_.nv;
+  Numbers lam(k * ng, 0.0), responses(k * ng), moves(e_);
   spread(G);
   saddle.solve(Zhat, rhs, f);
   whole(rhs, all_.data());
-  for (Eigen::Index i = 0; i < k; ++i) {
-    if (active_[i]) saddle.respond(Zhat, &lam(i, 0), &moves(i, 0));
-    whole(&lam(i, 0), &responses(i, 0));
+  for (size_t i = 0; i < k; ++i) {
+    if (active_[i]) saddle.respond(Zhat, &lam[i * ng], &moves[i * nv]);
+    whole(&lam[i * ng], &responses[i * ng]);
   }
   forces(all_, responses);
-  for (Eigen::Index i = 0; i < k; ++i) {
-    for (int j = 0; j < m_.nv; ++j) f[j] += T_[i] * moves(i, j);
-    for (int row : rows_.in_use()) rhs[row] += T_[i] * lam(i, row);
+  for (size_t i = 0; i < k; ++i) {
+    for (size_t j = 0; j < nv; ++j) f[j] += T_[i] * moves[i * nv + j];
+    for (int row : rows_.in_use()) rhs[row] += T_[i] * lam[i * ng + row];
   }
-  return T_.dot(speed_);
+  return dot(T_.data(), speed_.data(), static_cast<int>(k));
 }
 
 double ClosureFriction::add(const double* G, const double* lam, double* tau) {
@@ -178,8 +192,8 @@ double ClosureFriction::add(const double* G, const double* lam, double* tau) {
   spread(G), whole(lam, all_.data());
   for (size_t i = 0; i < places_.size(); ++i) T_[i] = factor_[i] * carried(places_[i], all_.data(), gradient);
   for (size_t i = 0; i < places_.size(); ++i)
-    for (int j = 0; j < m_.nv; ++j) tau[j] += T_[i] * e_(i, j);
-  return T_.dot(speed_);
+    for (int j = 0; j < m_.nv; ++j) tau[j] += T_[i] * e_[i * m_.nv + j];
+  return dot(T_.data(), speed_.data(), static_cast<int>(T_.size()));
 }
 
 void ClosureFriction::partials(const double* G, const double* lam, Numbers& out) {
@@ -194,7 +208,7 @@ void ClosureFriction::partials(const double* G, const double* lam, Numbers& out)
       double gradient[6];
       carried(places_[i], all_.data(), gradient);
       const double by = factor_[i] * dot(gradient, &one_[places_[i].row], places_[i].carried);
-      for (int j = 0; j < m_.nv; ++j) out[r * width + j] += by * e_(i, j);
+      for (int j = 0; j < m_.nv; ++j) out[r * width + j] += by * e_[i * m_.nv + j];
       out[r * width + m_.nv] += by * speed_[i];
     }
   }

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "system/independent_rows.hpp"
-#include "math/eigen_types.hpp"
 
 namespace mbdae {
 
@@ -53,7 +52,7 @@ class ClosureFriction {
   void spread(const double* G);                               // prepares `whole`
   void whole(const double* lam, double* all) const;            // multipliers of all rows, of minimum norm
   double carried(const FrictionInterface& place, const double* all, double* gradient) const;  // |F|, its partials
-  void forces(const Numbers& lam, const Rows<double>& responses);                     // T
+  void forces(const Numbers& lam, const Numbers& responses);  // T; responses (k, ng) by rows
 
   const Mechanics& m_;
   Constraints& constraints_;
@@ -61,8 +60,9 @@ class ClosureFriction {
   std::vector<FrictionInterface> places_;
   const std::uint8_t* active_ = nullptr;
   double* heading_ = nullptr;
-  Rows<double> e_, C_, P_;             // (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
-  Vector<double> speed_, factor_, T_;  // (k,)
+  // By rows (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
+  Numbers e_, C_, P_;
+  Numbers speed_, factor_, T_;  // (k,)
   Numbers all_, one_, v_;              // (ng,), (ng,), (nv,)
 };
 

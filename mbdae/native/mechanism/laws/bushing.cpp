@@ -1,160 +1,79 @@
 // An elastic joint between two frames; a: stiffness (6,), damping (6,), largest rotation in rad.
 #include <algorithm>
-#include <cmath>
+#include <limits>
 
-#include "mechanism/laws.hpp"
-#include "mechanism/manifold.hpp"
-#include "mechanism/wrench_partials.hpp"
-#include "math/vec3.hpp"
+#include "mechanism/frame_law.hpp"
+#include "mechanism/mechanics.hpp"
 
 namespace mbdae::laws {
 
-static void turn_back(const double* R, const double* x, double* out) {
-  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
-}
-
-// Generalised force of a force and a moment in axes of a, at the origin of b.
-static void on_b(const Mechanics& m, const Pair& p, const double* force, const double* moment, double* tau) {
-  double w[6], arm[3];
-  turn(p.Ra, force, w), turn(p.Ra, moment, w + 3);
-  cross(p.pb, w, arm);
-  for (int i = 0; i < 3; ++i) w[3 + i] += arm[i];
-  p.torque(m, w, 1, tau);
-}
-
-static void rotation_vector(const double* A, const double* B, double* theta) {  // log(A^T B)
-  double R[9];
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) R[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
-  theta[0] = 0.5 * (R[7] - R[5]), theta[1] = 0.5 * (R[2] - R[6]), theta[2] = 0.5 * (R[3] - R[1]);
-  const double sine = std::sqrt(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2]);
-  const double angle = std::atan2(sine, 0.5 * (R[0] + R[4] + R[8] - 1));
-  if (sine > 0)
-    for (int i = 0; i < 3; ++i) theta[i] *= angle / sine;
-}
-
 static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 12 + 1; }
 
-// Gap and rotation vector in axes of a; the pair is located.
-static void deflection(const Law& law, double* gap, double* theta) {
-  const Pair& pair = *law.pair;
-  double moved[3];
-  for (int i = 0; i < 3; ++i) moved[i] = pair.pb[i] - pair.pa[i];
-  turn_back(pair.Ra, moved, gap);
-  rotation_vector(pair.Ra, pair.Rb, theta);
-  if (!(norm(theta, 3) <= law.a.back())) throw FallBackToPython();
+// angle/sine for 0 <= angle < pi, by the square of the sine: at 0 the root has no derivative, and none is needed.
+template <class S>
+static S angle_by_sine(const S& square, const S& cosine) {
+  if (!(value(square) > std::numeric_limits<double>::min())) return 1;
+  const S sine = sqrt(square);
+  return atan2(sine, cosine) / sine;
 }
 
-static bool damped(const Law& law) {
-  return std::any_of(law.a.begin() + 6, law.a.end() - 1, [](double x) { return x != 0; });
+template <class S>
+static Vec3<S> rotation_vector(const Rotation<S>& R) {  // log R
+  const S* x = R.x;
+  const Vec3<S> axis = 0.5 * Vec3<S>(x[7] - x[5], x[2] - x[6], x[3] - x[1]);
+  return angle_by_sine(dot(axis, axis), 0.5 * (x[0] + x[4] + x[8] - 1)) * axis;
 }
 
-static void add(const Law& law, const ForcePoint& p, const Forces& f) {
-  double gap[3], theta[3], moved[3], force[3], moment[3], ad[9];
-  Pair& pair = *law.pair;
-  const double *k = law.a.data(), *d = k + 6;
-  pair.locate(p.m);
-  deflection(law, gap, theta);
-  skew(theta, ad);
-  for (int i = 0; i < 3; ++i) moved[i] = -k[3 + i] * theta[i], force[i] = -k[i] * gap[i];
-  inverse_jacobian(p.m.limits, 3, ad, moved, moment);
-  on_b(p.m, pair, force, moment, f.conservative);
-  if (!damped(law)) return;
-  double twist[6], arm[3], velocity[3], spin[3];
-  pair.relative(p.m, p.v, twist);
-  cross(twist + 3, pair.pb, arm);
-  for (int i = 0; i < 3; ++i) arm[i] += twist[i];
-  turn_back(pair.Ra, arm, velocity), turn_back(pair.Ra, twist + 3, spin);
-  for (int i = 0; i < 3; ++i) force[i] = -d[i] * velocity[i], moment[i] = -d[3 + i] * spin[i];
-  on_b(p.m, pair, force, moment, f.other);
-}
-
-// R diag(k) R^T.
-static void turned(const double* R, const double* k, double* out) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) {
-      out[3 * i + j] = 0;
-      for (int l = 0; l < 3; ++l) out[3 * i + j] += R[3 * i + l] * k[l] * R[3 * j + l];
-    }
-}
-
-// D += factor S^T A T, where S d = d_lin + d_ang x p is the velocity of p, and T the same.
-static void at_point(double* D, const double* A, const double* P, double factor) {
-  double AP[9], PA[9], PAP[9];
-  product(A, P, AP), product(P, A, PA), product(P, AP, PAP);
-  block(D, 0, 0, A, factor), block(D, 0, 3, AP, -factor), block(D, 3, 0, PA, factor), block(D, 3, 3, PAP, -factor);
-}
-
-// A motion d of both frames with all velocities changes a wrench by d x* F, which gives Da.
-static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
-  double gap[3], theta[3], scaled[3], force[3], moment[3], ad[9], P[9], A[9];
-  Pair& pair = *law.pair;
-  const double *k = law.a.data(), *d = k + 6;
-  pair.locate(p.m);
-  const PairPartials here(p.m, pair, p.v);
-  deflection(law, gap, theta);
-  skew(theta, ad), skew(pair.pb, P);
-  for (int i = 0; i < 3; ++i) scaled[i] = k[3 + i] * theta[i], force[i] = -k[i] * gap[i];
-  inverse_jacobian(p.m.limits, 3, ad, scaled, moment);
-  double by_theta[9], left[9], back[9];  // partials of J_r^-1 K theta, and theta' = left omega in axes of a
-  for (int j = 0; j < 3; ++j) {
-    double e[3] = {0, 0, 0}, dad[9], rate[3], column[3], minus[9];
-    e[j] = 1;
-    skew(e, dad);
-    inverse_jacobian_rate(p.m.limits, 3, ad, dad, scaled, rate);
-    for (int i = 0; i < 9; ++i) minus[i] = -ad[i];
-    inverse_jacobian(p.m.limits, 3, minus, e, column);
-    for (int i = 0; i < 3; ++i) left[3 * i + j] = column[i], by_theta[3 * i + j] = rate[i];
-    e[j] = k[3 + j];
-    inverse_jacobian(p.m.limits, 3, ad, e, column);
-    for (int i = 0; i < 3; ++i) by_theta[3 * i + j] += column[i];
+// J_r(theta)^-1 a = a + theta x a/2 + sum B_2k/(2k)! theta x (theta x ...).
+template <class S>
+static Vec3<S> inverse_jacobian(const Tolerances& limits, const Vec3<S>& theta, const Vec3<S>& a) {
+  auto largest = [](const Vec3<S>& x) { return std::max({magnitude(x[0]), magnitude(x[1]), magnitude(x[2])}); };
+  Vec3<S> out = a + 0.5 * cross(theta, a), term = a;
+  for (double b : limits.series) {
+    term = cross(theta, cross(theta, term)), out = out + b * term;
+    if (largest(term) * std::fabs(b) <= limits.series_end * largest(a)) break;
   }
-  WrenchPartials spring, damper;
-  turn(pair.Ra, force, spring.F), turn(pair.Ra, moment, spring.F + 3);
-  double arm[3];
-  cross(pair.pb, spring.F, arm);
-  for (int i = 0; i < 3; ++i) spring.F[3 + i] = arm[i] - spring.F[3 + i];
-  carried(pair.pb, spring.F, spring.Db);
-  turned(pair.Ra, k, A), at_point(spring.Db, A, P, -1);
-  double both[9], RT[9];
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) RT[3 * i + j] = pair.Ra[3 * j + i];
-  product(by_theta, left, both), product(both, RT, back), product(pair.Ra, back, both);
-  block(spring.Db, 3, 3, both, -1);
-  matrix_of_wrench(spring.F, spring.Da);
-  for (int i = 0; i < 36; ++i) spring.Da[i] -= spring.Db[i];
-  out.add(here, spring, true);
-  if (!damped(law)) return;
-  double spin[9], u[3], velocity[3], W[9], AW[9], more[6];
-  const double* w = here.V + 3;
-  turned(pair.Ra, d, A), turned(pair.Ra, d + 3, spin);
-  cross(w, pair.pb, velocity);
-  for (int i = 0; i < 3; ++i) velocity[i] += here.V[i];
-  turn(A, velocity, u);
-  for (int i = 0; i < 3; ++i) damper.F[i] = -u[i];
-  cross(pair.pb, damper.F, damper.F + 3);
-  for (int i = 0; i < 3; ++i) damper.F[3 + i] -= dot(spin + 3 * i, w, 3);
-  skew(w, W), product(A, W, AW);
-  carried(pair.pb, damper.F, damper.Db), at_point(damper.Db, AW, P, -1);
-  damper.damp(), at_point(damper.C, A, P, -1), block(damper.C, 3, 3, spin, -1);
-  matrix_of_wrench(damper.F, damper.Da);
-  for (int j = 0; j < 6; ++j) {
-    double e[6] = {0, 0, 0, 0, 0, 0}, column[6];
-    e[j] = 1;
-    motion_cross(here.V, e, column), times6(damper.C, column, more);
-    for (int i = 0; i < 6; ++i) damper.Da[6 * i + j] += more[i] - damper.Db[6 * i + j];
-  }
-  out.add(here, damper, false);
-}
-
-static double potential(const Law& law, const ForcePoint& p) {
-  double moved[6], out = 0;
-  law.pair->locate(p.m);
-  deflection(law, moved, moved + 3);
-  for (int i = 0; i < 6; ++i) out += 0.5 * law.a[i] * moved[i] * moved[i];
   return out;
 }
 
-extern const LawKind bushing{fits, add, partials, potential};
+struct Bushing {
+  static bool damped(const Law& law) {
+    return std::any_of(law.a.begin() + 6, law.a.end() - 1, [](double x) { return x != 0; });
+  }
+
+  template <class S>
+  static Vec3<S> gap(const Frames<S>& x) {  // in axes of a, as the rotation vector
+    return transposed(x.Ra, x.pb - x.pa);
+  }
+
+  template <class S>
+  static Vec3<S> rotation(const Law& law, const Frames<S>& x) {
+    const Vec3<S> theta = rotation_vector(transposed(x.Ra, x.Rb));
+    if (!(value(dot(theta, theta)) <= law.a.back() * law.a.back())) throw FallBackToPython();
+    return theta;
+  }
+
+  template <class S, class T>
+  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context& at, const Frames<S>& x, const Velocity<T>& V) {
+    const double *k = law.a.data(), *d = k + 6;
+    const Vec3<S> theta = rotation(law, x);
+    const Vec3<S> moment = inverse_jacobian(at.limits, theta, scaled(k + 3, theta));
+    Wrenches<S, Common<S, T>> out{};
+    out.conservative = wrench_at(x.pb, x.Ra * (-1.0 * scaled(k, gap(x))), x.Ra * (-1.0 * moment));
+    if (!damped(law)) return out;
+    const auto velocity = transposed(x.Ra, V.at(x.pb));
+    const auto spin = transposed(x.Ra, V.angular);
+    out.other = wrench_at(x.pb, x.Ra * (-1.0 * scaled(d, velocity)), x.Ra * (-1.0 * scaled(d + 3, spin)));
+    return out;
+  }
+
+  static double potential(const Law& law, const Frames<double>& x) {
+    const double* k = law.a.data();
+    const Vec3<double> p = gap(x), theta = rotation(law, x);
+    return 0.5 * (dot(scaled(k, p), p) + dot(scaled(k + 3, theta), theta));
+  }
+};
+
+extern const LawKind bushing = frame_law<Bushing>(fits);
 
 }  // namespace mbdae::laws

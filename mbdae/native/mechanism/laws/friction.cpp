@@ -1,26 +1,24 @@
 // tau = -d tanh(v / v0), or -d where v0 = 0 (dry friction in a mode); a: d (nv,), v0.
-#include <cmath>
+#include <numeric>
 
-#include "mechanism/laws.hpp"
+#include "mechanism/joint_law.hpp"
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes& n) { return law.a.size() == n.nv + 1u; }
-
-static void add(const Law& law, const ForcePoint& p, const Forces& f) {
-  const int nv = p.m.nv;
-  for (int i = 0; i < nv; ++i)
-    if (law.a[i] != 0) f.other[i] -= law.a[nv] == 0 ? law.a[i] : law.a[i] * std::tanh(p.v[i] / law.a[nv]);
+static bool fits(Law& law, const Sizes& n) {
+  law.rows.resize(n.nv), std::iota(law.rows.begin(), law.rows.end(), 0);
+  return law.a.size() == n.nv + 1u;
 }
 
-static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
-  const int nv = p.m.nv;
-  for (int i = 0; i < nv && law.a[nv] != 0; ++i) {
-    const double x = std::tanh(p.v[i] / law.a[nv]);
-    out.other[i * out.width + nv + i] += law.a[i] / law.a[nv] * (x * x - 1);
+struct Friction {
+  template <class S>
+  static Effort<S> effort(const Law& law, size_t k, const S&, const S& v) {
+    const double d = law.a[k], width = law.a.back();
+    if (d == 0 || width == 0) return {0, -d};
+    return {0, -d * tanh(v / width)};
   }
-}
+};
 
-extern const LawKind friction{fits, add, partials};
+extern const LawKind friction = joint_law<Friction>(fits);
 
 }  // namespace mbdae::laws

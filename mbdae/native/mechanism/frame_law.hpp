@@ -1,0 +1,63 @@
+// Laws between two frames: a formula of their poses and velocities, whose derivatives follow by dual numbers.
+#pragma once
+
+#include "mechanism/frames.hpp"
+#include "mechanism/laws.hpp"
+
+namespace mbdae {
+
+struct Context {  // other arguments of a law
+  double t;
+  const Tolerances& limits;
+};
+
+// Wrenches on b: of a potential, and other.
+template <class S, class T>
+struct Wrenches {
+  Wrench<S> conservative;
+  Wrench<T> other;
+};
+
+// F::wrenches(law, context, frames, V) are the Wrenches; F::damped(law) says whether they depend on V = V_b - V_a;
+// F::potential(law, frames) is in J.
+template <class F>
+struct FrameLaw {
+  static void add(const Law& law, const ForcePoint& p, const Forces& f) {
+    Pair& pair = *law.pair;
+    double V[6] = {0, 0, 0, 0, 0, 0}, w[6];
+    pair.locate(p.m);
+    if (F::damped(law)) pair.relative(p.m, p.v, V);
+    const auto all = F::wrenches(law, {p.t, p.m.limits}, frames_of(pair), velocity_of(V));
+    read(all.conservative, w, nullptr), pair.torque(p.m, w, 1, f.conservative);
+    read(all.other, w, nullptr);
+    if (largest(w, 6) != 0) pair.torque(p.m, w, 1, f.other);
+  }
+
+  static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
+    Pair& pair = *law.pair;
+    pair.locate(p.m);
+    const PairPartials here(p.m, pair, p.v);
+    WrenchPartials conservative, other;
+    const auto all = F::wrenches(law, {p.t, p.m.limits}, moving_frames(pair), velocity_of(here.V));
+    read(all.conservative, conservative.F, conservative.Db), read(all.other, other.F, other.Db);
+    if (F::damped(law)) {
+      other.damp();
+      read(F::wrenches(law, {p.t, p.m.limits}, frames_of(pair), moving_velocity(here.V)).other, other.F, other.C);
+    }
+    conservative.complete(), out.add(here, conservative, true);
+    if (!other.damped && largest(other.F, 6) == 0 && largest(other.Db, 36) == 0) return;
+    other.complete(here.V), out.add(here, other, false);
+  }
+
+  static double potential(const Law& law, const ForcePoint& p) {
+    law.pair->locate(p.m);
+    return F::potential(law, frames_of(*law.pair));
+  }
+};
+
+template <class F>
+constexpr LawKind frame_law(LawKind::Fits fits) {
+  return {fits, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential};
+}
+
+}  // namespace mbdae

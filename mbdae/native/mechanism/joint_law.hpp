@@ -1,0 +1,50 @@
+// Laws of single coordinates: a formula of (q, v), whose derivatives follow by dual numbers.
+#pragma once
+
+#include "math/dual.hpp"
+#include "mechanism/laws.hpp"
+
+namespace mbdae {
+
+template <class S>
+struct Effort {  // of a spring, and other
+  S conservative, other;
+};
+
+// F::effort(law, k, q, v) is the Effort at velocity law.rows[k], q the coordinate law.columns[k] (0 without columns).
+template <class F>
+struct JointLaw {
+  static double coordinate(const Law& law, const ForcePoint& p, size_t k) {
+    return law.columns.empty() ? 0 : p.q[law.columns[k]];
+  }
+
+  static void add(const Law& law, const ForcePoint& p, const Forces& f) {
+    for (size_t k = 0; k < law.rows.size(); ++k) {
+      const int i = law.rows[k];
+      const Effort<double> tau = F::effort(law, k, coordinate(law, p, k), p.v[i]);
+      f.conservative[i] += tau.conservative, f.other[i] += tau.other;
+    }
+  }
+
+  static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
+    for (size_t k = 0; k < law.rows.size(); ++k) {
+      const int i = law.rows[k];
+      Dual<2> q(coordinate(law, p, k)), v(p.v[i]);
+      q.d[0] = 1, v.d[1] = 1;
+      const Effort<Dual<2>> tau = F::effort(law, k, q, v);
+      double *conservative = out.conservative + i * out.width, *other = out.other + i * out.width;
+      if (!law.columns.empty()) {
+        const int at = p.m.tangent[law.columns[k]];
+        conservative[at] += tau.conservative.d[0], other[at] += tau.other.d[0];
+      }
+      conservative[p.m.nv + i] += tau.conservative.d[1], other[p.m.nv + i] += tau.other.d[1];
+    }
+  }
+};
+
+template <class F>
+constexpr LawKind joint_law(LawKind::Fits fits, LawKind::Potential potential = nullptr) {
+  return {fits, JointLaw<F>::add, JointLaw<F>::partials, potential};
+}
+
+}  // namespace mbdae
