@@ -53,15 +53,16 @@ def kinematics(
     Args:
         mech: the mechanism, or what `mbdae.load` takes; drivers other than the drive stay where they are at
             t = 0.
-        drive: a joint of one coordinate, or a driver of the mechanism.
+        drive: the input: a joint of one coordinate, or a driver of the mechanism.
         span: the input's range in rad or m; the curve begins at its first value. The start pose, and up to so many
             turns to both sides, when left out.
-        turns: full turns of the input, when there is no span.
-        hold: locked joints, where they are or at values by name; one degree of freedom is left for the drive.
+        turns: full turns, where no span is given.
+        hold: joints to lock where they are, or at values by name: joint=value. One degree of freedom is left
+            for the drive.
         points: about how many poses are returned.
         q: a pose on the branch that is meant, (nq,); the model's start when left out.
-        output_joint: a joint whose transmission angle is wanted; when left out, the only other one at the ground.
-        branches: follow all branches from branch points on, within the range.
+        output_joint: the joint of the transmission angle. When left out, the only other one at the ground.
+        branches: follow all branches from branch points on. They stay within the range.
 
     Raises:
         UnknownNameError: for a joint that does not exist.
