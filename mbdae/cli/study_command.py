@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any
+from typing import Any, Protocol
 
 import click
 
@@ -13,6 +13,15 @@ from .model import model_argument
 from .options import SHARED, Decorator, options_of
 from .output import HOLDS, OutputFile, emit, stopped, writable
 from .values import span_of
+
+Study = Callable[..., Any]
+
+
+class Result(Protocol):
+    """What a study returns; it has `save` and `plot` where its command has these options."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return JSON data."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +92,7 @@ def study_command(
     exit_code: Callable[[Any], int] = lambda found: HOLDS,
     missing: Callable[[Any], str] = lambda found: "",
     **settings: Any,
-) -> Callable[[Callable[..., Any]], click.Command]:
+) -> Callable[[Callable[..., Result]], click.Command]:
     """Return a decorator that makes a command of ``function(study, **options)``, which returns a result.
 
     Args:
@@ -94,9 +103,9 @@ def study_command(
         settings: as for `command`.
     """
 
-    def decorate(function: Callable[..., Any]) -> click.Command:
+    def decorate(function: Callable[..., Result]) -> click.Command:
         @wraps(function)
-        def deliver(study: Any, out: Output, **given: Any) -> None:
+        def deliver(study: Study, out: Output, **given: Any) -> None:
             found = function(study, **given)
             for file in files:
                 path = out.paths[file.name]

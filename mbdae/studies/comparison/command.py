@@ -9,7 +9,7 @@ from ...cli.model import ChosenModel
 from ...cli.options import several
 from ...cli.output import PLOT, TABLES, stopped, writable
 from ...cli.runs import span
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 from ...errors import InputError, UnknownNameError
 from ...progress import progress_bar
 
@@ -38,7 +38,7 @@ QUANTITY = click.option("--quantity", help="To be drawn: q, v or lam; y or z of 
     more=[FORMULATIONS, QUANTITY, FILES],
 )
 def compare(
-    study: Any,
+    study: Study,
     out: Output,
     model: ChosenModel,
     t_span: tuple[float, ...] | None,

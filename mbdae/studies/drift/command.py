@@ -10,7 +10,7 @@ from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import RUN
 from ...cli.output import FAILED, PLOT, TABLE, emit, finish
 from ...cli.runs import simulate
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 from ...errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ LIMIT = click.option(
 
 
 @command("", TABLE, PLOT, shared=f"methods {RUN}", subject=TARGETS, more=[start_option, set_option, LIMIT])
-def drift(study: Any, out: Output, targets: tuple[str, ...], limit: float | None, **options: Any) -> None:
+def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | None, **options: Any) -> None:
     """Measure the drift of runs of a model, or of saved solutions: a JSON object, or a list of them for several runs.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m index1:dop853.

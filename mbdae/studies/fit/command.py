@@ -7,7 +7,7 @@ import click
 
 from ...cli.model import ChosenModel
 from ...cli.output import FAILED, HOLDS, PAGES, PLOT, TABLE, UNJUDGED, output_file
-from ...cli.study_command import study_command
+from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 from ...progress import progress_bar
 
@@ -38,13 +38,13 @@ def _exit_code(found: "Fit") -> int:
     exit_code=_exit_code,
 )
 def fit(
-    study: Any,
+    study: Study,
     model: ChosenModel,
     data: tuple[str, ...],
     given: tuple[str, ...],
     sigma: tuple[str, ...],
     **options: Any,
-) -> Any:
+) -> Result:
     """Find numbers of a model from measured signals, columns of CSV or Parquet files named as those of `mbdae solve`.
 
     Exit 1: residuals are no noise, or the search did not end; 3: the data do not tell every parameter.

@@ -7,7 +7,7 @@ import click
 from ...cli.model import ChosenModel
 from ...cli.options import options_of
 from ...cli.output import PLOT, TABLE
-from ...cli.study_command import study_command
+from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 
 MOTION = (
@@ -19,7 +19,7 @@ MOTION = (
 
 
 @study_command("speed actuator weight", TABLE, PLOT, shared="from to", more=MOTION)
-def inverse_dynamics(study: Any, model: ChosenModel, motion: str | None, drive: str | None, **options: Any) -> Any:
+def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive: str | None, **options: Any) -> Result:
     """Tell what actuators must give for a motion: a saved run, a table of q(t), or a drive at constant speed."""
     from ..kinematics.kinematics import kinematics
 

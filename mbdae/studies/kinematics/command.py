@@ -7,7 +7,7 @@ import click
 
 from ...cli.model import ChosenModel
 from ...cli.output import PAGES, PLOT, TABLE, emit, output_file
-from ...cli.study_command import Output, command, study_command
+from ...cli.study_command import Output, Result, Study, command, study_command
 
 
 def _write_replay(found: Any, path: str, given: Mapping[str, Any]) -> None:
@@ -29,13 +29,13 @@ PAGE = output_file(
     shared="from to speed",
     types={"points": click.IntRange(min=2)},
 )
-def kinematics(study: Any, model: ChosenModel, speed: float | None, **options: Any) -> Any:
+def kinematics(study: Study, model: ChosenModel, speed: float | None, **options: Any) -> Result:
     """Follow the poses of a mechanism with one degree of freedom over an input: rates, dead points, branches."""
     return study(model.load(), **options)
 
 
 @command("drive at hold apart")
-def assembly_modes(study: Any, out: Output, model: ChosenModel, **options: Any) -> None:
+def assembly_modes(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
     """List all assembly modes at one value of the input: poses that the closures allow."""
     found = study(model.load(), **options)
     emit(found.to_dict(), str(found), out.as_json)

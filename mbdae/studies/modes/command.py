@@ -7,7 +7,7 @@ import click
 from ...cli.model import ChosenModel
 from ...cli.options import STATE
 from ...cli.output import FAILED, HOLDS, PAGES, PLOT, output_file
-from ...cli.study_command import Output, command, study_command
+from ...cli.study_command import Output, Result, Study, command, study_command
 
 PAGE = output_file(
     "--html",
@@ -18,7 +18,7 @@ PAGE = output_file(
 
 
 @study_command("", PAGE, PLOT, shared=STATE, exit_code=lambda found: HOLDS if found.stable else FAILED)
-def modes(study: Any, model: ChosenModel, **options: Any) -> Any:
+def modes(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find eigenvalues, damping and shapes of small motions around an equilibrium or a steady motion.
 
     The start of the model is taken where it is steady, else the equilibrium that is found from there. Exit 1 where a
@@ -28,7 +28,7 @@ def modes(study: Any, model: ChosenModel, **options: Any) -> Any:
 
 
 @study_command("", PLOT, shared=STATE, more=[click.argument("over", metavar="NAME=FIRST:LAST:NUMBER")])
-def root_locus(study: Any, model: ChosenModel, over: str, **options: Any) -> Any:
+def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
     """Follow eigenvalues over a parameter of a model, or over a speed v.JOINT: spin=150:250:21, v.shaft=4:8:9."""
     from .root_locus import read_range
 
@@ -36,7 +36,7 @@ def root_locus(study: Any, model: ChosenModel, over: str, **options: Any) -> Any
 
 
 @command("inputs outputs", PLOT, shared=STATE)
-def linearize(study: Any, out: Output, model: ChosenModel, **options: Any) -> None:
+def linearize(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
     """Linearise a model with inputs and outputs: gain and phase over the frequency; with --json A, B, C and D, too."""
     import numpy as np
 

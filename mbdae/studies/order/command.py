@@ -10,7 +10,7 @@ from ...cli.completion import methods as method_names
 from ...cli.model import ChosenModel, problem_argument
 from ...cli.options import SHARED, several_methods
 from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit, show
-from ...cli.study_command import study_command
+from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 from ...progress import progress_bar
 
@@ -33,7 +33,7 @@ JUDGED: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
 
 
 @study_command("T steps", TABLE, PLOT, subject=problem_argument, more=[METHODS_OR_ALL], **JUDGED)
-def order(study: Any, model: ChosenModel, **options: Any) -> Any:
+def order(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged.
 
     For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C keeps the methods that are
@@ -45,7 +45,7 @@ def order(study: Any, model: ChosenModel, **options: Any) -> Any:
 
 
 @study_command("parameter T steps", TABLE, PLOT, more=[METHODS_OR_ALL], **JUDGED)
-def check_gradients(study: Any, model: ChosenModel, **options: Any) -> Any:
+def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Compare tangents of runs with difference quotients, and measure the orders of derivatives; exits as `order`."""
     if model.textbook:
         raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")

@@ -7,7 +7,7 @@ import click
 
 from ...cli.options import REPLAY
 from ...cli.output import PAGES, VIDEOS, output_file
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 from ...cli.values import panels
 from ...errors import InputError
 from ...progress import progress_bar
@@ -31,7 +31,7 @@ MORE = (
 
 @command("", *FILES, shared=REPLAY, subject=RUNS, more=MORE)
 def animate(
-    study: Any,
+    study: Study,
     out: Output,
     solutions: tuple[str, ...],
     plots: tuple[str, ...],

@@ -5,14 +5,14 @@ from typing import Any
 from ...cli.model import ChosenModel
 from ...cli.output import PAGES, emit, output_file, stopped
 from ...cli.runs import span
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 from ...progress import progress_bar
 
 PAGE = output_file("-o", "--output", required=True, suffixes=PAGES, help="The HTML page to write.")
 
 
 @command("repeats workers", PAGE, shared="methods t_span rtol")
-def report(study: Any, out: Output, model: ChosenModel, t_span: tuple[float, ...] | None, **options: Any) -> None:
+def report(study: Study, out: Output, model: ChosenModel, t_span: tuple[float, ...] | None, **options: Any) -> None:
     """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it.
 
     Ctrl-C writes what is finished.

@@ -8,7 +8,7 @@ from ...cli.model import ChosenModel, problem_argument
 from ...cli.options import REPLAY, RUN
 from ...cli.output import PAGES, PICTURES, VIDEOS, finish, output_file
 from ...cli.runs import simulate
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 from ...cli.values import listed, panels
 from ...errors import InputError
 
@@ -37,7 +37,7 @@ MORE = (
 
 @command("", *FILES, shared=f"method {RUN} backend {REPLAY}", subject=problem_argument, more=MORE)
 def solve(
-    study: Any,
+    study: Study,
     out: Output,
     model: ChosenModel,
     events: tuple[str, ...],

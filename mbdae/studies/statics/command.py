@@ -8,7 +8,7 @@ import click
 from ...cli.model import ChosenModel
 from ...cli.options import STATE
 from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit
-from ...cli.study_command import Output, command, study_command
+from ...cli.study_command import Output, Result, Study, command, study_command
 
 CODES = {"stable": HOLDS, "rigid": HOLDS, "unstable": FAILED, "neutral": UNJUDGED, "singular": UNJUDGED}
 FACTORS = (
@@ -18,7 +18,7 @@ FACTORS = (
 
 
 @study_command("find", TABLE, shared=STATE, exit_code=lambda found: CODES[found.stability])
-def equilibrium(study: Any, model: ChosenModel, **options: Any) -> Any:
+def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find where a model rests or moves steadily, what holds it, and whether it is stable.
 
     Exit code 0 stable, 1 unstable or none found, 3 neutral or not to be judged.
@@ -27,7 +27,7 @@ def equilibrium(study: Any, model: ChosenModel, **options: Any) -> Any:
 
 
 @command("drive", shared="from to hold")
-def equilibria(study: Any, out: Output, model: ChosenModel, drive: str, **options: Any) -> None:
+def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **options: Any) -> None:
     """Find all equilibria of a mechanism with one degree of freedom over a joint: exit 1 where there is none."""
     found = study(model.load(), drive, **options)
     text = "\n".join(map(str, found)) or f"no equilibrium over {drive}"
@@ -38,6 +38,6 @@ def equilibria(study: Any, out: Output, model: ChosenModel, drive: str, **option
 @study_command(
     "load", TABLE, PLOT, shared=STATE, more=FACTORS, exit_code=lambda path: HOLDS if path.complete else FAILED
 )
-def load_path(study: Any, model: ChosenModel, **options: Any) -> Any:
+def load_path(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Follow an equilibrium while a force is scaled: load-deflection curve, snap-through, loss of stability."""
     return study(model.load(), **options)

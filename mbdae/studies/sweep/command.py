@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...cli.output import FAILED, PICTURES, TABLES, output_file, stopped
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 from ...progress import progress_bar as bar
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ FILE = click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.tom
 @command(
     "workers executor fresh", TABLE, FIGURE, subject=FILE, types={"executor": click.Choice(["threads", "processes"])}
 )
-def sweep(study: Any, out: Output, file: str, fresh: bool, **chosen: Any) -> None:
+def sweep(study: Study, out: Output, file: str, fresh: bool, **chosen: Any) -> None:
     """Run a model for many values of its parameters, as a file of TOML says: a grid, a list or a random sample.
 
     Runs that fail are rows with a status. Ctrl-C writes what is finished; a .parquet file, which takes pyarrow, keeps

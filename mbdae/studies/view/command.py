@@ -2,19 +2,18 @@
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
 from ...cli.model import ChosenModel
 from ...cli.output import PAGES, output_file, writable
-from ...cli.study_command import Output, command
+from ...cli.study_command import Output, Study, command
 
 PAGE = output_file("-o", "--output", suffixes=PAGES, help="The page to write.  [default: MODEL.html]")
 
 
 @command("", PAGE)
-def view(study: Any, out: Output, model: ChosenModel) -> None:
+def view(study: Study, out: Output, model: ChosenModel) -> None:
     """Write one page on which a model is moved by sliders, with its limits and dead points; open it on a terminal."""
     file = Path(model.name)
     path = out.paths["output"] or f"{file.parent.name if file.stem == 'mechanism' else file.stem}.html"
