@@ -6,7 +6,7 @@ import warnings
 import click
 
 from .cli.interrupt import CODE
-from .cli.options import FAILED, HOLDS, USAGE
+from .cli.output import FAILED, HOLDS, USAGE
 from .discovery import members
 from .errors import InputError, MbdaeError, printable
 
@@ -22,7 +22,7 @@ for command in members("mbdae.studies", click.Command, files="*/command.py"):
 
 
 def main() -> None:
-    """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.options`, 130 for Ctrl-C."""
+    """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.output`, 130 for Ctrl-C."""
     warnings.showwarning = lambda message, *_: _say(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from .errors import InputError
 
+VIDEO_SUFFIXES = (".mp4", ".gif")
 TABLE_SUFFIXES = (".csv", ".json", ".tex")  # file formats for results of studies
 
 

@@ -5,13 +5,13 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from html import escape
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
+from markupsafe import escape
 
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, write_whole
@@ -149,7 +149,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def table(cells: Sequence[Sequence[str]]) -> str:
-    """Return a table in HTML, headings first; columns of words are left-aligned."""
+    """Return a table in HTML, headings first; columns of words are left-aligned. Cells of `Markup` are HTML already."""
     sides = [' style="text-align: left"' if word else "" for word in wordy(cells[1:])] or [""] * len(cells[0])
     head, *body = (
         "".join(f"<{tag}{side}>{escape(c)}</{tag}>" for c, side in zip(row, sides, strict=True))

@@ -27,7 +27,8 @@ SECRETS = {  # heavy or special imports, and the only modules that may use them
     "meshcat": "",  # its viewer is a file
     "umsgpack": "studies/replay/*.py",
     "click": "cli/*.py studies/*/command.py __main__.py",
-    "rich": "cli/options.py progress.py",
+    "rich": "cli/output.py progress.py",
+    "jinja2": "studies/report/templates.py",
     "pyarrow": "studies/sweep/results_file.py",
 }
 FILES = sorted(PACKAGE.rglob("*.py"))

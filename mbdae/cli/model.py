@@ -10,7 +10,7 @@ import click
 from ..discovery import model_names, public
 from ..errors import InputError
 from .completion import completed, problems
-from .options import values_by_name
+from .values import values_by_name
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism

@@ -96,10 +96,12 @@ class HessenbergSystem(System):
                 f"expected ({self.ny},) and ({self.nz},)"
             )
 
-    def new_workspace(self) -> "HessenbergSystem":  # noqa: D102
+    def new_workspace(self) -> "HessenbergSystem":
+        """Return another workspace of the problem, with separate counters."""
         return HessenbergSystem(self.problem)
 
-    def chart(self, t: float, y: Array) -> "HessenbergChart":  # noqa: D102
+    def chart(self, t: float, y: Array) -> "HessenbergChart":
+        """Open a step at (t, y), with the z computed before at y."""
         return HessenbergChart(self, t, y, self.near(y))
 
     def near(self, y: Array) -> Array:
@@ -113,7 +115,8 @@ class HessenbergSystem(System):
         if len(self._roots) > CACHED:
             del self._roots[next(iter(self._roots))]
 
-    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:  # noqa: D102
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+        """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess."""
         known = near is not None and np.isfinite(near).all()
         g_y, g_t = self.g_y(t, y), self.g_t(t, y)
         start = np.array(near, float) if known else self.near(y)
@@ -121,25 +124,31 @@ class HessenbergSystem(System):
         self.remember(y, z)
         return self.f(t, y, z), z
 
-    def carry(self, F: Array, z: Array) -> tuple[Array, Array]:  # noqa: D102
+    def carry(self, F: Array, z: Array) -> tuple[Array, Array]:
+        """Return (y', z), the carry of a method with an explicit first stage."""
         return F, z
 
-    def add(self, y: Array, x: Array) -> Array:  # noqa: D102
+    def add(self, y: Array, x: Array) -> Array:
+        """Return y + x, (ny,)."""
         return y + x
 
-    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:
+        """Return x - (y1 - y0), (ny,)."""
         return x - (y1 - y0)
 
-    def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
+    def difference(self, y0: Array, y1: Array) -> Array:
+        """Return y1 - y0, (ny,)."""
         return y1 - y0
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         """Always solves for all constraints."""
 
-    def size(self, y: Array) -> Array:  # noqa: D102
+    def size(self, y: Array) -> Array:
+        """Return |y|, (ny,)."""
         return np.abs(y)
 
-    def noise(self, y: Array, share: float) -> Array:  # noqa: D102
+    def noise(self, y: Array, share: float) -> Array:
+        """Return zeros (ny,): nothing cancels in the estimate."""
         return np.zeros(len(y))
 
     def interpolant(
@@ -214,11 +223,13 @@ class HessenbergChart(HessenbergStages):
     def __init__(self, system: HessenbergSystem, t: float, y: Array, z: Array) -> None:
         self.system, self.t, self.y, self.z = system, t, y, z
 
-    def first(self, carry: tuple[Array, Array]) -> tuple[Array, Array]:  # noqa: D102
+    def first(self, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return the carried (y', z)."""
         self.z = carry[1]
         return carry
 
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:  # noqa: D102
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """Return (y', z) with g(that, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
         s, y, base = self.system, self.y + x, self.y + xhat
         z = s.solve(
             t,
@@ -231,15 +242,18 @@ class HessenbergChart(HessenbergStages):
         self.z, self.last = z, (t, y, z)
         return s.f(t, y, z), z
 
-    def point(self, x: Array) -> Array:  # noqa: D102
+    def point(self, x: Array) -> Array:
+        """Return y_n + x, (ny,), and keep z there."""
         y = self.y + x
         self.system.remember(y, self.z)
         return y
 
-    def all_multipliers(self, z: Array) -> Array:  # noqa: D102
+    def all_multipliers(self, z: Array) -> Array:
+        """Return z, (nz,): no row depends on others."""
         return z
 
-    def project(self, e: Array) -> Array:  # noqa: D102
+    def project(self, e: Array) -> Array:
+        """Return (1 - f_z (g_y f_z)^-1 g_y) e at the last stage, (ny,)."""
         t, y, z = self.last
         g_y, f_z = self.system.g_y(t, y), self.system.f_z(t, y, z)
         return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)

@@ -19,14 +19,17 @@ class HessenbergStages:
     y: Array
     unknowns = ()
 
-    def start(self) -> tuple[Array, Array]:  # noqa: D102
+    def start(self) -> tuple[Array, Array]:
+        """Return (y', z) at the start."""
         return self.system.derivative(self.t, self.y)
 
-    def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:  # noqa: D102
+    def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return f(t, y, z) - x' (ny,) and -g(t, y) (nz,) at y = y_n + x."""
         y = self.y + x
         return self.system.f(t, y, z) - dx, -np.asarray(self.system.problem.g(t, y), float)
 
-    def linearize(self, x: Array, dx: Array, z: Array) -> "LinearizedHessenberg":  # noqa: D102
+    def linearize(self, x: Array, dx: Array, z: Array) -> "LinearizedHessenberg":
+        """Return f_y, f_z and g_y at y = y_n + x."""
         s, y = self.system, self.y + x
         return LinearizedHessenberg(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
@@ -47,7 +50,8 @@ class LinearizedHessenberg(NamedTuple):
     counts: Counts
     t: float
 
-    def weigh(self, e: Array) -> Array:  # noqa: D102
+    def weigh(self, e: Array) -> Array:
+        """Return e (ny,): all components are differential."""
         return e
 
     def factorize(self, mu: complex) -> Solver:

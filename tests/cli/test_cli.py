@@ -13,7 +13,7 @@ from commands import call, found, without_pictures
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.cli import interrupt
-from mbdae.cli import options as console
+from mbdae.cli import output as console
 
 PIN = 'title = "t"\n[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ncom = [0, 0, -1]\naxis = [0, 1, 0]\n'
 

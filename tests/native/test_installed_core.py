@@ -13,7 +13,8 @@ import mbdae
 from mbdae import backend, installed_core
 
 PACKAGE = Path(mbdae.__file__).parent
-CORE = next(PACKAGE.glob("_native.*.so"), None) or next(PACKAGE.glob("_native.*.pyd"), None)
+NATIVE = backend.load()
+CORE = Path(str(NATIVE.__file__)) if NATIVE else None  # of this clone, or of the installed mbdae
 RUN = """
 import json, warnings
 with warnings.catch_warnings(record=True) as said:
@@ -43,9 +44,9 @@ def site(tmp_path):
     folder.mkdir(parents=True)
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mbdae\nVersion: 0.1.0\n")
-    for path in (CORE, PACKAGE / backend.BUILT_FOR):
-        if path and path.is_file():
-            shutil.copy(path, folder)
+    if CORE:
+        shutil.copy(CORE, folder)
+        shutil.copy(CORE.with_name(backend.BUILT_FOR), folder)
     write_digest(folder)
     return folder
 
@@ -55,25 +56,38 @@ def write_digest(folder, sources=PACKAGE / "native"):
     subprocess.run(program, check=True)
 
 
-def run_in(clone, site):
-    """File of mbdae, back end of a run, status, warnings: in a process that starts in the clone."""
-    environment = {**os.environ, "PYTHONPATH": str(site.parent)}
-    environment.pop("PYTHONSAFEPATH", None)  # the folder where Python starts comes first
+def in_process(clone, environment):
     done = subprocess.run([sys.executable, "-c", RUN], cwd=clone, env=environment, capture_output=True, text=True)
     assert not done.returncode, done.stderr
-    file, *found = json.loads(done.stdout)
+    return done.stdout
+
+
+def in_kernel(clone, environment):
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(RUN)])
+    nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": str(clone)}}).execute(env=environment)
+    return "".join(output.text for output in book.cells[0].outputs if output.get("name") == "stdout")
+
+
+def run_in(clone, site, start=in_process):
+    """File of mbdae, back end of a run, status, warnings: in Python that starts in the clone."""
+    environment = {**os.environ, "PYTHONPATH": str(site.parent)}
+    environment.pop("PYTHONSAFEPATH", None)  # the folder where Python starts comes first
+    file, *found = json.loads(start(clone, environment))
     assert Path(file).parent == clone / "mbdae"
     return found
 
 
-@pytest.mark.skipif(CORE is None or not (PACKAGE / "native").is_dir(), reason="takes a clone with a core")
-def test_a_clone_takes_the_core_of_its_installation(clone, site):
-    used, status, said = run_in(clone, site)
+@pytest.mark.skipif(CORE is None or not (PACKAGE / "native").is_dir(), reason="takes a clone, and a core")
+@pytest.mark.parametrize("start", [in_process, in_kernel])
+def test_a_clone_takes_the_core_of_its_installation(clone, site, start):
+    used, status, said = run_in(clone, site, start)
     assert (used, said) == ("native", [])
     assert status.endswith(f", installed in {site})")
 
 
-@pytest.mark.skipif(CORE is None or not (PACKAGE / "native").is_dir(), reason="takes a clone with a core")
+@pytest.mark.skipif(CORE is None or not (PACKAGE / "native").is_dir(), reason="takes a clone, and a core")
 def test_a_core_of_other_sources_or_for_another_pinocchio_is_not_taken(clone, site):
     """The same version with one line more is another core; Python goes on, and says why."""
     source = next((clone / "mbdae" / "native" / "run").glob("*.hpp"))

@@ -65,20 +65,20 @@ def compare(
             ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.method_variant`; a
             textbook problem has index 2 only. When left out, the default of `mbdae.solve`, with its projection, and
             those of `METHODS` whose formulation the problem supports.
-        formulations: for the names without one: each of these; ``"index2"`` when left out.
-        rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
-        steps: numbers of fixed steps over the span, instead of tolerances.
+        formulations: for methods without one: index2, project, ggl. ``"index2"`` when left out.
+        rtol: relative tolerances, 1e-4,1e-6; 1e-3 to 1e-10 when left out. atol is 0.01 rtol.
+        steps: numbers of fixed steps, instead of tolerances.
         reference: two methods of different families; errors are differences to the first.
         reference_rtol: their tolerance; the next power of ten that they can satisfy.
         outputs: number of common times, equidistant, the end among them.
-        repeats: number of timed repetitions of a run, all runs in turn; 0 for no times. Runs above 2 s are timed once.
+        repeats: runs for the median of the wall time. All runs are timed in turn, those above 2 s once; 0 for no times.
         max_steps: runs with more steps are aborted.
-        workers: processes; needs ``if __name__ == "__main__":`` in scripts. Times are then taken afterwards, one run
-            at a time.
+        workers: processes; times are still taken one by one. Scripts need ``if __name__ == "__main__":``, and times are
+            taken after all runs.
         timed_together: take times in the processes, while others compute.
         progress: called with the fraction of runs done and the name of the next.
         path: a .json or .csv file that is kept up to date, and read first if it is there.
-        fresh: do not read it; it is replaced when the first run is done.
+        fresh: do not resume from the file, replace it. It is replaced when the first run is done.
         backend: of all runs, so that their times are comparable: ``"auto"`` takes the compiled core if it supports
             every method of the comparison, and Python otherwise.
 

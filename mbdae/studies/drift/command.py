@@ -1,92 +1,92 @@
 """Sub-command ``drift``."""
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ...cli.completion import completed, problems
 from ...cli.model import chosen_model, set_option, start_option
-from ...cli.options import (
-    FAILED,
-    PICTURES,
-    TABLES,
-    as_json,
-    emit,
-    finish,
-    listed,
-    methods_option,
-    plot_option,
-    run_options,
-    simulate,
-    table_option,
-    writable,
-)
+from ...cli.options import RUN
+from ...cli.output import FAILED, PLOT, TABLE, emit, finish
+from ...cli.runs import simulate
+from ...cli.study_command import Output, Study, command
 from ...errors import InputError
 
+if TYPE_CHECKING:
+    from ...solution.solution import Solution
+    from .drift import Drift
 
-@click.command()
-@click.argument("targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...", shell_complete=completed(problems))
-@start_option
-@set_option
-@methods_option
-@run_options
-@click.option("--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this.")
-@table_option
-@plot_option
-@as_json
-def drift(
-    targets: tuple[str, ...],
-    started: tuple[str, ...],
-    chosen: tuple[str, ...],
-    methods: tuple[str, ...],
-    formulation: str | None,
-    project: bool | None,
-    limit: float | None,
-    output: str | None,
-    plot: str | None,
-    as_json: bool,
-    **options: Any,
-) -> None:
+TARGETS = click.argument(
+    "targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...", shell_complete=completed(problems)
+)
+LIMIT = click.option(
+    "--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this."
+)
+
+
+@command("", TABLE, PLOT, shared=f"methods {RUN}", subject=TARGETS, more=[start_option, set_option, LIMIT])
+def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | None, **options: Any) -> None:
     """Measure the drift of runs of a model, or of saved solutions: a JSON object, or a list of them for several runs.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """
-    from ...solution.solution import Solution
-    from ..method_variant import variants
-    from .drift import drift as measure_drift
-
-    written = writable((output, TABLES), (plot, PICTURES))
-    if output and len(targets) * max(1, len(listed(methods))) > 1:
+    output = out.paths["output"]
+    if output and len(targets) * max(1, len(options["methods"] or ())) > 1:
         raise InputError("-o takes the drift of one run")
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
-    given = any([started, chosen, methods, *(value is not None for value in (formulation, project, *options.values()))])
+    sols = _solutions(targets, **options)
+    found = [study(sol) for sol in sols]
+    if out.paths["plot"]:
+        _draw(found, out.paths["plot"])
+    if output:
+        found[0].save(output)
+    data = [{**f.to_dict(), "written": out.written} for f in found]
+    emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), out.as_json)
+    if limit is not None and not all(f.largest <= limit for f in found):
+        sys.exit(FAILED)
+    for sol in sols:
+        finish(sol)
+
+
+def _draw(found: "list[Drift]", path: str) -> None:
+    from .. import figures
+    from .figure import drifts
+
+    figures.save(drifts([f.history for f in found]), path)
+
+
+def _solutions(
+    targets: tuple[str, ...], started: tuple[str, ...], chosen: tuple[str, ...], **options: Any
+) -> list["Solution"]:
+    """Return saved runs, and runs of models by each method.
+
+    Raises:
+        InputError: for options of a run if all runs are saved ones.
+    """
+    from ...solution.solution import Solution
+
+    given = started or chosen or any(value is not None for value in options.values())
     if given and all(target.endswith(".npz") for target in targets):
         raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
-    if project and formulation not in (None, "index2"):
-        raise InputError(f"give --project or --formulation {formulation}, not both")
+    runs = _runs(options.pop("methods"), options.pop("formulation"), options.pop("project"))
     sols = []
-    said = bool(methods or formulation or project)
-    tried = variants(listed(methods) or ["pherk6"], ["project" if project else formulation or "index2"]) if said else ()
     for target in targets:
         if target.endswith(".npz"):
             sols.append(Solution.load(target))
         else:
             problem = chosen_model(target, started, chosen).problem()
-            runs = [v.arguments() for v in tried] or [{"method": None, "project": project}]
             sols += [simulate(problem, **run, **options) for run in runs]
-    found = [measure_drift(sol) for sol in sols]
-    if plot:
-        from .. import figures
-        from .figure import drifts
+    return sols
 
-        figures.save(drifts([f.history for f in found]), plot)
-    if output:
-        found[0].save(output)
-    data = [{**f.to_dict(), "written": written} for f in found]
-    emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), as_json)
-    if limit is not None and not all(f.largest <= limit for f in found):
-        sys.exit(FAILED)
-    for sol in sols:
-        finish(sol)
+
+def _runs(methods: list[str] | None, formulation: str | None, project: bool | None) -> list[dict[str, Any]]:
+    """Return the settings of a run for each method; those of the model if neither method nor formulation is given."""
+    from ..method_variant import variants
+
+    if project and formulation not in (None, "index2"):
+        raise InputError(f"give --project or --formulation {formulation}, not both")
+    if not (methods or formulation or project):
+        return [{"method": None, "project": project}]
+    return [v.arguments() for v in variants(methods or ["pherk6"], ["project" if project else formulation or "index2"])]

@@ -1,102 +1,75 @@
 """Sub-command ``fit``."""
 
-import sys
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...cli.model import ChosenModel, model_argument
-from ...cli.options import (
-    FAILED,
-    PAGES,
-    PICTURES,
-    TABLES,
-    UNJUDGED,
-    as_json,
-    bar,
-    emit,
-    method_option,
-    plot_option,
-    rtol_option,
-    step_option,
-    table_option,
-    writable,
-)
+from ...cli.model import ChosenModel
+from ...cli.output import FAILED, HOLDS, PAGES, PLOT, TABLE, UNJUDGED, output_file
+from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
+from ...progress import progress_bar
+
+if TYPE_CHECKING:
+    from .result import Fit
+
+DATA = (
+    click.argument("data", nargs=-1, required=True, metavar="DATA.csv|.parquet..."),
+    click.option("-p", "--parameter", "given", multiple=True, required=True, metavar="NAME=LOW:HIGH",
+                 help="A parameter and its bounds; or NAME=START:LOW:HIGH. Several times for several."),
+    click.option("--sigma", multiple=True, metavar="X|SIGNAL=X", help="Noise level of all signals, or of one."),
+)  # fmt: skip
+PAGE = output_file("--html", suffixes=PAGES, help="Write one page: signals, residuals, values.")
 
 
-@click.command()
-@model_argument
-@click.argument("data", nargs=-1, required=True, metavar="DATA.csv|.parquet...")
-@click.option("-p", "--parameter", "given", multiple=True, required=True, metavar="NAME=LOW:HIGH",
-              help="A parameter and its bounds; or NAME=START:LOW:HIGH. Several times for several.")  # fmt: skip
-@click.option("-s", "--signal", "signals", multiple=True, help="A column that counts; all when left out.")
-@click.option("--sigma", multiple=True, metavar="X|SIGNAL=X", help="Noise level of all signals, or of one.")
-@method_option
-@rtol_option
-@step_option
-@click.option("--starts", type=click.IntRange(min=1), default=1, help="Searches, from starts within the bounds.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the places of other starts.")
-@click.option("--html", type=click.Path(dir_okay=False), help="Write one page: signals, residuals, values.")
-@table_option
-@plot_option
-@as_json
+def _exit_code(found: "Fit") -> int:
+    return FAILED if found.refuted or not found.converged else UNJUDGED if found.untold else HOLDS
+
+
+@study_command(
+    "signal starts seed",
+    TABLE,
+    PAGE,
+    PLOT,
+    shared="method rtol step",
+    more=DATA,
+    types={"starts": click.IntRange(min=1), "seed": click.IntRange(min=0)},
+    exit_code=_exit_code,
+)
 def fit(
+    study: Study,
     model: ChosenModel,
     data: tuple[str, ...],
     given: tuple[str, ...],
-    signals: tuple[str, ...],
     sigma: tuple[str, ...],
-    method: str | None,
-    rtol: float | None,
-    step: float | None,
-    starts: int,
-    seed: int,
-    output: str | None,
-    html: str | None,
-    plot: str | None,
-    as_json: bool,
-) -> None:
+    **options: Any,
+) -> Result:
     """Find numbers of a model from measured signals, columns of CSV or Parquet files named as those of `mbdae solve`.
 
     Exit 1: residuals are no noise, or the search did not end; 3: the data do not tell every parameter.
     """
-    from .fit import fit as study
-
-    if step is not None and rtol is not None:
+    if options["step"] is not None and options["rtol"] is not None:
         raise InputError("give --step for steps of one size, or --rtol for steps under control, not both")
-    written = writable((output, TABLES), (html, PAGES), (plot, PICTURES))
-    said = {"method": method, "step": step, "rtol": rtol}
-    settings: dict[str, Any] = {name: x for name, x in said.items() if x is not None}
-    parameters: dict[str, tuple[float, ...]] = {}
-    for name, bounds in map(_bounds, given):
-        if name in parameters:
+    settings = {name: x for name, x in options.items() if x is not None}
+    with progress_bar("fit", None) as tell:
+        return study(model.source, _bounds(given), list(data), sigma=_levels(sigma), progress=tell, **settings)
+
+
+def _bounds(texts: Iterable[str]) -> dict[str, tuple[float, ...]]:
+    out: dict[str, tuple[float, ...]] = {}
+    for text in texts:
+        name, equals, bounds = text.rpartition("=")
+        try:
+            numbers = tuple(float(x) for x in bounds.split(":"))
+        except ValueError:
+            numbers = ()
+        if not equals or len(numbers) not in (2, 3):
+            raise InputError(f"-p takes NAME=LOW:HIGH or NAME=START:LOW:HIGH, got {text!r}")
+        if name in out:
             raise InputError(f"parameter {name!r} is named twice")
-        parameters[name] = bounds
-    with bar("fit", None) as tell:
-        found = study(model.source, parameters, list(data), signals=signals, sigma=_levels(sigma),
-                      starts=starts, seed=seed, progress=tell, **settings)  # fmt: skip
-    for path in (output, html):
-        if path:
-            found.save(path)
-    if plot:
-        found.plot(plot)
-    emit({**found.to_dict(), "written": written}, "\n".join([str(found), *(f"wrote {p}" for p in written)]), as_json)
-    if found.refuted or not found.converged:
-        sys.exit(FAILED)
-    if found.untold:
-        sys.exit(UNJUDGED)
-
-
-def _bounds(text: str) -> tuple[str, tuple[float, ...]]:
-    name, equals, bounds = text.rpartition("=")
-    try:
-        numbers = tuple(float(x) for x in bounds.split(":"))
-    except ValueError:
-        numbers = ()
-    if not equals or len(numbers) not in (2, 3):
-        raise InputError(f"-p takes NAME=LOW:HIGH or NAME=START:LOW:HIGH, got {text!r}")
-    return name, numbers
+        out[name] = numbers
+    return out
 
 
 def _levels(texts: tuple[str, ...]) -> float | dict[str, float] | None:

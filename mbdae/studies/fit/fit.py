@@ -74,16 +74,16 @@ def fit(
             model's value if no start is given and it lies between the bounds, else from the middle.
         data: a table ``{"t": ..., "q.slider": ...}`` with columns named as the signals of `mbdae.Solution.signals`, a
             CSV or Parquet file, or a list of them: several runs with the same parameters.
-        signals: columns to use; all when left out.
+        signals: a column that counts; all when left out.
         sigma: noise level of all signals, or by name, in their units. Without, standard deviations follow from the
             residuals, and the fit cannot be refuted.
         scales: typical changes of the parameters; a tenth of the range when left out.
         t_span: start of the runs, and the latest time of data; 0 and the last of them when left out.
         spans: shares of the samples that are fitted one after another; ``(1,)`` for all at once.
         known: other parameters of each run, for instance start values: a table for each, or one for all.
-        starts: number of searches: the first from the given start, others from points within the bounds, logarithmic if
-            these are positive. The best is returned, the others are in its ``searches``.
-        seed: of these points.
+        starts: searches, from starts within the bounds. The first is from the given start; others are logarithmic
+            if the bounds are positive. The best is returned, the others are in its ``searches``.
+        seed: of the other starts.
         progress: called with a description of the current task.
         settings: arguments of `mbdae.solve`: method, rtol, step, ...
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..report.page import document, facts, image
+from ..report.page import image
 from ..report.report import provenance
-from ..report.report_tables import captioned
+from ..report.templates import document, elements
 from .figure import compared
 from .result import Fit
 
@@ -22,11 +22,11 @@ def page(fit: Fit) -> str:
         "warnings": "\n".join(against),
     }
     sections = {
-        "Values": _values(fit) + facts(quality),
+        "Values": _values(fit) + elements().facts(quality),
         "Signals": image(compared(fit), "measured and computed signals, and residuals"),
         "Correlations": _correlations(fit) if len(fit.values) > 1 else "",
         "Searches": _searches(fit) if len(fit.searches) > 1 else "",
-        "Repeat": facts({"command": meta["command"], "machine": meta["machine"]}),
+        "Repeat": elements().facts({"command": meta["command"], "machine": meta["machine"]}),
     }
     return document(f"Fit of {fit.model}", summary, version, sections)
 
@@ -36,13 +36,13 @@ def _values(fit: Fit) -> str:
         [name, f"{x:.8g}", f"{fit.deviations[name]:.2g}", "at its bound" if name in fit.at_bounds else ""]
         for name, x in fit.values.items()
     ]
-    return captioned("Values", ["parameter", "value", "standard deviation", ""], rows)
+    return elements().captioned("Values", [["parameter", "value", "standard deviation", ""], *rows])
 
 
 def _correlations(fit: Fit) -> str:
     names = list(fit.values)
     rows = [[n, *(f"{x:+.3f}" for x in row)] for n, row in zip(names, fit.correlations, strict=True)]
-    return captioned("Correlations of the values", ["", *names], rows)
+    return elements().captioned("Correlations of the values", [["", *names], *rows])
 
 
 def _searches(fit: Fit) -> str:
@@ -53,4 +53,4 @@ def _searches(fit: Fit) -> str:
         + [f"{s.chi2:.6g}", "" if s.converged else s.message]
         for s in sorted(fit.searches, key=lambda s: s.chi2)
     ]
-    return captioned("Searches, the best first", heads, rows)
+    return elements().captioned("Searches, the best first", [heads, *rows])

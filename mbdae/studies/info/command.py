@@ -5,7 +5,8 @@ import click
 from ... import backend
 from ...cli.completion import completed, problems
 from ...cli.model import chosen_model, set_option, start_option
-from ...cli.options import as_json, emit, show
+from ...cli.options import SHARED
+from ...cli.output import emit, show
 from ...discovery import model_names
 
 
@@ -13,7 +14,7 @@ from ...discovery import model_names
 @click.argument("model", required=False, shell_complete=completed(problems))
 @start_option
 @set_option
-@as_json
+@SHARED["json"]
 def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
     """Show versions and the back end, or a model's card.
 
@@ -29,7 +30,7 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
 
 @click.command()
 @click.option("--textbook", is_flag=True, help="List textbook problems instead, for solve, order and drift.")
-@as_json
+@SHARED["json"]
 def models(textbook: bool, as_json: bool) -> None:
     """List the models that come with mbdae."""
     from ...mechanism import load

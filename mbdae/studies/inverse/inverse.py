@@ -51,10 +51,11 @@ def inverse_dynamics(
         motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a
             table of columns ``t`` and joints of one coordinate, or the path of its .csv, interpolated by splines of
             degree 5, from which the closures determine the other joints; or arrays (t, q, v, a).
-        actuators: names of joints, drivers, motors or controllers. When left out: the input of the curve, the
-            mechanism's drivers, or its joints with motors and controllers.
+        actuators: a joint, driver, motor or controller that acts; several times for several. When left out: the input
+            of the curve, the mechanism's drivers, or its joints with motors and controllers.
         speed: constant speed of the input in rad/s or m/s.
-        weights: of the squares of efforts by name, if there are more of them than degrees of freedom; 1 when left out.
+        weights: actuator=weight, for more actuators than degrees of freedom. Of the squares of efforts; 1 when
+            left out.
 
     Raises:
         UnknownNameError: for an unknown name.

@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -17,6 +17,9 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..kinematics.driven_mechanism import start_pose
 from ..kinematics.result import Kinematics
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
 RANK = 1e-9  # of the largest singular value of G
@@ -123,7 +126,7 @@ def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
     return Prescribed(t, q, v, a, {}, (t, "t (s)"))
 
 
-def _misses(system: Any, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+def _misses(system: "Index2System", q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
     g, G = system.closures(q, 0.0)
     return g, G @ v, G @ a + system.gamma(q, v, 0.0)
 
@@ -225,7 +228,7 @@ class _Posed(NamedTuple):
     missed: float
 
 
-def _at_targets(system: Any, q: Array, joints: list[Any], target: Array) -> _Posed:
+def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Array) -> _Posed:
     """The configuration with g = 0 and joints next to their targets (k,), by Gauss-Newton steps from q."""
     at, circles = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
     scales = system.mechanism.coordinate_scales

@@ -107,10 +107,10 @@ def assembly_modes(
 
     Args:
         mech: the mechanism, or what `mbdae.load` takes.
-        drive: a joint of one coordinate, or a driver of the mechanism.
-        at: the input in rad or m; that of the model's start when left out.
-        hold: locked joints, as in `mbdae.kinematics`.
-        apart: joints by which modes are distinguished; all when left out. Legs that may be assembled flipped double the
+        drive: the input: a joint of one coordinate, or a driver of the mechanism.
+        at: value of the input, in rad or m; the start when left out.
+        hold: joints to lock where they are, or at values by name: joint=value. See `mbdae.kinematics`.
+        apart: joints that distinguish the modes; all when left out. Legs that may be assembled flipped double the
             number of modes each without moving the platform.
         most: random starts at most.
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
 RANK = 1e-9  # of the largest singular value of G
-Hold = str | Iterable[str] | Mapping[str, float]
+Hold = str | Iterable[str] | Mapping[str, float | None]
 
 
 def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
@@ -37,6 +37,29 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
         UnknownNameError: for a joint that does not exist.
         InputError: for a joint of several coordinates, or one that is both driven and held.
     """
+    _check_closures(mech)
+    own = {d.name: d for d in mech.drivers}
+    if drive not in own and drive not in mech.joint_names:
+        raise UnknownNameError("drive", drive, [*own, *single(mech)])
+    values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(as_list(hold, "hold is a list of joints"))
+    if drive in own:
+        target, moved = _target(own[drive]), own[drive].between
+    else:
+        target, moved = {"joint": drive}, (drive,)
+        _coordinate(mech, drive, q)
+    others = [d for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]
+    rows = [Driver.model_validate({**_target(d), "motion": _standing(mech, d, q), "name": d.name}) for d in others]
+    rows += [_locked(mech, name, value, q, moved) for name, value in values.items()]
+    clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
+    rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
+    closures = [c for c in mech.closures if not c.opens]
+    return Mechanism(
+        mech.model, closures, _without_friction(mech), drivers=rows, start=mech.start_values, title=mech.title
+    )
+
+
+def _check_closures(mech: Mechanism) -> None:
+    """Raise InputError for a closure that is active in ranges only, or whose rows have no g."""
     for closure in mech.closures:
         if closure.within:
             within = f"{closure.name!r} is active only in ranges of {closure.within.joint!r}"
@@ -45,28 +68,18 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
             raise InputError(
                 f"{closure.name!r} has rows of velocity: where it goes depends on the way, not on the input alone"
             )
-    own = {d.name: d for d in mech.drivers}
-    if drive not in own and drive not in mech.joint_names:
-        raise UnknownNameError("drive", drive, [*own, *single(mech)])
-    values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(as_list(hold, "hold is a list of joints"))
-    clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
-    if drive in own:
-        target = _target(own[drive])
-        moved: tuple[str, ...] = own[drive].between
-    else:
-        target, moved = {"joint": drive}, (drive,)
-        _coordinate(mech, drive, q)
-    rows = [Driver.model_validate({**_target(d), "motion": _standing(mech, d, q), "name": d.name})
-            for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]  # fmt: skip
-    for name, value in values.items():
-        if name in moved:
-            raise InputError(f"{name!r} is driven: it cannot be held too")
-        here = _coordinate(mech, name, q)
-        rows.append(Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}"))
-    rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
-    forces = [f for f in mech.forces if not (isinstance(f, CoulombFriction) or stiction_joints(mech.model, [f]))]
-    closures = [c for c in mech.closures if not c.opens]
-    return Mechanism(mech.model, closures, forces, drivers=rows, start=mech.start_values, title=mech.title)
+
+
+def _locked(mech: Mechanism, name: str, value: float | None, q: Array, moved: tuple[str, ...]) -> Driver:
+    """Return the driver that locks a joint at a value, None for that of q, (nq,)."""
+    if name in moved:
+        raise InputError(f"{name!r} is driven: it cannot be held too")
+    here = _coordinate(mech, name, q)
+    return Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}")
+
+
+def _without_friction(mech: Mechanism) -> list[Any]:
+    return [f for f in mech.forces if not (isinstance(f, CoulombFriction) or stiction_joints(mech.model, [f]))]
 
 
 def left_open(mech: Mechanism) -> list[str]:

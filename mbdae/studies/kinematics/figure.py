@@ -34,23 +34,37 @@ def curves(found: Kinematics) -> "Figure":
         names = [n for n in moving if unit[n] == kind]
         for i, name in enumerate(names):
             _curve(ax, found, signals.get(part + name[2:], np.full(len(found.u), np.nan)), escaped(name[2:]), i)
-        per = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}$^2$"}[part]
-        ax.set_ylabel(f"{ {'q.': NAMES[kind], 'v.': 'rates', 'a.': 'accelerations'}[part] } ({per})")
-        if part == "q.":
-            beside(ax, labelspacing=0.3)
+        _label(ax, part, kind, found.unit)
     if extra:
         _curve(axes[-1], found, np.degrees(found.transmission), "", 0)
         axes[-1].set_ylabel("transmission (deg)")
         axes[-1].set_ylim(0, 92)
+    _mark_points(axes, found)
+    axes[-1].set_xlabel(escaped(f"{found.drive} ({found.unit})"))
+    figure.align_ylabels(axes)
+    figure.suptitle(escaped(f"{found.mechanism.title} over {found.drive}"), fontsize=9)
+    return figure
+
+
+def _label(ax: "Axes", part: str, kind: str, unit: str) -> None:
+    """Label coordinates, rates or accelerations of a kind, over an input with a unit."""
+    words, per = {
+        "q.": (NAMES[kind], kind),
+        "v.": ("rates", f"{kind}/{unit}"),
+        "a.": ("accelerations", f"{kind}/{unit}$^2$"),
+    }[part]
+    ax.set_ylabel(f"{words} ({per})")
+    if part == "q.":
+        beside(ax, labelspacing=0.3)
+
+
+def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
+    """Draw dotted lines at dead points, dashed ones at branch points."""
     for ax in axes:
         for u, _ in found.dead_points:
             ax.axvline(u, color="0.5", lw=0.7, ls=":")
         for b in found.branch_points:
             ax.axvline(b.u, color="0.5", lw=0.7, ls="--")
-    axes[-1].set_xlabel(escaped(f"{found.drive} ({found.unit})"))
-    figure.align_ylabels(axes)
-    figure.suptitle(escaped(f"{found.mechanism.title} over {found.drive}"), fontsize=9)
-    return figure
 
 
 def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int) -> None:

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,18 +12,17 @@ from ...mechanism.joints import angle_components
 from ...mechanism.position_search import close_position
 from ...solution.problem import mechanism_of
 from ...system import Array
-from .branch_following import branch_off, is_same_point
+from .branch_following import Followed, is_same_point, other_branches
 from .branch_points import BranchPoint
-from .curve_sampling import Events, at_crossing, events, sample
+from .curve_sampling import at_crossing, events, sample
 from .driven_mechanism import Hold, driven_mechanism, input_at, left_open, require_one_dof, start_pose
 from .passing import passed_by
-from .pose_curve import LONGEST, NEAR, CurvePoint, PoseCurve
+from .pose_curve import LONGEST, CurvePoint, PoseCurve
 from .result import CurveSegment, Kinematics
 from .transmission import default_output, transmission
 
 __all__ = ["kinematics"]
 
-MOST_BRANCHES = 32
 NEXT = 0.1  # rad or characteristic lengths: a step of the input on the way to its first value
 
 
@@ -53,15 +51,16 @@ def kinematics(
     Args:
         mech: the mechanism, or what `mbdae.load` takes; drivers other than the drive stay where they are at
             t = 0.
-        drive: a joint of one coordinate, or a driver of the mechanism.
+        drive: the input: a joint of one coordinate, or a driver of the mechanism.
         span: the input's range in rad or m; the curve begins at its first value. The start pose, and up to so many
             turns to both sides, when left out.
-        turns: full turns of the input, when there is no span.
-        hold: locked joints, where they are or at values by name; one degree of freedom is left for the drive.
+        turns: full turns, where no span is given.
+        hold: joints to lock where they are, or at values by name: joint=value. One degree of freedom is left
+            for the drive.
         points: about how many poses are returned.
         q: a pose on the branch that is meant, (nq,); the model's start when left out.
-        output_joint: a joint whose transmission angle is wanted; when left out, the only other one at the ground.
-        branches: follow all branches from branch points on, within the range.
+        output_joint: the joint of the transmission angle. When left out, the only other one at the ground.
+        branches: follow all branches from branch points on. They stay within the range.
 
     Raises:
         UnknownNameError: for a joint that does not exist.
@@ -87,7 +86,7 @@ def kinematics(
     curve.begin(first, u, None if span is None or span[1] > span[0] else _falling(curve, first, u))
     found = [Followed(curve.follow(low, high), events(curve))]
     if branches:
-        found += _other_branches(found[0], low, high)
+        found += other_branches(found[0], low, high)
     if curve.ended in ("long", "stuck"):
         raise StepError("newton", _unfinished(curve, drive, moved))
     if span is None and curve.ended == "range" and moved.row_units[-1] != "rad":
@@ -143,76 +142,27 @@ def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
     return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
 
 
-class Followed(NamedTuple):
-    """A curve with its events, and the branch points where it begins and ends."""
-
-    curve: PoseCurve
-    events: Events
-    begins: BranchPoint | None = None
-    ends: BranchPoint | None = None
-
-
-def _other_branches(first: Followed, low: float, high: float) -> list[Followed]:
-    """Curves along all tangents at branch points that no curve has passed; each ends where it comes upon another."""
-    met: list[BranchPoint] = []
-    used: list[set[int]] = []  # ways +1, -1, +2, -2 that were gone from each
-    out: list[Followed] = []
-    start = first.curve.nodes[0]
-
-    def number(curve: PoseCurve, point: BranchPoint) -> int:
-        k = next((k for k, other in enumerate(met) if is_same_point(curve, point, other)), len(met))
-        if k == len(met):
-            met.append(point)
-            used.append(set())
-        return k
-
-    def passed(curve: PoseCurve, found: Events) -> tuple[Events, BranchPoint | None]:
-        """Note the ways gone; cut the curve where it has come upon one gone before."""
-        for i in range(len(curve.nodes) - 1):
-            if curve is not first.curve and any(
-                (again := curve.passing(i, pose)) is not None and abs(again.u - start.u) < NEAR * curve.unit
-                for pose in (start, start._replace(tau=-start.tau))
-            ):
-                _cut(curve, i, again)  # type: ignore[arg-type]
-                return _before(found, i), None
-            if i in found.branches:
-                k = number(curve, found.branches[i])
-                along = met[k].directions @ curve.nodes[i].tau
-                way = int(np.abs(along).argmax())
-                sign = 1 if along[way] > 0 else -1
-                known = -sign * (way + 1) in used[k]
-                used[k] |= {way + 1, -way - 1}
-                if known:
-                    del curve.nodes[i + 1 :]
-                    curve.ended = "branch"
-                    return _before(found, i), met[k]
-        return found, None
-
-    passed(*first[:2])
-    k = 0
-    while k < len(met) and len(out) < MOST_BRANCHES:
-        for way, sign in ((w, s) for w in range(len(met[k].directions)) for s in (1, -1)):
-            if sign * (way + 1) in used[k]:
-                continue
-            used[k].add(sign * (way + 1))
-            curve = branch_off(first.curve, met[k], sign * met[k].directions[way])
-            if curve is not None and low <= curve.nodes[0].u <= high:
-                curve.follow(low, high)
-                found, ends = passed(curve, events(curve))
-                out.append(Followed(curve, found, met[k], ends))
-        k += 1
-    return out
+def _sampled(found: list[Followed], n: int) -> tuple[list[CurvePoint], list[CurveSegment]]:
+    """Return about n points of each curve, one after another, and the segments of the curves."""
+    points: list[CurvePoint] = []
+    stretches: list[CurveSegment] = []
+    for curve, seen, begins, ends in found:
+        sampled = sample(curve, seen, n)
+        sampled[:0] = [at_crossing(curve, begins, curve.nodes[0], behind=True)] if begins else []
+        sampled += [at_crossing(curve, ends, curve.nodes[-1])] if ends else []
+        inputs = [p.u for p in sampled]
+        stretches.append(CurveSegment(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
+        points += sampled
+    return points, stretches
 
 
-def _cut(curve: PoseCurve, i: int, last: CurvePoint) -> None:
-    curve.nodes[i + 1 :] = [last]
-    curve.ended = "branch"
-
-
-def _before(found: Events, i: int) -> Events:
-    """What lies before node i."""
-    branches = {k: b for k, b in found.branches.items() if k < i}
-    return found._replace(dead=[d for d in found.dead if d.node < i], branches=branches)
+def _branch_points(found: list[Followed]) -> tuple[BranchPoint, ...]:
+    """Return the branch points of all curves, each once."""
+    crossings: list[BranchPoint] = []
+    for curve, seen, *_ in found:
+        crossings += [b for b in seen.branches.values() if not any(is_same_point(curve, b, c) for c in crossings)]
+    columns = found[0].curve.columns
+    return tuple(replace(b, directions=b.directions * columns) for b in crossings)
 
 
 def _result(
@@ -224,22 +174,12 @@ def _result(
     found: list[Followed],
     n: int,
 ) -> Kinematics:
-    points: list[CurvePoint] = []
-    stretches: list[CurveSegment] = []
-    for curve, seen, begins, ends in found:
-        sampled = sample(curve, seen, n)
-        sampled[:0] = [at_crossing(curve, begins, curve.nodes[0], behind=True)] if begins else []
-        sampled += [at_crossing(curve, ends, curve.nodes[-1])] if ends else []
-        inputs = [p.u for p in sampled]
-        stretches.append(CurveSegment(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
-        points += sampled
-    dead = [d.point for _, seen, *_ in found for d in seen.dead]
-    crossings: list[BranchPoint] = []
-    for curve, seen, *_ in found:
-        crossings += [b for b in seen.branches.values() if not any(is_same_point(curve, b, c) for c in crossings)]
+    points, stretches = _sampled(found, n)
     curve = found[0].curve
-    tau = np.array([p.tau for p in points]) * curve.columns
-    q = np.array([p.q for p in points])
+    tau, q, u, s, kappa, speed, bend = (
+        np.array([getattr(p, name) for p in points]) for name in ("tau", "q", "u", "s", "kappa", "speed", "bend")
+    )
+    tau *= curve.columns
     angles = np.full(len(q), np.nan)
     if output is not None:
         crossing = np.array([p.sigma == 0 for p in points])
@@ -250,16 +190,16 @@ def _result(
         held=tuple(held),
         output=output or "",
         unit=str(moved.row_units[-1]),
-        u=np.array([p.u for p in points]),
-        s=np.array([p.s for p in points]),
+        u=u,
+        s=s,
         q=q,
         tangent=tau,
-        curvature=np.array([p.kappa for p in points]) * curve.columns,
-        speed=np.array([p.speed for p in points]),
-        bend=np.array([p.bend for p in points]),
+        curvature=kappa * curve.columns,
+        speed=speed,
+        bend=bend,
         transmission=angles,
-        dead_points=tuple((p.u, p.q) for p in dead),
-        branch_points=tuple(replace(b, directions=b.directions * curve.columns) for b in crossings),
+        dead_points=tuple((d.point.u, d.point.q) for f in found for d in f.events.dead),
+        branch_points=_branch_points(found),
         stretches=tuple(stretches),
         hidden=tuple(u for f in found for u in f.events.hidden),
         passed=tuple(p for f in found for p in passed_by(mech, f.curve)),

@@ -137,8 +137,8 @@ def linearize(
         mech: the mechanism, or an argument of `mbdae.load`.
         q: see `mbdae.modes`, also for v, t and hold.
         v: constant speeds.
-        inputs: names.
-        outputs: names; all ``q.`` and ``v.`` when left out.
+        inputs: a joint, a force with a signal, or frame.x; several times for several.
+        outputs: q.joint, v.joint, s.state or position.frame.x; all q and v when left out.
         t: time in s.
         hold: joints to lock.
 

@@ -1,104 +1,63 @@
 """The sub-commands ``order``, ``check-gradients`` and ``methods``: observed and claimed orders."""
 
 import sys
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...cli.model import ChosenModel, model_argument, problem_argument
-from ...cli.options import (
-    FAILED,
-    HOLDS,
-    PICTURES,
-    TABLES,
-    UNJUDGED,
-    as_json,
-    bar,
-    emit,
-    listed,
-    methods_completed,
-    plot_option,
-    show,
-    stopped,
-    table_option,
-    writable,
-)
+from ...cli.completion import completed
+from ...cli.completion import methods as method_names
+from ...cli.model import ChosenModel, problem_argument
+from ...cli.options import SHARED, several_methods
+from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit, show
+from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
+from ...progress import progress_bar
 
 if TYPE_CHECKING:
     from .result import OrderStudy
 
-
-METHODS_OR_ALL = click.option("-m", "--method", "methods", multiple=True, shell_complete=methods_completed,
-                              help="A method; several times for several; all when left out.")  # fmt: skip
-END = click.option("-t", "--T", "T", type=float, help="End time in s; the model's own when left out.")
-STEPS = click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
+METHODS_OR_ALL = several_methods("A method; several times for several; all when left out.")
 
 
-def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Methods, end, steps and files of an order study."""
-    for option in (as_json, plot_option, table_option, STEPS, END, METHODS_OR_ALL):
-        command = option(command)
-    return command
+def _exit_code(study: "OrderStudy") -> int:
+    return FAILED if study.refuted else HOLDS if study.holds else UNJUDGED
 
 
-@click.command()
-@problem_argument
-@study_options
-def order(
-    model: ChosenModel, methods: tuple[str, ...], output: str | None, plot: str | None, as_json: bool, **options: Any
-) -> None:
+def _missing(study: "OrderStudy") -> str:
+    done, left = len(study.orders), study.missing
+    return f"after {done} of {done + len(left)} methods; {', '.join(left)} are left" if left else ""
+
+
+JUDGED: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
+
+
+@study_command("T steps", TABLE, PLOT, subject=problem_argument, more=[METHODS_OR_ALL], **JUDGED)
+def order(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged.
 
     For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C keeps the methods that are
     finished.
     """
-    from .order import order as study
-
-    written = writable((output, TABLES), (plot, PICTURES))
     problem = model.problem()
-    with bar("order", None) as tell:
-        found = study(problem, listed(methods) or None, progress=tell, **options)
-    _finish(found, output, plot, written, as_json)
+    with progress_bar("order", None) as tell:
+        return study(problem, progress=tell, **options)
 
 
-@click.command()
-@model_argument
-@click.option("-p", "--parameter", help="Derivatives by this parameter; by a velocity of the start when left out.")
-@study_options
-def check_gradients(
-    model: ChosenModel, methods: tuple[str, ...], output: str | None, plot: str | None, as_json: bool, **options: Any
-) -> None:
+@study_command("parameter T steps", TABLE, PLOT, more=[METHODS_OR_ALL], **JUDGED)
+def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Compare tangents of runs with difference quotients, and measure the orders of derivatives; exits as `order`."""
-    from .gradients import check_gradients as study
-
-    written = writable((output, TABLES), (plot, PICTURES))
     if model.textbook:
         raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
     mech = model.load()
-    with bar("gradients", None) as tell:
-        found = study(mech, listed(methods) or None, progress=tell, **options)
-    _finish(found, output, plot, written, as_json)
-
-
-def _finish(study: "OrderStudy", output: str | None, plot: str | None, written: list[str], as_json: bool) -> NoReturn:
-    """Write and print a study, and exit as it was judged."""
-    if plot:
-        study.plot(plot)
-    if output:
-        study.save(output)
-    emit({**study.to_dict(), "written": written}, "\n".join([str(study), *(f"wrote {p}" for p in written)]), as_json)
-    if study.missing:
-        done, left = len(study.orders), ", ".join(study.missing)
-        stopped(f"after {done} of {done + len(study.missing)} methods; {left} are left")
-    sys.exit(FAILED if study.refuted else HOLDS if study.holds else UNJUDGED)
+    with progress_bar("gradients", None) as tell:
+        return study(mech, progress=tell, **options)
 
 
 @click.command()
 @click.option("--check", is_flag=True, help="Prove the claimed orders on index-2 trees.")
-@click.argument("names", nargs=-1, shell_complete=methods_completed)
-@as_json
+@click.argument("names", nargs=-1, shell_complete=completed(method_names))
+@SHARED["json"]
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
     """List the methods with their claims, or check their order conditions exactly."""
     from ...methods import METHODS, method

@@ -101,10 +101,10 @@ def check_gradients(
     Args:
         mech: a mechanism, or an argument of `mbdae.load`, started as in its order study.
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
-        parameter: dotted name of a parameter, as of `mbdae.sensitivity`; when left out, a velocity of the start that
-            the closures allow.
-        T: end time in s; from the model file when left out.
-        steps: coarsest number of steps, at least ten; from the model file when left out.
+        parameter: derivatives by this parameter; by a velocity of the start when left out. A dotted name, as of
+            `mbdae.sensitivity`; the velocity is one that the closures allow.
+        T: end time in s; the model's own when left out.
+        steps: coarsest number of steps, at least ten. From the model file when left out.
         model: factory of the mechanism with another parameter; its source files when left out.
         progress: called with the name of each run.
 

@@ -34,8 +34,8 @@ def order(
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
         methods: a name or several, or tableaus; all of them when left out.
-        T: end time in s; from the model file when left out.
-        steps: coarsest number of steps, at least ten; when left out that of the model file, or fewer if slopes cannot
+        T: end time in s; the model's own when left out.
+        steps: coarsest number of steps, at least ten. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
         progress: called with the name of each run.
 

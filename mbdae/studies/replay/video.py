@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError, MbdaeError
-from ...file_io import write_whole
+from ...file_io import VIDEO_SUFFIXES, write_whole
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -124,4 +124,4 @@ class Video(NamedTuple):
     pack: Callable[[Path, Iterator["Image"], float], None]
 
 
-VIDEO = {".mp4": Video(30.0, (1280, 720), _mp4), ".gif": Video(20.0, (960, 540), _gif)}
+VIDEO = dict(zip(VIDEO_SUFFIXES, (Video(30.0, (1280, 720), _mp4), Video(20.0, (960, 540), _gif)), strict=True))

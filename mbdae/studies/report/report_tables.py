@@ -3,8 +3,6 @@
 import base64
 import json
 import tempfile
-from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -12,9 +10,9 @@ from pydantic import BaseModel
 
 from ...mechanism import Mechanism
 from ...mechanism.joints import kind_of
-from ...tabular import wordy
 from ..comparison.comparison import Work
 from ..comparison.ranking import RankingEntry
+from .templates import elements
 
 if TYPE_CHECKING:
     from ..comparison.comparison import Comparison
@@ -31,8 +29,7 @@ def parts(mech: Mechanism) -> str:
         "Closures and drivers": _closures(mech),
         "Forces": _forces(mech),
     }
-    tables = "".join(captioned(caption, *rows) for caption, rows in found.items() if rows[1])
-    return f'<div class="parts">{tables}</div>'
+    return elements().parts({caption: [heads, *rows] for caption, (heads, rows) in found.items() if rows})
 
 
 def ranking(result: "Comparison") -> str:
@@ -48,7 +45,7 @@ def ranking(result: "Comparison") -> str:
         if any(least):
             words = "seconds" if work == "seconds" else "linear solves"
             caption = f"Ranking: {words} to an error in q below the head of the column (rad or m); - was not reached"
-            out.append(captioned(caption, ["method", *(f"{goal:.0e}" for goal in goals)], rows, safe=True))
+            out.append(elements().captioned(caption, [["method", *(f"{goal:.0e}" for goal in goals)], *rows]))
     return "".join(out)
 
 
@@ -60,16 +57,16 @@ def downloads(report: "Report") -> str:
             if kept:
                 kept.save(Path(folder, name))
                 results[name] = Path(folder, name).read_bytes()
-    links = []
-    for name, data in sorted(results.items()):
-        size = f"{name} ({len(data) / 1e3:.0f} kB"
-        if len(data) > MOST:
-            links.append(f"<li>{size}: too large to be inside)</li>")
-            continue
-        kind = "application/json" if name.endswith(".json") else "text/csv"
-        text = base64.b64encode(data).decode()
-        links.append(f'<li><a download="{name}" href="data:{kind};base64,{text}">{size})</a></li>')
-    return f"<p>Files inside of this page:</p><ul>{''.join(links)}</ul>"
+    files = [
+        (
+            name,
+            f"{len(data) / 1e3:.0f}",
+            "application/json" if name.endswith(".json") else "text/csv",
+            base64.b64encode(data).decode() if len(data) <= MOST else "",
+        )
+        for name, data in sorted(results.items())
+    ]
+    return elements().downloads(files)
 
 
 def _bodies(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
@@ -119,18 +116,5 @@ def _brief(value: Any) -> str:
 def _cell(place: RankingEntry, best: float) -> str:
     if place.work is None:
         return "-"
-    text = ("&lt; " if place.bound else "") + (f"{place.work:.3g}" if place.work < 100 else f"{place.work:.0f}")
-    return f"<b>{text}</b>" if place.work <= best else text
-
-
-def captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
-    """Return a numbered table, which may be wider than the page; ``safe`` rows are HTML already."""
-    sides = [' class="word"' if word else "" for word in wordy(rows)] or [""] * len(heads)
-    head = "".join(f"<th{side}>{escape(h)}</th>" for h, side in zip(heads, sides, strict=True))
-    body = "".join(
-        f"<tr><td>{escape(name)}</td>"
-        + "".join(f"<td{side}>{c if safe else escape(c)}</td>" for c, side in zip(cells, sides[1:], strict=True))
-        + "</tr>"
-        for name, *cells in rows
-    )
-    return f'<p class="caption">{escape(caption)}</p><div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+    text = ("< " if place.bound else "") + (f"{place.work:.3g}" if place.work < 100 else f"{place.work:.0f}")
+    return elements().best(text) if place.work <= best else text

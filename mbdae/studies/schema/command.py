@@ -4,12 +4,13 @@ import json
 
 import click
 
-from ...cli.options import as_json, emit
+from ...cli.options import SHARED
+from ...cli.output import emit
 
 
 @click.command()
 @click.argument("file", type=click.Choice(["mechanism", "sweep"]), default="mechanism")
-@as_json
+@SHARED["json"]
 def schema(file: str, as_json: bool) -> None:
     """Print the JSON Schema of mechanism files or of sweep files, by which editors complete and check them.
 

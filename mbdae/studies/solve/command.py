@@ -5,65 +5,44 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...cli.model import ChosenModel, problem_argument
-from ...cli.options import (
-    PAGES,
-    PICTURES,
-    as_json,
-    backend_option,
-    emit,
-    finish,
-    listed,
-    method_option,
-    panels,
-    replay_options,
-    run_options,
-    simulate,
-    writable,
-)
+from ...cli.options import REPLAY, RUN
+from ...cli.output import PAGES, PICTURES, VIDEOS, finish, output_file
+from ...cli.runs import simulate
+from ...cli.study_command import Output, Study, command
+from ...cli.values import listed, panels
 from ...errors import InputError
 
 if TYPE_CHECKING:
-    from ...solution.solution import Solution
+    from ...solution.solution import Problem, Solution
 
 SHOWN = 5  # printed times of an event
+REPLAYS = ("html", "video", "glb")
+REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures")
+FILES = (
+    output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the solution as .npz, or as a .csv table."),
+    output_file("--html", suffixes=PAGES, help="Write a replay as one HTML page."),
+    output_file("--video", suffixes=VIDEOS, help="Write it as .mp4 or .gif; takes Chromium."),
+    output_file("--glb", suffixes=(".glb",), help="Write it as a .glb scene for slides and Blender."),
+    output_file("--plot", suffixes=PICTURES, help="Draw the run as .png, .svg or .pdf."),
+)
+MORE = (
+    click.option("--event", "events", multiple=True, help="List when a signal passes: 'q.slider = 0.3', 'v.crank'."),
+    click.option("--until", multiple=True, help="The same, and end the run there: 'force.wrist pin > 100'."),
+    click.option("--plots", multiple=True,
+                 help="A signal in the replay, or several on common axes: q.crank,q.rod."),
+    click.option("--signal", "signals", multiple=True,
+                 help="Print extrema, mean and RMS of these, and plot them: force.crank, power.motor, q."),
+)  # fmt: skip
 
 
-@click.command()
-@problem_argument
-@method_option
-@run_options
-@backend_option
-@click.option("--event", "events", multiple=True, help="List when a signal passes: 'q.slider = 0.3', 'v.crank'.")
-@click.option("--until", multiple=True, help="The same, and end the run there: 'force.wrist pin > 100'.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
-@click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
-@click.option("--video", type=click.Path(dir_okay=False), help="Write it as .mp4 or .gif; takes Chromium.")
-@click.option("--glb", type=click.Path(dir_okay=False), help="Write it as a .glb scene for slides and Blender.")
-@click.option("--plots", multiple=True, help="A signal in the replay, or several on common axes: q.crank,q.rod.")
-@replay_options
-@click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
-@click.option("--signal", "signals", multiple=True,
-              help="Print extrema, mean and RMS of these, and plot them: force.crank, power.motor, q.")  # fmt: skip
-@as_json
+@command("", *FILES, shared=f"method {RUN} backend {REPLAY}", subject=problem_argument, more=MORE)
 def solve(
+    study: Study,
+    out: Output,
     model: ChosenModel,
     events: tuple[str, ...],
     until: tuple[str, ...],
-    output: str | None,
-    html: str | None,
-    video: str | None,
-    glb: str | None,
-    plots: tuple[str, ...],
-    plot: str | None,
     signals: tuple[str, ...],
-    speed: float | None,
-    traces: tuple[str, ...],
-    arrows: tuple[str, ...],
-    every: bool,
-    camera: str | None,
-    follow: str | None,
-    closures: bool,
-    as_json: bool,
     **options: Any,
 ) -> None:
     """Simulate a model, and save, replay or plot the motion.
@@ -72,57 +51,81 @@ def solve(
     with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
     """
     from ...integrate.events.event import Event
+
+    replay = {name: options.pop(name) for name in REPLAY_ARGUMENTS}
+    mech = _problem(model, out, replay)
+    names = _signals(mech, signals, out.paths["plot"])
+    watched = [*events, *(Event(text, terminal=True) for text in until)]
+    sol = simulate(mech, events=watched, **options)
+    _write(sol, out, names, replay)
+    data, lines = _described(sol, [*events, *until])
+    if names and mech is sol.mechanism:
+        extremes = sol.statistics(names)
+        data["signals"] = extremes.to_dict()
+        lines.append(str(extremes))
+    out.emit(data, "\n".join(lines))
+    finish(sol)
+
+
+def _problem(model: ChosenModel, out: Output, replay: dict[str, Any]) -> "Problem":
+    """Return the problem of a run, with bodies where a replay is requested."""
+    from ...mechanism import Mechanism
+
+    requested = any(replay[name] for name in REPLAY_ARGUMENTS[1:])
+    if requested and not (out.paths["html"] or out.paths["video"]):
+        options = "--plots, --trace, --arrows, --camera, --follow and --closures"
+        raise InputError(f"{options} belong to a replay: --html run.html, or --video run.mp4")
+    found = model.problem()
+    if any(out.paths[name] for name in REPLAYS) and not isinstance(found, Mechanism):
+        raise InputError(f"{found.title!r} has no bodies to replay: --plot run.png draws y and z over time")
+    return found
+
+
+def _signals(problem: "Problem", signals: tuple[str, ...], plot: str | None) -> tuple[str, ...]:
+    """Return the names of signals; of textbook problems they are only drawn."""
     from ...mechanism import Mechanism
     from ...solution.signals import find
-    from ..drift.drift import drift as measure_drift
-    from ..replay.video import VIDEO
 
-    replays = (html, PAGES), (video, tuple(VIDEO)), (glb, (".glb",))
-    written = writable((output, (".npz", ".csv")), *replays, (plot, PICTURES))
-    if not (html or video) and (plots or traces or arrows or every or camera or follow or closures):
-        wanted = "--plots, --trace, --arrows, --camera, --follow and --closures"
-        raise InputError(f"{wanted} belong to a replay: --html run.html, or --video run.mp4")
-    watched = [*events, *(Event(text, terminal=True) for text in until)]
-    mech = model.problem()
-    if (html or video or glb) and not isinstance(mech, Mechanism):
-        raise InputError(f"{mech.title!r} has no bodies to replay: --plot run.png draws y and z over time")
-    names = tuple(find(mech, listed(signals)) if isinstance(mech, Mechanism) else listed(signals))
-    if names and not plot and not isinstance(mech, Mechanism):
-        raise InputError(f"{mech.title!r} has no bodies: --signal names what --plot run.png draws, y and z")
-    sol = simulate(mech, events=watched, **options)
-    if output:
-        sol.save(output)
-    for path in filter(None, (html, video, glb)):
+    if isinstance(problem, Mechanism):
+        return tuple(find(problem, listed(signals)))
+    if signals and not plot:
+        raise InputError(f"{problem.title!r} has no bodies: --signal names what --plot run.png draws, y and z")
+    return tuple(listed(signals))
+
+
+def _write(sol: "Solution", out: Output, names: tuple[str, ...], replay: dict[str, Any]) -> None:
+    """Write the run, its replays and its figure."""
+    if out.paths["output"]:
+        sol.save(out.paths["output"])
+    for path in filter(None, (out.paths[name] for name in REPLAYS)):
         from ..replay.replay import animate
 
-        animate(sol, path, speed=speed, plots=panels(plots), traces=traces, arrows=every or arrows,
-                camera=camera, follow=follow, closures=closures)  # fmt: skip
-    if plot:
-        sol.plot(names, path=plot)
-    found = measure_drift(sol)
-    extremes = sol.statistics(names) if names and isinstance(mech, Mechanism) else None
+        shown = {key: x for key, x in replay.items() if key != "every"}
+        arrows = replay["every"] or replay["arrows"]
+        animate(sol, path, **{**shown, "plots": panels(replay["plots"]), "arrows": arrows})
+    if out.paths["plot"]:
+        sol.plot(names, path=out.paths["plot"])
+
+
+def _described(sol: "Solution", events: list[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return a run as JSON data and as lines: status, drift, events, singular configurations, impacts."""
+    from ..drift.drift import drift
+
+    found = drift(sol)
+    times = {text: sol.events[i][0] for i, text in enumerate(events)}
     data = {
         "status": sol.status,
         "message": sol.message,
         "t": float(sol.t[-1]),
         "stats": sol.stats,
         "drift": found.to_dict(),
-        "events": {text: sol.events[i][0].tolist() for i, text in enumerate([*events, *until])},
+        "events": {text: t.tolist() for text, t in times.items()},
         "singular": [x.to_dict() for x in sol.singular],
         "impacts": [x._asdict() for x in sol.impacts],
-        **({"signals": extremes.to_dict()} if extremes else {}),
     }
-    lines = [
-        str(sol),
-        str(found),
-        *(f"  {text}: {_times(sol.events[i][0])}" for i, text in enumerate([*events, *until])),
-        *(f"  singular configuration: {x}" for x in sol.singular),
-        *([_impacts(sol)] if sol.impacts else []),
-        *([str(extremes)] if extremes else []),
-        *(f"wrote {p}" for p in written),
-    ]
-    emit({**data, "written": written}, "\n".join(lines), as_json)
-    finish(sol)
+    lines = [str(sol), str(found), *(f"  {text}: {_times(t)}" for text, t in times.items())]
+    lines += [f"  singular configuration: {x}" for x in sol.singular]
+    return data, [*lines, *([_impacts(sol)] if sol.impacts else [])]
 
 
 def _impacts(sol: "Solution") -> str:

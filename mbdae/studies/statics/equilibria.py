@@ -44,7 +44,7 @@ def equilibria(
 
     Args:
         mech: the mechanism, or what `mbdae.load` takes.
-        drive: the joint over which the curves are followed, see `mbdae.kinematics`.
+        drive: the joint over which the poses are followed. See `mbdae.kinematics`.
         span: its range in rad or m; one turn to both sides of the start when left out.
         hold: locked joints.
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["equilibrium"]
 
 ROUNDING = 1e-15
-FIND = ("stable", "any")
+Find = Literal["stable", "any"]
+FIND = get_args(Find)
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ def equilibrium(
     t: float = 0.0,
     v: "Coordinates | Array | None" = None,
     hold: str | Iterable[str] = (),
-    find: str = "stable",
+    find: Find = "stable",
 ) -> Equilibrium:
     """Find an equilibrium, 0 = f(t, q, v, s) + G^T lam, 0 = g(t, q), 0 = h(t, q, v, s), from a configuration.
 
@@ -172,7 +173,8 @@ def equilibrium(
         t: time in s.
         v: constant speeds by joint, in rad/s or m/s.
         hold: joints that are held where they start; the torques that hold them are reported.
-        find: ``"stable"`` leaves saddles and maxima; ``"any"`` goes to the nearest equilibrium of any kind.
+        find: which equilibrium. ``"stable"`` leaves saddles and maxima; ``"any"`` goes to the nearest equilibrium of
+            any kind.
 
     Returns:
         The equilibrium, with a verdict.

@@ -137,7 +137,7 @@ def load_path(
 
     Args:
         mech: the mechanism, or what `mbdae.load` takes.
-        load: name of a force without states, or ``"gravity"``.
+        load: a force, or gravity, that is scaled. The force has no states.
         span: the first and the last factor on it.
         q: where the search for the first equilibrium starts, see `mbdae.equilibrium`; so t, v and hold.
         t: time in s.

@@ -6,6 +6,7 @@ partials promise: that serves controllers, constant torques and follower forces 
 Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7, for the step.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -227,21 +228,30 @@ def shortened(Z: Array, H: Array, noise: Array, rho: Array, radius: float) -> Ar
     low = max(0.0, -w[0]) + CERTAIN * EPS * size + FLAT * np.linalg.norm(rho) * np.abs(Z).max() / radius
     if w[0] > unknown[0]:
         low = 0.0
-    y = at(low)
-    if np.abs(Z @ y).max() <= radius:
+
+    def length(sigma: float) -> float:
+        return float(np.abs(Z @ at(sigma)).max())
+
+    if length(low) <= radius:
+        y = at(low)
         if w[0] < -unknown[0]:  # the hard case: the rest of the radius along the lowest direction
             e = Q[:, 0] * (1.0 if c[0] >= 0 else -1.0)
             y = y + e * (radius - np.abs(Z @ y).max()) / np.abs(Z @ e).max()
         return y
     high = max(low, np.linalg.norm(rho) * np.abs(Z).max() / radius * len(rho), size)
-    while np.abs(Z @ at(high)).max() > radius:
+    return at(_bisected(length, radius, low, high))
+
+
+def _bisected(length: Callable[[float], float], radius: float, low: float, high: float) -> float:
+    """Return sigma, to a tenth, with length(sigma) <= radius < length(low); ``high`` grows until it satisfies that."""
+    while length(high) > radius:
         high *= 4
     for _ in range(60):
         middle = np.sqrt(low * high) if low > 0 else high / 16
-        if np.abs(Z @ at(middle)).max() > radius:
+        if length(middle) > radius:
             low = middle
         else:
             high = middle
         if high <= 1.1 * low:
             break
-    return at(high)
+    return high

@@ -85,9 +85,9 @@ def sweep(
         times: number of equidistant times, or the times, at which signals are taken; ends of steps when left out.
         path: file of the table, ``.parquet``; takes pyarrow.
         seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
-        executor: ``"threads"``, ``"processes"`` or any executor of concurrent.futures: that of a Dask client
-            (``client.get_executor()``) or of ``mpi4py.futures``. Threads when left out, if the compiled core is there.
-        workers: number of threads or processes; one for each processor when left out.
+        executor: threads when left out, with the core; else processes. ``"threads"``, ``"processes"`` or any executor
+            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``.
+        workers: threads or processes; one for each processor when left out.
         fresh: do not go on from the file, replace it.
         progress: called with the fraction done and a text.
         settings: arguments of `mbdae.solve`.

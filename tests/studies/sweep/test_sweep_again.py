@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import mbdae
 from mbdae.__main__ import cli
-from mbdae.cli.options import FAILED
+from mbdae.cli.output import FAILED
 from mbdae.errors import InputError
 from mbdae.studies.sweep.results_file import write
 

@@ -1,0 +1,120 @@
+"""Output of commands: exit codes, text and JSON, tables, files."""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+
+import click
+
+from ..errors import InputError, printable
+from ..file_io import TABLE_SUFFIXES, VIDEO_SUFFIXES
+
+if TYPE_CHECKING:
+    from ..solution.solution import Solution
+
+HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
+PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
+TABLES, VIDEOS = TABLE_SUFFIXES, VIDEO_SUFFIXES
+
+
+class OutputFile(NamedTuple):
+    """A file that a command writes.
+
+    Attributes:
+        option: decorator with the option of its path.
+        name: argument with the path.
+        suffixes: valid suffixes.
+        write: called with the result, the path and the other options of the command.
+    """
+
+    option: Callable[..., Any]
+    name: str
+    suffixes: tuple[str, ...]
+    write: Callable[[Any, str, Mapping[str, Any]], Any]
+
+
+def _save(found: Any, path: str, given: Mapping[str, Any]) -> None:
+    found.save(path)
+
+
+def output_file(
+    *names: str,
+    help: str,
+    suffixes: tuple[str, ...] = TABLES,
+    write: Callable[[Any, str, Mapping[str, Any]], Any] = _save,
+    **settings: Any,
+) -> OutputFile:
+    """Return a file that a command writes, with the option of its path."""
+    option = click.option(*names, type=click.Path(dir_okay=False), help=help, **settings)
+    return OutputFile(option, names[-1].lstrip("-"), suffixes, write)
+
+
+TABLE = output_file("-o", "--output", help="Save as a table .csv, all as .json, or in LaTeX as .tex.")
+PLOT = output_file(
+    "--plot",
+    help="Draw a figure as .png, .svg or .pdf.",
+    suffixes=PICTURES,
+    write=lambda found, path, given: found.plot(path),
+)
+
+
+def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
+    """Check files to be written before anything is computed; return those that are given.
+
+    Raises:
+        InputError: for an invalid suffix, or a folder that does not exist.
+    """
+    named = [(path, suffixes) for path, suffixes in paths if path]
+    for path, suffixes in named:
+        if Path(path).suffix not in suffixes:
+            raise InputError(f"{path!r} must end in {' or '.join(suffixes)}")
+        folder = Path(path).resolve().parent
+        if not folder.is_dir():
+            raise InputError(f"cannot write {path}: no such folder")
+        if not os.access(folder, os.W_OK):
+            raise InputError(f"cannot write {path}: the folder is read-only")
+    return [path for path, _ in named]
+
+
+def finish(sol: "Solution") -> None:
+    """Exit 1, with the reason on stderr, if a run did not come to its end."""
+    if not sol.success:
+        click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
+        sys.exit(FAILED)
+
+
+def stopped(what: str) -> NoReturn:
+    """Exit 1 after the user stopped a study, reporting on stderr whether partial results exist."""
+    click.echo(printable(f"mbdae: stopped by the user {what}"), err=True)
+    sys.exit(FAILED)
+
+
+def emit(data: Any, text: str, as_json: bool) -> None:
+    """Print a result as one JSON document, numbers that are not finite as null, or as text."""
+    from ..tabular import finite
+
+    click.echo(json.dumps(finite(data), allow_nan=False) if as_json else printable(text))
+
+
+def show(rows: list[dict[str, Any]], as_json: bool) -> None:
+    """Print rows as a table, or as JSON; on narrow screens words are wrapped, except in the first column."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    if as_json:
+        emit(rows, "", as_json)
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for key in rows[0]:
+        cells = [row[key] for row in rows]
+        words = all(v is None or isinstance(v, str) for v in cells)
+        least = max(len(str(v)) for v in [key, *cells]) if not words or not table.columns else None
+        table.add_column(key, justify="left" if words else "right", min_width=least, no_wrap=least is not None)
+    for row in rows:
+        table.add_row(*("-" if v is None else Text(printable(str(v))) for v in row.values()))
+    screen = sys.stdout.isatty()
+    Console(width=None if screen else 1000, highlight=False, force_terminal=screen).print(table)

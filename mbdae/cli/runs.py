@@ -1,0 +1,45 @@
+"""Runs of commands: the time span of a model, and a run with a progress bar."""
+
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from ..progress import progress_bar
+
+if TYPE_CHECKING:
+    from ..solution.solution import Problem, Solution
+
+
+def span(mech: "Problem", t_span: tuple[float, ...] | None) -> tuple[float, float]:
+    """The time span of an option: from 0 to an end or to the model's own, or from a start to an end.
+
+    Raises:
+        InputError: for an end alone that is not positive, or an empty span.
+    """
+    from ..integrate.span import checked_span
+
+    start, *ends = t_span or (mech.duration,)
+    return checked_span((start, *ends)) if ends else checked_span(start, end=True)
+
+
+def simulate(
+    mech: "Problem",
+    *,
+    method: str | None,
+    t_span: tuple[float, ...] | None,
+    rtol: float | None,
+    step: float | None,
+    **options: Any,
+) -> "Solution":
+    """Run a model from its start with a progress bar; None settings are those of its file, or the defaults.
+
+    Raises:
+        InputError: for tolerances together with a fixed step, and as for `mbdae.solve`.
+    """
+    from ..integrate.settings import completed
+    from ..integrate.solve import solve
+
+    if step is not None and (rtol is not None or options.get("atol") is not None):
+        raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
+    given = {"method": method, "rtol": rtol, "step": step, **options}
+    with progress_bar(str(completed(mech, given)["method"]), 1.0) as tell:
+        return solve(mech, span(mech, t_span), progress=tell, **given)

@@ -1,0 +1,90 @@
+"""Values of options: lists with commas, numbers, values by name, spans."""
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import click
+
+from ..errors import InputError
+
+
+class TimeSpan(click.ParamType):
+    """A number, or two with a comma."""
+
+    name = "end|start,end"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Read them."""
+        try:
+            times = tuple(float(text) for text in value.split(","))
+        except ValueError:
+            times = ()
+        if len(times) not in (1, 2):
+            self.fail(f"expected an end in s, or start,end, got {value!r}", param, ctx)
+        return times
+
+
+def span_of(first: float | None, last: float | None) -> tuple[float, float] | None:
+    """The span of ``--from`` and ``--to``; None without both.
+
+    Raises:
+        InputError: for one of them without the other.
+    """
+    if (first is None) != (last is None):
+        raise InputError("give both --from and --to, or none")
+    return None if first is None or last is None else (first, last)
+
+
+def listed(values: Iterable[str]) -> list[str]:
+    """Return names of an option given several times, or once with commas; numbers belong to the name before."""
+    return [text for value in values for text in re.split(r",(?=[A-Za-z])", value) if text]
+
+
+def numbers(values: Iterable[str], kind: Any, name: str) -> list[Any] | None:
+    """Return numbers of an option given several times, or once with commas; None when left out.
+
+    Raises:
+        InputError: naming the option.
+    """
+    try:
+        return [kind(text) for value in values for text in value.split(",")] or None
+    except ValueError:
+        raise InputError(f"{name} takes numbers, got {', '.join(values)}") from None
+
+
+def values_by_name(texts: Iterable[str], option: str) -> dict[str, Any]:
+    """Return numbers of an option ``name=value`` given several times; several numbers with commas are a list.
+
+    Raises:
+        InputError: naming the option.
+    """
+    out: dict[str, Any] = {}
+    for text in listed(texts):
+        name, _, value = text.partition("=")
+        found = numbers((value,), float, f"{option} {name}") if value else None
+        if not found:
+            raise InputError(f"{option} takes name=value, got {text!r}")
+        out[name] = found[0] if len(found) == 1 else found
+    return out
+
+
+def locked_joints(texts: Iterable[str], option: str) -> dict[str, float | None]:
+    """Return joints of an option ``name`` or ``name=value``, and where they are locked: None where they start.
+
+    Raises:
+        InputError: naming the option.
+    """
+    out: dict[str, float | None] = {}
+    for text in listed(texts):
+        name, given, value = text.partition("=")
+        try:
+            out[name] = float(value) if given else None
+        except ValueError:
+            raise InputError(f"{option} takes joint or joint=value, got {text!r}") from None
+    return out
+
+
+def panels(plots: tuple[str, ...]) -> list[tuple[str, ...]] | None:
+    """Return the plots of a replay: signals, those with commas on common axes."""
+    return [tuple(entry.split(",")) for entry in plots] or None

@@ -1,0 +1,35 @@
+"""Templates of pages: a document of sections, and the elements of sections; text is escaped, `Markup` is not."""
+
+from functools import cache
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ...tabular import table
+
+
+@cache
+def _environment() -> Environment:
+    found = Environment(
+        loader=PackageLoader(__package__, ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.globals["table"] = lambda cells: Markup(table(cells))
+    return found
+
+
+def document(title: str, summary: str, version: str, sections: dict[str, str]) -> str:
+    """Return a page of all sections that are not empty, HTML by heading, with a table of contents."""
+    shown = {name: Markup(body) for name, body in sections.items() if body}
+    template = _environment().get_template("report.htm")
+    return template.render(title=title, summary=summary, version=version, sections=shown)
+
+
+@cache
+def elements() -> Any:
+    """Return the macros of ``elements.htm`` as functions, which return HTML."""
+    return _environment().get_template("elements.htm").module
