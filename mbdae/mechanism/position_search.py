@@ -156,8 +156,9 @@ class _PositionSearch:
 def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
     """Damped steps with line search, at most one radian or characteristic length at a time: stay on the branch.
 
-    The damping mu of `_newton` is |g|/10 at first, and a tenth of the previous share of |g| after each short step that
-    did not halve |g|: in long chains the smallest singular value of G is far below sqrt(mu).
+    The damping mu of `_newton` is |g|/10 at first. With many rows it is a tenth of the previous share of |g| after each
+    short step that did not halve |g|: in long chains the smallest singular value of G is far below sqrt(mu). With few
+    rows this means a singular configuration, where steps stay short.
     """
     m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
@@ -175,7 +176,8 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
                 break
         else:
             break
-        if np.abs(part * x).max() < NEAR and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g):
+        slow = np.abs(part * x).max() < NEAR and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g)
+        if slow and len(g) > MANY_ROWS:
             share *= LESS
         q, g, G = q_new, g_new, G_new
     return q

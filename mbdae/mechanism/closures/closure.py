@@ -102,6 +102,10 @@ class Closure(Table, metaclass=ByKind):
         def frames(self) -> tuple[str, str] | None:
             """Names of frames a and b; None between joints."""
 
+        @property
+        def joints(self) -> tuple[str, ...] | None:
+            """Names of joints; None between frames."""
+
     @model_validator(mode="after")
     def _ends(self) -> "Closure":
         self._refuse_ends()
@@ -176,6 +180,11 @@ class BetweenFrames(Closure):
     """
 
     frames: tuple[str, str]
+
+    @property
+    def joints(self) -> None:
+        """None: it connects frames."""
+        return None
 
     @property
     def between(self) -> tuple[str, ...]:  # noqa: D102
