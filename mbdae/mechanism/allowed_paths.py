@@ -42,6 +42,21 @@ class AllowedPaths(NamedTuple):
         """Return the allowed paths of a model file."""
         return cls(path.resolve().parent, tuple(Path(p).resolve() for p in packages))
 
+    @classmethod
+    def of_record(cls, folder: str, packages: Sequence[str], meshes: Sequence[Path] | None) -> "AllowedPaths":
+        """Return the allowed paths of the record of an imported model.
+
+        Args:
+            folder: folder of the model file, from the record.
+            packages: folders given by the user who read that file, from the record.
+            meshes: folders from which a saved run may read meshes, see `mbdae.mechanism.formats.sources.restored`.
+        """
+        named = tuple(map(Path, packages))
+        if meshes is None:
+            return cls(Path(folder), named)
+        asked = tuple(p.resolve() for p in meshes)
+        return cls(Path(folder), (*named, *asked), (*asked, *installed()))
+
     @property
     def root(self) -> Path:
         """Package of the file."""
@@ -75,6 +90,14 @@ class AllowedPaths(NamedTuple):
         found = path.resolve()
         places = (self.root, *self.packages, *self._others(found))
         return self._trusts(found) and any(found.is_relative_to(place) for place in places)
+
+    def companions(self, mesh: Path) -> Path:
+        """Return the folder of the files to which a mesh may refer: its package, within the trusted folders."""
+        package = package_of(mesh.parent)
+        widest = min(
+            (p for p in self.trusted or () if mesh.is_relative_to(p)), key=lambda p: len(p.parts), default=package
+        )
+        return package if package.is_relative_to(widest) else widest
 
     def _trusts(self, path: Path) -> bool:
         return self.trusted is None or any(path.is_relative_to(place) for place in self.trusted)

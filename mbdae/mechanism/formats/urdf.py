@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...file_io import text_of
-from ..allowed_paths import AllowedPaths, installed
+from ..allowed_paths import AllowedPaths
 from ..checked_table import Table
 from ..closures.closure import Axis
 from ..frames import find_joint, joint_names
@@ -205,11 +205,7 @@ def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
     r = Record.model_validate(record)
-    folders = tuple(map(Path, r.packages))
-    places = AllowedPaths(Path(r.folder), folders)
-    if meshes is not None:
-        asked = tuple(p.resolve() for p in meshes)
-        places = AllowedPaths(Path(r.folder), (*folders, *asked), (*asked, *installed()))
+    places = AllowedPaths.of_record(r.folder, r.packages, meshes)
     return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
 
 

@@ -135,7 +135,8 @@ def _shape(role: str, g: pin.GeometryObject, meshes: dict[Path, Mesh]) -> Shape:
     path = Path(g.meshPath)
     if path.suffix[1:].lower() in FILE_FORMATS:
         if path not in meshes:
-            meshes[path] = read_mesh(g.name, path)
+            root = Path(g.meshTexturePath)  # from a reader of files; otherwise empty, or a picture
+            meshes[path] = read_mesh(g.name, path, root if g.meshTexturePath and root.is_dir() else None)
         mesh = meshes[path]
         own_colours = (mesh.format == "dae" or any(mesh.companions.values())) and not g.overrideMaterial
         scale = tuple(float(s) for s in g.meshScale)

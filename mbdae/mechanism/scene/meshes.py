@@ -42,15 +42,16 @@ class Mesh:
     faces: np.ndarray = field(default_factory=lambda: np.empty((0, 3), dtype=int))
 
 
-def read_mesh(name: str, path: Path) -> Mesh:
+def read_mesh(name: str, path: Path, root: Path | None = None) -> Mesh:
     """Read a mesh file whose format is one of ``FILE_FORMATS``, and the files that it references.
 
     Args:
         name: name of the visual, for messages.
         path: the file.
+        root: folder of the files to which it may refer; its package when left out.
 
     Returns:
-        The mesh; a material library or texture that is missing, lies outside the mesh's package or is invalid becomes
+        The mesh; a material library or texture that is missing, lies outside ``root`` or is invalid becomes
         empty, with a warning. Only the materials of a material library are kept.
 
     Raises:
@@ -62,12 +63,13 @@ def read_mesh(name: str, path: Path) -> Mesh:
     except OSError as error:
         raise InputError(f"visual {name!r}: cannot read {path}: {error.strerror}") from error
     companions: dict[str, bytes] = {}
+    root = root or package_of(path.resolve().parent)
     if kind == "dae":
-        _add_companions(companions, path, rb"<init_from>([^<]+\.\w+)</init_from>", data, _picture)
+        _add_companions(companions, path, root, rb"<init_from>([^<]+\.\w+)</init_from>", data, _picture)
     elif kind == "obj":
-        _add_companions(companions, path, LIBRARY, data, _materials)
+        _add_companions(companions, path, root, LIBRARY, data, _materials)
         for library in list(companions.values()):
-            _add_companions(companions, path, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _picture)
+            _add_companions(companions, path, root, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _picture)
     missing = sorted(companion for companion, found in companions.items() if not found)
     if missing:
         warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found beside the mesh", stacklevel=2)
@@ -120,19 +122,19 @@ def _bounds(path: Path, changed: int, size: int) -> np.ndarray:
 
 
 def _add_companions(
-    companions: dict[str, bytes], path: Path, pattern: bytes, text: bytes, needed: Callable[[bytes], bytes]
+    companions: dict[str, bytes], path: Path, root: Path, pattern: bytes, text: bytes, needed: Callable[[bytes], bytes]
 ) -> None:
     for found in re.findall(pattern, text, re.MULTILINE):
         name = found.decode("utf-8", errors="replace")
-        file = _companion(path, name)
+        file = _companion(path, root, name)
         companions[name] = needed(file.read_bytes()) if file else b""
 
 
-def _companion(path: Path, name: str) -> Path | None:
-    """Return the file in the package of a mesh to which a name in the mesh refers."""
+def _companion(path: Path, root: Path, name: str) -> Path | None:
+    """Return the file below a folder to which a name in a mesh refers."""
     try:
-        file, package = (path.parent / name).resolve(), package_of(path.resolve().parent)
-        return file if file.is_file() and file.is_relative_to(package) else None
+        file = (path.parent / name).resolve()
+        return file if file.is_file() and file.is_relative_to(root) else None
     except (OSError, ValueError, RuntimeError):  # not a path, or circular links
         return None
 

@@ -15,6 +15,12 @@ SECRET = b"token 1234567890"
 PICTURE = b"\x89PNG\r\n\x1a\n" + b"pixels"
 MESHES = {"box.obj": CUBE, "box.dae": DAE, "box.stl": STL, "box.mtl": MATERIAL}
 
+SHOWN_SDF = """<sdf version="1.9"><model name="shown"><link name="arm"><inertial><mass>1</mass>
+<inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>
+<visual name="v"><geometry><mesh><uri>NAME</uri></mesh></geometry></visual></link>
+<joint name="j" type="revolute"><parent>world</parent><child>arm</child><axis><xyz>0 0.6 0.8</xyz></axis></joint>
+</model></sdf>"""
+
 
 @pytest.fixture
 def model(tmp_path):
@@ -39,6 +45,13 @@ def load(folder, name, more=""):
     if more:
         (folder / "urdf" / "shown.toml").write_text(f'[[source]]\nfile = "shown.urdf"\n{more}')
     return mbdae.load(folder / "urdf" / ("shown.toml" if more else "shown.urdf"))
+
+
+def load_sdf(folder, name):
+    """The same of an SDF."""
+    path = folder / "meshes" / "shown.sdf"
+    path.write_text(SHOWN_SDF.replace("NAME", name))
+    return mbdae.load(path)
 
 
 def drawn(mech):
@@ -110,12 +123,13 @@ def test_a_saved_run_reads_what_its_mechanism_read(model, tmp_path):
     assert drawn(mbdae.Solution.load(tmp_path / "run.npz").mechanism) == drawn(mech)
 
 
-def test_a_saved_run_reads_no_folder_that_it_names(model, tmp_path):
+@pytest.mark.parametrize("read", [load, load_sdf])
+def test_a_saved_run_reads_no_folder_that_it_names(read, model, tmp_path):
     """The file itself names the folder, and its author may have named any folder of the reader."""
-    mech, path = load(model, "../meshes/box.obj"), tmp_path / "mail" / "run.npz"
+    mech, path = read(model, "../meshes/box.obj"), tmp_path / "mail" / "run.npz"
     path.parent.mkdir()
     mbdae.solve(mech, (0, 1e-3), step=1e-3).save(path)
-    with pytest.warns(UserWarning, match=r"visuals left out, .* below its folder and from installed packages; others"):
+    with pytest.warns(UserWarning, match=r"s left out, .* below its folder and from installed packages; others"):
         other = mbdae.Solution.load(path)
     assert drawn(other.mechanism) is None
     page = tmp_path / "page.html"
@@ -124,6 +138,35 @@ def test_a_saved_run_reads_no_folder_that_it_names(model, tmp_path):
     assert drawn(mbdae.Solution.load(path, meshes=[model]).mechanism) == drawn(mech)
     code, _, err = call("animate", str(path), "-o", str(page), "--meshes", str(model))
     assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize("folder", ["assets", "mail"])
+@pytest.mark.parametrize("kind", ["obj", "dae"])
+@pytest.mark.parametrize("suffix", ["urdf", "sdf"])
+def test_meshes_of_a_saved_run_refer_to_no_file_above_its_folder(suffix, kind, folder, tmp_path):
+    """Neither that of a package, nor that above a folder with the name of a folder of a package."""
+    place = tmp_path / "home" / folder
+    place.mkdir(parents=True)
+    if folder == "mail":
+        (place.parent / "package.xml").write_text("<package/>")
+    for name in (place.parent / "private.png", place / "box.png"):
+        name.write_bytes(PICTURE + name.stem.encode())
+    (place / "box.mtl").write_text(MATERIAL + "map_Kd ../private.png\nmap_Ka box.png\n")
+    (place / "box.obj").write_text(CUBE)
+    textures = "<init_from>../private.png</init_from><init_from>box.png</init_from><library_g"
+    (place / "box.dae").write_text(DAE.replace("<library_g", textures, 1))
+    text = {"urdf": SHOWN, "sdf": SHOWN_SDF}[suffix].replace("NAME", f"box.{kind}")
+    (place / f"shown.{suffix}").write_text(text)
+    mech = mbdae.load(place / f"shown.{suffix}")
+    assert PICTURE + b"private" in drawn(mech)
+    mbdae.solve(mech, (0, 1e-3), step=1e-3).save(place / "run.npz")
+    again = mbdae.Solution.load(place / "run.npz").mechanism
+    with pytest.warns(UserWarning, match=r"drawn without \.\./private\.png"):
+        found = drawn(again)
+    assert PICTURE + b"box" in found
+    assert PICTURE + b"private" not in found
+    asked = mbdae.Solution.load(place / "run.npz", meshes=[place.parent]).mechanism
+    assert drawn(asked) == drawn(mech)
 
 
 def test_a_saved_run_takes_its_meshes_along(model, tmp_path):

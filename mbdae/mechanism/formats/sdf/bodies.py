@@ -101,14 +101,14 @@ def visuals_of(
         joint, origin = carried(link)
         for e in of.by_name[link].all("visual"):
             name, geometry = f"{link}/{e.get('name')}", e.first("geometry")
-            mesh, path, scale = geometry.first("mesh") if geometry else None, "", np.ones(3)
+            mesh, files, scale = geometry.first("mesh") if geometry else None, ("", ""), np.ones(3)
             try:
                 if mesh is None:
                     shape = solid_of(of, geometry, name)
                 else:
                     scale = np.array(of.numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
                     found = places.find(mesh.text("uri") or "")
-                    shape, path = placeholder(found, scale), str(found)
+                    shape, files = placeholder(found, scale), (str(found), str(places.companions(found)))
             except InputError as error:
                 if mesh is None:
                     raise
@@ -117,7 +117,7 @@ def visuals_of(
                 missing.append(name)
                 continue
             g = pin.GeometryObject(name, joint, origin.actInv(of.placed(e, name, here)), shape)
-            g.meshPath, g.meshScale = path, scale
+            (g.meshPath, g.meshTexturePath), g.meshScale = files, scale
             colour = e.text("material/diffuse") or e.text("material/ambient")
             g.meshColor = np.array(of.numbers(colour, 4, name) if colour else GREY)
             out.addGeometryObject(g)
