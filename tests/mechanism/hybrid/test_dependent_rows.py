@@ -39,3 +39,16 @@ def test_bilateral_rows_that_push_into_a_stop_are_rejected():
     rows, c = np.array([weights @ kept, row]), np.array([weights @ b - 0.01, 0.0])
     with pytest.raises(StepError, match="closures block the relative velocity of the impact"):
         solve_impact(np.linalg.cholesky(M).T, kept, b, rows, c, np.zeros(2), v)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_redundant_bilateral_rows_change_nothing(seed):
+    """All rows together transmit the same impulse, with multipliers of least norm."""
+    M, kept, b, weights, row, v = scene(seed, 1.0)
+    U, rest = np.linalg.cholesky(M).T, (row[None], np.zeros(1), np.array([0.6]), v)
+    whole, bs = np.vstack([kept, weights @ kept, kept[0]]), np.append(b, [weights @ b, b[0]])
+    one, all_rows = solve_impact(U, kept, b, *rest), solve_impact(U, whole, bs, *rest)
+    np.testing.assert_allclose(all_rows.v, one.v, rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(all_rows.p, one.p, rtol=1e-10)
+    np.testing.assert_allclose(whole.T @ all_rows.P, kept.T @ one.P, rtol=1e-9, atol=1e-9)
+    assert np.linalg.norm(all_rows.P) <= np.linalg.norm(one.P) * (1 + 1e-12)

@@ -6,7 +6,7 @@ import pytest
 from bouncing import carried, empty
 
 import mbdae
-from mbdae import JointDamping, JointPID, JointSpring, Mechanism
+from mbdae import Actuator, JointDamping, JointPID, JointSpring, Mechanism
 from mbdae.errors import InputError
 
 STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupler that does not rotate
@@ -56,3 +56,13 @@ def test_further_away_there_is(angle):
     assert found.verdict.squares == pytest.approx([STIFFNESS / INERTIA], rel=1e-6)
     frequency = mbdae.modes(*sprung(angle)).eigenvalues.imag.max()
     assert frequency == pytest.approx(np.sqrt(STIFFNESS / INERTIA), rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [0, 2])
+def test_a_state_that_acts_on_nothing_is_no_neutral_direction(n):
+    """An angle summed up from speeds: any value is an equilibrium, without a displacement of the mechanism."""
+    mech = sliders(n)
+    counter = Actuator(lambda t, q, v, s: 0 * v, lambda t, q, v, s: v[:1], {"angle": 0.0}, "counter")
+    found = mbdae.equilibrium(Mechanism(mech.model, [], [*mech.forces, counter])).verdict
+    assert found.by == "eigenvalues"
+    assert (found.stability, found.neutral, found.unstable) == ("neutral" if n else "stable", n, 0)
