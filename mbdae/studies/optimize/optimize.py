@@ -6,20 +6,21 @@ by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) or another search of 
 adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematics`) by the implicit function theorem.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from ...errors import InputError, MbdaeError, UnknownNameError, is_number, require
+from ...errors import InputError, MbdaeError, UnknownNameError, is_number
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sensitivity.cost import Cost
-from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, reals, scaled, teller
+from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, teller
 from .objective import Measured, Motion, Moves, curves, runs
 from .result import Evaluation, Optimum
+from .search_range import check_inside, limits_of, ranges, scales_of, table_by_name, within_range
 
 __all__ = ["optimize"]
 
@@ -63,7 +64,7 @@ def optimize(
             of curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the input), ``position.<frame>.x``, .y, .z,
             and ``holding``, the holding torque or force of the driver in each pose, in N m or N.
         parameters: dotted names, as of sweeps; or name = initial value.
-        bounds: (low, high) of parameters, None for none.
+        bounds: (low, high) of parameters, None for none; 0 replaces it where mechanisms exist on one side of 0 only.
         constraints: by any name, (function like a cost, low, high), None for none; equal limits are allowed.
         t_span: start and end of the run; 0 and the model's duration when left out.
         drive: a joint or driver, the input of a curve of poses.
@@ -87,13 +88,14 @@ def optimize(
     loaded = model if isinstance(model, Mechanism) else None
     make = mechanism_factory(loaded, None if loaded else model)
     start = _start(make, parameters)
-    box = _pairs("parameter", start, _table("bounds", bounds))
-    limits = {name: _limits(name, given) for name, given in _table("constraints", constraints).items()}
-    _check_inside(start, box)
+    box = ranges("parameter", start, table_by_name("bounds", bounds))
+    limits = {name: limits_of(name, given) for name, given in table_by_name("constraints", constraints).items()}
+    check_inside(start, box)
+    box = {name: within_range(make, start, name, pair) for name, pair in box.items()}
     moves = curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
     functions = {name: x[0] for name, x in (constraints or {}).items()}
     problem = Problem(moves, cost, functions, start, limits, teller(progress))
-    return problem.solve(box, _scales(start, box, scales), search, tolerance, iterations)
+    return problem.solve(box, scales_of(start, box, scales), search, tolerance, iterations)
 
 
 class Problem:
@@ -227,60 +229,7 @@ def _check_search(search: str, constrained: bool) -> None:
         raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
 
 
-def _check_inside(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
-    for name, x in start.items():
-        low, high = box[name]
-        if not low <= x <= high:
-            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
-
-
 def _start(make: Any, names: Names) -> dict[str, float]:
     if not names:
         raise InputError("a search needs parameters: a list of names, or name = value")
     return named_values(make, names)
-
-
-def _pairs(
-    what: str, names: Mapping[str, Any], given: Mapping[str, Sequence[float | None]]
-) -> dict[str, tuple[float, float]]:
-    for name in given:
-        if name not in names:
-            raise UnknownNameError(what, name, names)
-    return {name: _pair(f"{what} {name!r}", given.get(name, (None, None))) for name in names}
-
-
-def _table(what: str, given: Any) -> Mapping[str, Any]:
-    require(given if given is not None else {}, Mapping, f"{what} are a table by name")
-    return given or {}
-
-
-def _limits(name: str, given: Any) -> tuple[float, float]:
-    if not (isinstance(name, str) and name):
-        raise InputError(f"constraints have names of one's own, texts that are not empty, got {name!r:.60}")
-    if not (isinstance(given, Sequence) and len(given) == 3 and callable(given[0])):
-        raise InputError(f"constraint {name!r} takes (function, low, high), got {given!r:.60}")
-    found = _pair(f"constraint {name!r}", given[1:])
-    if not np.isfinite(found).any():
-        raise InputError(f"constraint {name!r} has no limit: low, high or both are numbers")
-    return found
-
-
-def _pair(what: str, given: Any) -> tuple[float, float]:
-    """Return the lower and the upper end of a range.
-
-    Raises:
-        InputError: for an invalid range.
-    """
-    pair = list(given) if isinstance(given, list | tuple | np.ndarray) else []
-    ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])
-    if not (len(pair) == len(ends) == 2 and ends[0] <= ends[1] and ends[0] < np.inf and ends[1] > -np.inf):
-        raise InputError(f"{what} takes (low, high) with low <= high, None for no end, got {given!r:.60}")
-    return ends[0], ends[1]
-
-
-def _scales(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:
-    usual = {}
-    for name, x in start.items():
-        width = box[name][1] - box[name][0]
-        usual[name] = (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0
-    return scaled(given, usual)

@@ -156,8 +156,11 @@ def test_a_design_may_begin_and_end_at_the_end_of_a_range(path):
         last = np.eye(len(signals["t"]))[-1]
         return signals["q.slider"][-1], {"q.slider": last}
 
-    for start in (0.3, 0.0):
-        found = mbdae.optimize(path, low, {"force.damper.damping": start}, {"force.damper.damping": (0.0, 1.0)})
+    wide = ((start, bounds) for start in (0.3, 1e-3, 0.0) for bounds in ((0.0, 1.0), (None, 1.0), None))
+    for start, bounds in wide:
+        given = {} if bounds is None else {"bounds": {"force.damper.damping": bounds}}
+        found = mbdae.optimize(path, low, {"force.damper.damping": start}, **given)
+        assert found.bounds["force.damper.damping"] == (0.0, np.inf if bounds is None else 1.0)
         assert found.converged, found.message
         assert found.values["force.damper.damping"] == pytest.approx(0.0, abs=1e-12)
         assert found.cost == pytest.approx(1 - G / 2, abs=1e-7)

@@ -1,0 +1,99 @@
+"""Bounds of parameters, limits of constraints, and scales of a search."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError, UnknownNameError, require
+from ...mechanism.discrete_sensitivity.parameter_direction import SMALL
+from ...system import Array
+from ..sensitivity.run_parameters import MechanismFactory, reals, scaled
+
+
+def check_inside(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
+    """Raise InputError where a parameter starts outside its bounds."""
+    for name, x in start.items():
+        low, high = box[name]
+        if not low <= x <= high:
+            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
+
+
+def within_range(
+    make: MechanismFactory, start: Mapping[str, float], name: str, pair: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the bounds of a parameter, which end at 0 where mechanisms exist only on the side of its start.
+
+    Line searches from one side only approach a bound that is not known to them.
+    """
+
+    def ends(beyond: float) -> bool:
+        return _exists(make, {**start, name: 0.0}) and not _exists(make, {**start, name: beyond})
+
+    low, high = pair
+    return (
+        0.0 if low == -np.inf and start[name] >= 0 and ends(-SMALL) else low,
+        0.0 if high == np.inf and start[name] <= 0 and ends(SMALL) else high,
+    )
+
+
+def _exists(make: MechanismFactory, values: dict[str, float]) -> bool:
+    with suppress(MbdaeError):
+        make.make(values)
+        return True
+    return False
+
+
+def ranges(
+    what: str, names: Mapping[str, Any], given: Mapping[str, Sequence[float | None]]
+) -> dict[str, tuple[float, float]]:
+    """Return (low, high) of each name, infinite where none is given.
+
+    Raises:
+        InputError, UnknownNameError: for invalid ranges or names.
+    """
+    for name in given:
+        if name not in names:
+            raise UnknownNameError(what, name, names)
+    return {name: _pair(f"{what} {name!r}", given.get(name, (None, None))) for name in names}
+
+
+def table_by_name(what: str, given: Any) -> Mapping[str, Any]:
+    """Return a table, empty where none is given."""
+    require(given if given is not None else {}, Mapping, f"{what} are a table by name")
+    return given or {}
+
+
+def limits_of(name: str, given: Any) -> tuple[float, float]:
+    """Return the limits of a constraint (function, low, high)."""
+    if not (isinstance(name, str) and name):
+        raise InputError(f"constraints have names of one's own, texts that are not empty, got {name!r:.60}")
+    if not (isinstance(given, Sequence) and len(given) == 3 and callable(given[0])):
+        raise InputError(f"constraint {name!r} takes (function, low, high), got {given!r:.60}")
+    found = _pair(f"constraint {name!r}", given[1:])
+    if not np.isfinite(found).any():
+        raise InputError(f"constraint {name!r} has no limit: low, high or both are numbers")
+    return found
+
+
+def _pair(what: str, given: Any) -> tuple[float, float]:
+    """Return the lower and the upper end of a range.
+
+    Raises:
+        InputError: for an invalid range.
+    """
+    pair = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])
+    if not (len(pair) == len(ends) == 2 and ends[0] <= ends[1] and ends[0] < np.inf and ends[1] > -np.inf):
+        raise InputError(f"{what} takes (low, high) with low <= high, None for no end, got {given!r:.60}")
+    return ends[0], ends[1]
+
+
+def scales_of(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:
+    """Return typical changes of the parameters, (k,)."""
+    usual = {}
+    for name, x in start.items():
+        width = box[name][1] - box[name][0]
+        usual[name] = (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0
+    return scaled(given, usual)
