@@ -8,7 +8,7 @@ import numpy as np
 from ..closures.closure import UnilateralClosure
 from ..forces.coulomb_friction import CoulombFriction
 from .rolling_stiction import RollingStiction
-from .switch import AT_LIMIT, Guard, ImpactRow, LoadCandidate, Switch
+from .switch import Guard, ImpactRow, LoadCandidate, Switch
 from .unilateral import Unilateral
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OPEN, GRIPS, SLIDES = 0, 1, 2
-LESS = 1e-6  # of the limit at which it starts to slip: at the limit itself nothing would move
+CLOSE = 2e-6  # of the limit: loads closer to it have reached it, and the contact slides
 
 
 class FrictionalContact(Unilateral):
@@ -65,12 +65,8 @@ class FrictionalContact(Unilateral):
         found = super().load_candidates(point, min(state, 1), near)
         if not found:
             return ()
-        share, drag = self.limit, np.nan
-        if self.slips(point):
-            drag = -self.limit * float(self.friction.direction(point)[0])
-        elif state == GRIPS and self.friction.margin(point) < AT_LIMIT:
-            share *= 1 - LESS
-        return (*found, LoadCandidate(self.grip, share=share, drag=drag))
+        drag = -self.limit * float(self.friction.direction(point)[0]) if self.slips(point) else np.nan
+        return (*found, LoadCandidate(self.grip, share=self.limit, drag=drag))
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether it slides."""
@@ -85,7 +81,7 @@ class FrictionalContact(Unilateral):
         if self.slips(point):
             heading[:] = self.friction.direction(point)
             return SLIDES
-        if abs(lam[1]) < (1 - 2 * LESS) * self.limit * abs(lam[0]):
+        if abs(lam[1]) < (1 - CLOSE) * self.limit * abs(lam[0]):
             return GRIPS
         heading[:] = -np.sign(lam[1])
         return SLIDES
