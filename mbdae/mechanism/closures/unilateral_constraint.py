@@ -64,13 +64,19 @@ class Stop(JointPair, UnilateralOptions):
     name: str = ""
 
     @model_validator(mode="after")
-    def _fits(self) -> "Stop":
+    def _check_joints(self) -> "Stop":
         if not self.unilateral:
             raise ValueError("a stop is always unilateral")
         if (self.joints is None) != (self.coefficients is None):
             raise ValueError("a stop of joints needs coefficients, and no other stop takes them")
         if self.joint is not None and self.joints is not None:
             raise ValueError("a stop needs one of joint and joints")
+        if not self.name and self.between:
+            object.__setattr__(self, "name", "-".join(self.between) + " stop")
+        return self
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> "Stop":
         if self.limits and (self.joints is not None or self.lower is not None or self.upper is not None):
             raise ValueError("limits are those of joints in their files: no joints, lower or upper beside it")
         if not self.limits and not self.between:
@@ -79,8 +85,6 @@ class Stop(JointPair, UnilateralOptions):
             raise ValueError("a stop needs lower, upper or both")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             raise ValueError(f"lower must lie below upper, got lower = {self.lower:g} and upper = {self.upper:g}")
-        if not self.name and self.between:
-            object.__setattr__(self, "name", "-".join(self.between) + " stop")
         return self
 
     @property

@@ -73,8 +73,6 @@ class Template:
             UnknownNameError: with the valid names.
         """
         mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
-        joints = [s.prefix + n for s, p in zip(recipe.file.source, recipe.parts, strict=True)
-                  for n in joint_names(p.model)]  # fmt: skip
         for name in values:
             root, dot, rest = name.partition(".")
             if name in self.parameters:
@@ -85,10 +83,7 @@ class Template:
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
-                own = rest.partition(".")[0]
-                if any(b.name == own for b in recipe.file.body) and own not in joints:
-                    raise InputError(f"{name!r}: {own} is a body of the file, name body.{rest}")
-                split_joint(rest, joints)
+                _check_joint(recipe, name, rest)
             else:
                 _check(recipe.file, name)
 
@@ -113,6 +108,15 @@ class Template:
             if not name.startswith("joint."):
                 file = replaced(file, name, value, name)
         return make(recipe._replace(file=file, parts=parts), self.functions, recorded=False)
+
+
+def _check_joint(recipe: Recipe, name: str, rest: str) -> None:
+    """Reject an invalid name of a joint's parameter, and bodies of the mechanism file."""
+    sources = zip(recipe.file.source, recipe.parts, strict=True)
+    joints, joint = [s.prefix + n for s, p in sources for n in joint_names(p.model)], rest.partition(".")[0]
+    if joint not in joints and joint in [b.name for b in recipe.file.body]:
+        raise InputError(f"{name!r}: {joint} is a body of the file, name body.{rest}")
+    split_joint(rest, joints)
 
 
 def check_start(mech: Mechanism, name: str) -> None:

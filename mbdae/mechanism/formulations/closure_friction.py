@@ -12,7 +12,7 @@ Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (19
 M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -225,7 +225,15 @@ def _refuse(force: CoulombFriction, closure: Closure) -> None:
     if not closure.friction or (rolling and rolling.contact is False):
         known = ", ".join(kind for kind, c in kinds_of(Closure).items() if c.friction)
         raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is another")
-    grips = rolling.tangents if rolling else ()
+    _require_valid_grip(force, closure, rolling.tangents if rolling else ())
+    turns = closure.friction in TURNS
+    if (force.radius is None) == turns:
+        belongs = "needs the radius of its bearing" if turns else "slides: radius does not belong to it"
+        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")
+
+
+def _require_valid_grip(force: CoulombFriction, closure: Closure, grips: Sequence[object]) -> None:
+    """Require a law of friction that the no-slip rows of a closure can follow."""
     if grips and not force.sticks:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
@@ -234,7 +242,3 @@ def _refuse(force: CoulombFriction, closure: Closure) -> None:
         raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
     if force.sticks and not grips:
         raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")
-    if (force.radius is None) == (closure.friction in TURNS):
-        turns = closure.friction in TURNS
-        belongs = "needs the radius of its bearing" if turns else "slides: radius does not belong to it"
-        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")

@@ -82,16 +82,21 @@ def generate(
     """
     shown = [i for i in range(1, model.njoints) if i not in seen and (not seen or model.inertias[i].mass > 0)]
     subspaces = _motion_subspaces(model)
-    grounded = [i for i in shown if model.parents[i] == 0 and subspaces[i][3:].any() and model.nvs[i] < 6]
-    feet = [model.jointPlacements[i] for i in grounded]
-    feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0 and not seen]
-    edge = 4.2 * size.width
-    for foot in _distinct(feet):
-        yield part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
+    rotating = [i for i in shown if subspaces[i][3:].any()]
+    yield from _ground(model, rotating, [] if seen else points, size)
     for i in shown:
         yield from _joint(model, i, subspaces[i], points, size)
         if i not in rolling or _ends(model, i, points):
             yield from _body(model, i, points, size)
+
+
+def _ground(model: pin.Model, joints: Sequence[int], points: Sequence[Point], size: Proportions) -> Iterator[Part]:
+    """Yield cubes where joints are fixed to the ground, and at points of it."""
+    feet = [model.jointPlacements[i] for i in joints if model.parents[i] == 0 and model.nvs[i] < 6]
+    feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0]
+    edge = 4.2 * size.width
+    for foot in _distinct(feet):
+        yield part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
 
 
 def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[Part]:
