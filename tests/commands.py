@@ -30,7 +30,7 @@ def call(*arguments, cwd="."):
 
 
 def without_pictures(patch):
-    """Leave out the pictures of reports, where a test does not look at them."""
+    """Leave out the pictures of reports, that a test does not read."""
     for name in ("posture", "motion", "drifts", "convergence", "work_precision", "image"):
         patch.setattr(f"mbdae.studies.report.page.{name}", lambda *_, **__: "")
 

@@ -122,9 +122,9 @@ class Trajectory:
         """Reject friction in closures if the method does not support it, and wheels that slide in any case."""
         friction, settings = self.system.sliding, self.sol.settings
         if friction and not supported:
-            friction.refuse(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
-        if friction.grips:
-            friction.refuse("a gradient of wheels that slide")
+            friction.reject(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
+        if friction.can_stick:
+            friction.reject("a gradient of wheels that slide")
 
     def enter_node(self, i: int) -> None:
         """Use the rows that were in use at node i."""
@@ -166,7 +166,7 @@ class Trajectory:
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
         return self.sensitivity.parameters.once(name, key, find)
 
-    def parts(self, i: int) -> Iterator[TrajectoryPart]:
+    def step_parts(self, i: int) -> Iterator[TrajectoryPart]:
         """Yield the maps from node i to the next one, each with its partial derivatives."""
         self.enter_node(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]

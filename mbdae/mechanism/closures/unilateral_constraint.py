@@ -88,7 +88,7 @@ class Stop(JointPair, UnilateralOptions):
         return self
 
     @property
-    def ends(self) -> tuple[tuple[float, float], ...]:
+    def one_sided_limits(self) -> tuple[tuple[float, float], ...]:
         """Limits, and the side on which the joint moves: 1 above, -1 below."""
         both = ((self.lower, 1.0), (self.upper, -1.0))
         return tuple((end, side) for end, side in both if end is not None)
@@ -96,10 +96,10 @@ class Stop(JointPair, UnilateralOptions):
     @property
     def m(self) -> int:
         """Number of rows: one for each limit."""
-        return len(self.ends)
+        return len(self.one_sided_limits)
 
     def primitives(self) -> Sequence[Coordinate]:
         """The rows q_i - p(q_j) - limit."""
         joint, other = self.joints or (self.joint or "", "")
         c_0, *rest = self.coefficients or (0.0,)
-        return [Coordinate(joint, other, (c_0 + end, *rest)) for end, _ in self.ends]
+        return [Coordinate(joint, other, (c_0 + end, *rest)) for end, _ in self.one_sided_limits]

@@ -245,8 +245,8 @@ class Index2Sensitivity(ProjectionSensitivity):
         gravity = pin.nonLinearEffects(s.model, s.workspace, q, still).copy()
         pin.forwardKinematics(s.model, s.workspace, q, still)
         pin.computeJointJacobians(s.model, s.workspace, q)
-        out[1, :nv] = gravity - s.laws.parts(0.0, q, still, np.zeros(s.ns))[0]
-        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.near, strict=True)):
+        out[1, :nv] = gravity - s.laws.split_torque(0.0, q, still, np.zeros(s.ns))[0]
+        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.perturbed_systems, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
         return out
 

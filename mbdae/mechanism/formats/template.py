@@ -166,7 +166,7 @@ def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
     """
     if not path:
         return value
-    key, rest = head(part, path, whole)
+    key, rest = first_key(part, path, whole)
     if isinstance(part, Table):
         said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
         try:
@@ -181,7 +181,7 @@ def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
     return (*part[:at], replaced(part[at], rest, value, whole), *part[at + 1 :])
 
 
-def head(part: Any, path: str, whole: str) -> tuple[str, str]:
+def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
     """Return the first key of a path, which may contain dots, and the rest; entries of lists are numbered."""
     if isinstance(part, dict):  # joint = value: the valid joints are known to the model
         return path, ""
@@ -219,7 +219,7 @@ def _check(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = head(at, rest, name)
+        key, rest = first_key(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number in place of a function of time
         return
@@ -240,7 +240,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     key, _, index = rest.partition(".")
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
-    _ = index and head(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
+    _ = index and first_key(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
     return joint, rest
 
 

@@ -71,7 +71,7 @@ class ClosureFriction:
         return bool(self.active.any())
 
     @property
-    def grips(self) -> bool:
+    def can_stick(self) -> bool:
         """Return whether any interface can stick instead of sliding."""
         return any(active and place.force.sticks for active, place in zip(self.active, self.places, strict=True))
 
@@ -91,7 +91,7 @@ class ClosureFriction:
                 d[i] = np.tanh(speed[i] / p.force.width)
         return e, speed, -self.coefficient * d
 
-    def whole(self, rows: Array) -> Array:
+    def minimum_norm_map(self, rows: Array) -> Array:
         """Return the matrix (ng, r) from multipliers in use to those of all rows. Kinematics and G must be current."""
         ng, r = self.constraints.ng, len(rows)
         if r == ng:
@@ -114,13 +114,13 @@ class ClosureFriction:
         out = np.zeros(6)
         for k in self.regularised_interfaces(name):
             place = self.places[k]
-            A = place.ways(self.constraints.W[:, place.rows])
+            A = place.slip_wrenches(self.constraints.W[:, place.rows])
             slip, F = A @ place.pair.relative(v), lam[place.rows]
             load = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / place.force.width)
             out -= load * (A.T @ unit_direction(slip))
         return out
 
-    def head(self, v: Array) -> bool:
+    def update_slip_directions(self, v: Array) -> bool:
         """Update the slip directions of sliding interfaces; False if one of them is at rest. W must be current."""
         moving = True
         for k in np.flatnonzero(self.active):
@@ -140,7 +140,7 @@ class ClosureFriction:
                 out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
         return out
 
-    def refuse(self, what: str) -> None:
+    def reject(self, what: str) -> None:
         """Raise for an analysis that does not support forces that depend on multipliers.
 
         Raises:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switch import Switch
     from ...solution.solution import Solution
 
-HELD, STRUCK = "#6741d9", "#f59f00"
+ACTIVE_COLOUR, IMPACT_COLOUR = "#6741d9", "#f59f00"
 
 
 class ModeTrack(NamedTuple):

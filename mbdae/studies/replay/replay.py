@@ -12,7 +12,7 @@ from ...file_io import write_page, write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import document, drawn, frame
-from .mode_tracks import HELD, STRUCK, mode_tracks_of
+from .mode_tracks import ACTIVE_COLOUR, IMPACT_COLOUR, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed
 from .video import VIDEO, film
@@ -160,8 +160,8 @@ def page(
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
         "switched": {
-            "held": HELD,
-            "struck": STRUCK,
+            "held": ACTIVE_COLOUR,
+            "struck": IMPACT_COLOUR,
             "each": [] if choices else [x.core_data() for x in mode_tracks_of(sol, q)],
         },
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],

@@ -85,9 +85,9 @@ def adjoint_sweep(
                 p += by_p + found[1]
                 continue
         if last:
-            held, by_p = last.held(bar[:ny, None], bar[ny:, None], late)
+            held, by_p = last.of_fixed_step(bar[:ny, None], bar[ny:, None], late)
             bar[:ny], p = held[:, 0], p + by_p
-        bar, by_p = _all_reversed(last.parts if last else list(trace.parts(i - 1)), bar, ny, k)
+        bar, by_p = _all_reversed(last.parts if last else list(trace.step_parts(i - 1)), bar, ny, k)
         i -= 1
         own, more, _ = arriving.at(i)
         bar, p = bar + own, p + by_p + more

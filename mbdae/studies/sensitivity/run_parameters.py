@@ -71,7 +71,7 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     if isinstance(names, Mapping) or model is not None:
         _moves_alike(parameters.mech, sol)
     if parameters.mech.ng:
-        parameters.refuse(t, y[: mech.nq])
+        parameters.require_consistent(t, y[: mech.nq])
     if model is None:
         _BOUND[mech] = {key: (values, parameters)}
     return values, parameters

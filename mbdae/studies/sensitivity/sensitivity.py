@@ -175,7 +175,7 @@ def sensitivity(
             out.dt[sol.t == trace.ts[-1]] = dh
             dy, carry = end.forward(dy, carry, dp, dh)
         else:
-            dy, carry = _forward(trace.parts(i), dy, carry, dp)
+            dy, carry = _forward(trace.step_parts(i), dy, carry, dp)
         i += 1
     out.at_node(i, dy, carry)
     return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trace, out.after)
@@ -190,7 +190,7 @@ class _Tangents:
     def __init__(self, sol: Solution, trace: Trajectory, dp: Array) -> None:
         n, k = len(sol.t), dp.shape[1]
         self.t, self.trace, self.dp = sol.t, trace, dp
-        self.after = places(sol)
+        self.after = node_indices(sol)
         self.bounds = np.searchsorted(self.after, np.arange(len(trace.ts) + 1))
         self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.sensitivity.ny, k)), np.zeros((n, k))
 
@@ -225,7 +225,7 @@ def _forward(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[A
     return dy, carry
 
 
-def places(sol: Solution) -> Array:
+def node_indices(sol: Solution) -> Array:
     """The node at or before each time of a run, (n,)."""
     return sol.before(sol.t) if sol.steps else np.arange(len(sol.t))
 

@@ -113,7 +113,7 @@ def sweep(
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         if open_tasks := [task for task in plan if task.run not in collector.rows]:
             with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
-                shop.work(open_tasks, collector.keep)
+                shop.work(open_tasks, collector.record)
         return collector.finish()
 
 
@@ -125,13 +125,13 @@ class _Collector:
         self.result, self.progress = Sweep([], meta, path=path), progress
         self.rows = dict(self.file.rows) if self.file else {}
 
-    def keep(self, task: Task, found: dict[str, Any]) -> None:
+    def record(self, task: Task, found: dict[str, Any]) -> None:
         """Take the row of a run that came to its end or failed."""
         if found["status"] == "interrupted":  # by a signal that reached the worker: the run is still to be made
             return
         row = completed(found, task, self.result.kinds)
         if self.file:
-            self.file.keep(row)
+            self.file.append(row)
         self.rows[row["run"]], self.result.seconds[row["run"]] = row, found["seconds"]
         if self.progress:
             n, total = len(self.rows), self.result.total
