@@ -25,13 +25,14 @@ WHOLE = re.compile(
 )
 PROSE = re.compile(
     r"\b(?:slopes?|blows?|leaps?|leapt|rubs?|rubbing|stuff|doubts?|anew|afresh|hitherto)\b"
-    r"|(?<!degree of )(?<!degrees of )\bfreedoms?\b"
+    r"|(?<![Dd]egree of )(?<![Dd]egrees of )\bfreedoms?\b"
     r"|\b(?:looks?|looked) (?:at|for|ahead|after|back)\b"
     r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
     r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
     r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
     r"|\b(?:shall|likewise|alike|thither|whereto)\b"
 )
+PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+")
 STAYING = {  # names that stay, by folder or file
     "order": ("slope", "slopes", "_slopes"),  # of a line fitted to errors over step sizes
     "kinematics": ("rising",),  # attribute and JSON key of assembly modes
@@ -64,11 +65,12 @@ def defined(path):
 
 
 def comments_and_docstrings(path):
+    """Prose of a file, each docstring (of attributes, too) and each line of a comment as one line."""
     text = path.read_text("utf-8")
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            yield ast.get_docstring(node) or ""
-    yield from re.findall(r"#\s.*$", text, re.M)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield " ".join(node.value.value.split())
+    yield from re.findall(r"#\s+(.*)$", text, re.M)
 
 
 def stays(path, name):
@@ -91,7 +93,7 @@ def found_members():
 
 def found_in_python():
     """Old words in docstrings and comments; a fitted line has a slope."""
-    found = [(p, w) for p in sources(".py") for x in comments_and_docstrings(p) for w in PROSE.findall(x)]
+    found = [(p, w) for p in sources(".py") for x in comments_and_docstrings(p) for w in PROSE_OF_PYTHON.findall(x)]
     return [f"{p.name}: {w}" for p, w in found if not (w.startswith("slope") and p.parent.name in FITTED)]
 
 

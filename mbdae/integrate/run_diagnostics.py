@@ -13,7 +13,7 @@ from ..solution.solution import Solution
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that moves
-LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: what is negative by less counts as 0
+LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: smaller negative values count as 0
 DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: projected rows with a smaller remainder are dependent
 SAMPLES = 8  # steps at which the energy is computed
 WATCHED = 400  # nodes at which preconditions of closures are checked

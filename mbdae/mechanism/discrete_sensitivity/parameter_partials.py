@@ -36,7 +36,7 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and rounding
+REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: a part that closures cannot follow; and rounding
 APART = 1e-5  # relative difference of two widths where there is no derivative
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)

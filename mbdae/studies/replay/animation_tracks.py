@@ -1,4 +1,4 @@
-"""What moves in a replay, as numbers for the page: bodies, ghosts, paths of points, and forces."""
+"""Animation tracks of a replay for the page: bodies, ghosts, paths of points, and forces."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
 
 FRAMES = 60  # of a motion, by which the view is chosen
-FLAT = 0.3  # of the widest extent: what is thinner is seen without perspective along its thinnest axis
+FLAT = 0.3  # of the widest extent: thinner scenes are seen without perspective along their thinnest axis
 HIGHEST = 3.6  # inches
 LAMP = np.array([-0.35, 0.5, 0.79])  # where light comes from: to the right, up, towards the eye
 

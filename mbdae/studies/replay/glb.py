@@ -26,7 +26,7 @@ FLOAT, UINT = 5126, 5125  # component types
 TINY = 1e-6  # a scale of 0 leaves no normals
 FLASH, SUDDEN = 0.25, 1e-3  # s of viewing: how long an impact is seen, and how fast it appears
 EDGE = np.cos(0.6)  # rad: triangles that are turned more meet at an edge
-VERTICES, INDICES = 34962, 34963  # what a view of the buffer is for
+VERTICES, INDICES = 34962, 34963  # uses of a view of the buffer
 
 
 class _File:
@@ -107,7 +107,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
     """The file of a motion.
 
     Args:
-        scene: what is drawn, except for marks of closures.
+        scene: the scene; marks of closures are not drawn.
         times: (m,) in s.
         q: (m, nq) configurations.
         title: of the scene.

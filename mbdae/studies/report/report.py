@@ -41,7 +41,7 @@ class Report:
     """Result of `report`.
 
     Attributes:
-        card: what the mechanism is.
+        card: the description of the mechanism.
         sol: the run that is replayed, that of ``mbdae solve``.
         drifts: drift of every method's run.
         orders: observed and claimed orders; None if no method without a formulation was requested.
@@ -207,7 +207,7 @@ class _Study:
         )
 
     def missing(self) -> Iterator[str]:
-        """What the study is without, in words."""
+        """Yield the missing results of the study, in words."""
         if runs := self.moved[len(self.sols) :]:
             yield f"runs of {', '.join(map(str, runs))}"
         if self.judged and self.orders is None:

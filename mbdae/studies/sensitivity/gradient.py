@@ -69,7 +69,7 @@ def gradient(
             times of the run; or `mbdae.Squares`.
         parameters: names, or name = value.
         start: differentiate with respect to the start, too.
-        model: what makes the mechanism with other numbers.
+        model: makes the mechanism with other parameters.
         event: the terminal event in which the run ended, its function or its signal.
 
     Raises:

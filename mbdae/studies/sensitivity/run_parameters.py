@@ -31,14 +31,14 @@ Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
 
 
 class MechanismFactory(Protocol):
-    """What makes mechanisms with other numbers."""
+    """Source of mechanisms with other parameters."""
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """The mechanism with these values."""
 
 
 def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
-    """What makes mechanisms like one: its own files, a file, or a function.
+    """Return the source of mechanisms like one: its files, another file, or a function.
 
     Raises:
         InputError: where a mechanism was not read from files and no model is given.
@@ -128,7 +128,7 @@ def scaled(given: Any, usual: Mapping[str, float]) -> Array:
 
 
 def teller(progress: Any) -> Callable[[str], None]:
-    """What tells the user's function what is done; nothing for None.
+    """Return the function that reports progress to that of the user; without effect for None.
 
     Raises:
         InputError: for what is no function, and where it fails.

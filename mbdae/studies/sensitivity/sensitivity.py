@@ -142,8 +142,8 @@ def sensitivity(
             name = value where the model does not tell. At the end of what a number can be (a damping of 0) the
             derivative is one-sided, with a warning.
         start: differentiate with respect to (q, v, s) at the start, too, q in its tangent, all of them free.
-        model: what makes the mechanism with other numbers, see `mbdae.sweep`: a file or a function; what the mechanism
-            was read from when left out.
+        model: makes the mechanism with other parameters, see `mbdae.sweep`: a file or a function; the
+            source of the mechanism when left out.
         event: the terminal event in which the run ended, its function or its signal: its time moves, too.
 
     Raises:

@@ -31,7 +31,7 @@ class SweepFile:
         fresh: leave what is there unread, and replace it.
 
     Attributes:
-        rows: what was finished before, by number of the run.
+        rows: runs finished before, by number of the run.
 
     Raises:
         InputError: without pyarrow; for a file of another sweep, of none, in use, or that cannot be written.
