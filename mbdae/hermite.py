@@ -55,7 +55,7 @@ def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
     return _inverse(len(ends) - 1, len(inner)) @ data
 
 
-def fits(ends: list[tuple[Array, Array]], inner: list[Array]) -> Array:
+def fit_many(ends: list[tuple[Array, Array]], inner: list[Array]) -> Array:
     """Return coefficients (m, degree + 1, n) of m polynomials: as `fit`, with vectors (m, n) for vectors (n,)."""
     data = np.array([v for pair in ends for v in pair] + inner)
     return np.einsum("ij,jmn->min", _inverse(len(ends) - 1, len(inner)), data)

@@ -178,10 +178,7 @@ class System(Protocol):
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """Return the point (n,) nearest to y that satisfies what the methods do not enforce: positions of a mechanism.
-
-        To the accuracy needed elsewhere, or, if tight, to rounding.
-        """
+        """Return y (n,) projected onto constraints that methods do not enforce, as positions; if tight, to rounding."""
         return y
 
     @property

@@ -30,13 +30,13 @@ def call(*arguments, cwd="."):
 
 
 def without_pictures(patch):
-    """Leave out the pictures of reports, where a test does not look at them."""
+    """Leave out the pictures of reports, that a test does not read."""
     for name in ("posture", "motion", "drifts", "convergence", "work_precision", "image"):
         patch.setattr(f"mbdae.studies.report.page.{name}", lambda *_, **__: "")
 
 
 def found():
-    """All ``COMMANDS = (...)`` of the tests of studies: what to run behind `mbdae solve MODEL -o run.npz`."""
+    """All ``COMMANDS = (...)`` of the tests of studies, to be run after `mbdae solve MODEL -o run.npz`."""
     texts = [path.read_text() for path in sorted((Path(__file__).parent / "studies").rglob("test_*.py"))]
     written = [re.search(r"^COMMANDS = (\(.*?\))$", text, re.M | re.S) for text in texts]
     return [command for some in written if some for command in ast.literal_eval(some[1])]

@@ -10,13 +10,13 @@ from ..backend import BACKENDS
 from ..integrate.defaults import DEFAULTS
 from .completion import FORMULATIONS, completed, methods
 from .signature import REQUIRED, Argument, arguments_of
-from .values import TimeSpan, listed, locked_joints, numbers, values_by_name
+from .values import TimeSpan, listed, locked_joints, parsed_numbers, values_by_name
 
 Decorator = Callable[..., Any]
 LETTERS = {"actuator": "-a", "method": "-m", "parameter": "-p", "signal": "-s", "T": "-t"}
 READERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options given several times, by annotation
-    "Sequence[float]": lambda values, option: numbers(values, float, option),
-    "Sequence[int]": lambda values, option: numbers(values, int, option),
+    "Sequence[float]": lambda values, option: parsed_numbers(values, float, option),
+    "Sequence[int]": lambda values, option: parsed_numbers(values, int, option),
     "Hold": locked_joints,
     "Mapping[str, float]": values_by_name,
     "Sequence[str]": lambda values, option: listed(values),

@@ -18,7 +18,7 @@ Study = Callable[..., Any]
 
 
 class Result(Protocol):
-    """What a study returns; it has `save` and `plot` where its command has these options."""
+    """Result of a study; it has `save` and `plot` where its command has these options."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""

@@ -41,7 +41,7 @@ def listed(values: Iterable[str]) -> list[str]:
     return [text for value in values for text in re.split(r",(?=[A-Za-z])", value) if text]
 
 
-def numbers(values: Iterable[str], kind: Any, name: str) -> list[Any] | None:
+def parsed_numbers(values: Iterable[str], kind: Any, name: str) -> list[Any] | None:
     """Return numbers of an option given several times, or once with commas; None when left out.
 
     Raises:
@@ -62,7 +62,7 @@ def values_by_name(texts: Iterable[str], option: str) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for text in listed(texts):
         name, _, value = text.partition("=")
-        found = numbers((value,), float, f"{option} {name}") if value else None
+        found = parsed_numbers((value,), float, f"{option} {name}") if value else None
         if not found:
             raise InputError(f"{option} takes name=value, got {text!r}")
         out[name] = found[0] if len(found) == 1 else found

@@ -43,7 +43,7 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
             _check_drivers(run.problem, t0, run.t)
     except StepError as e:
         if isinstance(e, EventError):
-            run.keep(e.node)
+            run.drop_nodes_after(e.node)
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
             raise InputError(str(e)) from e
         if e.status in ("step_size", "max_steps"):  # possibly caused by drivers

@@ -221,7 +221,7 @@ class RunState:
         for source in self.sources:
             source.truncated(self)
 
-    def keep(self, node: int) -> None:
+    def drop_nodes_after(self, node: int) -> None:
         """Remove the nodes after a given one."""
         del self.ts[node + 1 :], self.ys[node + 1 :], self.zs[node + 1 :]
         self.t = self.ts[-1]

@@ -13,7 +13,7 @@ from ..solution.solution import Solution
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that moves
-LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: what is negative by less counts as 0
+LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: smaller negative values count as 0
 DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: projected rows with a smaller remainder are dependent
 SAMPLES = 8  # steps at which the energy is computed
 WATCHED = 400  # nodes at which preconditions of closures are checked
@@ -26,23 +26,9 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
         sol: a run of a mechanism to its end.
         system: its workspace, with records of all rows at the ends of all steps.
     """
-    formulation, mech = sol.settings["formulation"], sol.mechanism
     ts, ys, _ = sol.nodes
-    q, v = system.split(ys[-1])
-    found, names = [], ""
-    if system.ng:
-        g, G = system.closures(q, ts[-1])
-        if not system.largest_g <= POSITION_TOLERANCE:
-            which = largest_error(mech, g)
-            size = f"{system.largest_g:.2g} rad or characteristic lengths of {mech.characteristic_length:.3g} m"
-            opened = f"closures were violated by {size}"
-            found.append(f"{opened} ({which.name!r} by {which.text} at the end)")
-        slip = 0.0 if formulation == "index1" else _largest_slip(system)
-        if not slip <= VELOCITY_TOLERANCE:
-            which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
-            slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
-            found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
-        names = contradictions(system, ts[-1], ys[-1]) if found else ""
+    found = _constraint_violations(sol, system) if system.ng else []
+    names = contradictions(system, ts[-1], ys[-1]) if found else ""
     lost = relative_energy_error(sol, system)
     if not lost <= ENERGY_TOLERANCE:
         found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")
@@ -51,10 +37,27 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
     more = [text for text in (dependent_rows_changed(sol, system), lift_off(sol), unfit) if text]
     if not found:
         return "; ".join(more)
-    fixed, kept = "step" in sol.settings, sol.settings["project"] or formulation == "ggl" or not system.ng
+    fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
+    kept = sol.settings["project"] or formulation == "ggl" or not system.ng
     advice = f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
     why = f"{names} contradict each other" if names else advice
     return "; ".join([f"{'; '.join(found)}: {why}", *more])
+
+
+def _constraint_violations(sol: Solution, system: Index2System) -> list[str]:
+    """Return which closures were violated, and which rows that depended on others are not kept."""
+    mech, found, t, (q, v) = sol.mechanism, [], sol.nodes[0][-1], system.split(sol.nodes[1][-1])
+    g, G = system.closures(q, t)
+    if not system.largest_g <= POSITION_TOLERANCE:
+        which = largest_error(mech, g)
+        size = f"{system.largest_g:.2g} rad or characteristic lengths of {mech.characteristic_length:.3g} m"
+        found.append(f"closures were violated by {size} ({which.name!r} by {which.text} at the end)")
+    slip = 0.0 if sol.settings["formulation"] == "index1" else _largest_slip(system)
+    if not slip <= VELOCITY_TOLERANCE:
+        which = largest_error(mech, G @ v + system.g_t(t), "/s")
+        slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
+        found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
+    return found
 
 
 def _largest_slip(system: Index2System) -> float:

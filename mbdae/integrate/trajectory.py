@@ -95,10 +95,7 @@ class Trajectory:
         self.system: Any = parameters.workspace(formulation, None if stabilised and half_explicit else backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        if self.system.sliding and (stabilised or not half_explicit):
-            self.system.sliding.refuse(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
-        if self.system.sliding.grips:
-            self.system.sliding.refuse("a gradient of wheels that slide")
+        self._reject_friction(half_explicit and not stabilised)
         self.sensitivity = (GGLSensitivity if stabilised else Index2Sensitivity)(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
@@ -120,6 +117,14 @@ class Trajectory:
             self.checkpoints = Checkpoints(
                 len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._recompute
             )
+
+    def _reject_friction(self, supported: bool) -> None:
+        """Reject friction in closures if the method does not support it, and wheels that slide in any case."""
+        friction, settings = self.system.sliding, self.sol.settings
+        if friction and not supported:
+            friction.reject(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
+        if friction.can_stick:
+            friction.reject("a gradient of wheels that slide")
 
     def enter_node(self, i: int) -> None:
         """Use the rows that were in use at node i."""
@@ -161,7 +166,7 @@ class Trajectory:
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
         return self.sensitivity.parameters.once(name, key, find)
 
-    def parts(self, i: int) -> Iterator[TrajectoryPart]:
+    def step_parts(self, i: int) -> Iterator[TrajectoryPart]:
         """Yield the maps from node i to the next one, each with its partial derivatives."""
         self.enter_node(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
-START = 1e-6  # what a start given by the user may leave open; more would show in the result
+START = 1e-6  # largest violation in a start given by the user; more would show in the result
 
 
 def assemble(

@@ -34,7 +34,7 @@ def attempted(
         raise error(f"{what} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
 
 
-def numbers(values: Mapping[str, float]) -> str:
+def values_text(values: Mapping[str, float]) -> str:
     """Return named numbers as text."""
     return ", ".join(f"{name} = {x:.9g}" for name, x in values.items())
 

@@ -23,7 +23,7 @@ def effort_unit(units: Mapping[str, str], joint: str) -> str:
     return "N" if units.get(f"v.{joint}") == "m/s" else "N m"
 
 
-def parts(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the suffixes of a joint's name for its coordinates in q and in v; "" for a single coordinate."""
     joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
     if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
@@ -39,7 +39,7 @@ def coordinate_units(mech: "Mechanism") -> dict[str, str]:
     for name in mech.joint_names:
         kind = mech.joint_kind(name)
         slides = kind.startswith("P") and kind != "Planar"
-        for (letter, per), side in zip((("q", ""), ("v", "/s")), parts(mech, name), strict=True):
+        for (letter, per), side in zip((("q", ""), ("v", "/s")), component_suffixes(mech, name), strict=True):
             for part in side:
                 length = part.lstrip(".v") in ("x", "y", "z") if part else slides
                 out[letter][f"{letter}.{name}{part}"] = ("m" if length else "1" if part[1:] in PURE else "rad") + per

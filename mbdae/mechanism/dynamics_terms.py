@@ -11,7 +11,7 @@ from ..system import Array
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
 from .characteristic_rate import characteristic_rate
 from .forces import is_custom
-from .frames import place
+from .frames import frame_placement
 from .pinocchio_data import make_data
 
 
@@ -95,7 +95,7 @@ class DynamicsTerms:
         """
         data = make_data(self.model)
         pin.forwardKinematics(self.model, data, self._configuration(q))
-        found = place(self.model, data, name)
+        found = frame_placement(self.model, data, name)
         return found.translation.copy(), found.rotation.copy()
 
     def energy(self: Any, q: Array, v: Array) -> tuple[float, float]:

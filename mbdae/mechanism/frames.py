@@ -46,7 +46,7 @@ def fixed_links(model: pin.Model) -> list[str]:
     return [f.name for f in model.frames if not f.parentJoint and f.type == kind and f.name not in ("universe", WORLD)]
 
 
-def place(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
+def frame_placement(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
     """Return the placement of a frame in the world; kinematics must be current.
 
     Raises:

@@ -67,28 +67,28 @@ class _Piecewise(_TimeFunction):
 
     @cached_property
     @abstractmethod
-    def pieces(self) -> PiecewisePolynomial:
+    def polynomials(self) -> PiecewisePolynomial:
         """The polynomials."""
 
     def at(self, t: float, k: int = 0) -> float:
-        return self.pieces.at(t, k)
+        return self.polynomials.at(t, k)
 
     @property
     def breaks(self) -> Sequence[float]:
-        return self.pieces.breaks
+        return self.polynomials.breaks
 
     @property
     def knots(self) -> Sequence[float]:
-        return self.pieces.starts[1:]
+        return self.polynomials.starts[1:]
 
     def meets(self, t0: float, t1: float) -> Sequence[float]:
-        return self.pieces.meets(t0, t1)
+        return self.polynomials.meets(t0, t1)
 
     def derivative(self, t: float, k: int = 0) -> float:
-        return self.pieces.derivative(t, k)
+        return self.polynomials.derivative(t, k)
 
     def core_data(self) -> dict[str, Any]:
-        return self.pieces.core_data()
+        return self.polynomials.core_data()
 
 
 class Constant(_Piecewise):
@@ -105,7 +105,7 @@ class Constant(_Piecewise):
         return 0.0 if k else self.value
 
     @cached_property
-    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
         return PiecewisePolynomial([0.0], [[self.value]])
 
     @model_serializer
@@ -151,7 +151,7 @@ class Polynomial(_Piecewise):
     coefficients: tuple[float, ...] = Field(min_length=1)
 
     @cached_property
-    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
         return PiecewisePolynomial([0.0], [self.coefficients[::-1]])
 
 
@@ -184,7 +184,7 @@ class TimeTable(_Points):
     beyond: Beyond | None = None
 
     @cached_property
-    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
         return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
 
     @cached_property
@@ -221,7 +221,7 @@ class Steps(_Points):
     points: tuple[Point, ...] = Field(min_length=1)
 
     @cached_property
-    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
         times, values = zip(*self.points, strict=True)
         return PiecewisePolynomial(times, [[value] for value in values], times[1:])
 

@@ -84,15 +84,12 @@ class Tableau:
             object.__setattr__(self, "order_linear", self.order)
 
     def _check_shape(self) -> None:
-        if any(len(row) > len(self.A) for row in (*self.A, *self.Ahat, self.b, self.b_embedded, self.b_companion)):
-            raise InputError(f"tableau {self.name!r}: a row has more than {len(self.A)} entries, one for each stage")
+        n = len(self.A)
+        if max(map(len, (*self.A, *self.Ahat, self.b, self.b_embedded, self.b_companion))) > n:
+            raise InputError(f"tableau {self.name!r}: a row has more than {n} entries, one for each stage")
         A, Ahat, first = self.exact_A, self.exact_Ahat, int(self.explicit_first)
-        n = len(A)
-        lower = all(not A[i][j] for i in range(n) for j in range(i, n))
-        lower = lower and all(not Ahat[i][j] for i in range(n) for j in range(i + 1, n))
-        pivots = all(Ahat[i][i] for i in range(first, n))
-        closes = any(all(Ahat[i][j] == self.exact_b[j] for j in range(n)) for i in range(first, n))
-        if not (lower and pivots and closes and len(Ahat) == n):
+        lower = len(Ahat) == n and _is_lower(A, 0) and _is_lower(Ahat, 1)
+        if not (lower and all(Ahat[i][i] for i in range(first, n)) and self.exact_b in Ahat[first:]):
             shape = "A strictly lower, Ahat lower with a regular diagonal, b a row of Ahat"
             raise InputError(f"tableau {self.name!r}: {shape}")
         if not np.isfinite(self.noise):
@@ -221,6 +218,11 @@ class ButcherArrays:
 def _row(text: Text, n: int) -> Row:
     row: Row = [exact(x) for x in text]
     return row + [exact("0")] * (n - len(row))
+
+
+def _is_lower(rows: list[Row], diagonal: int) -> bool:
+    """Return whether entries from this diagonal upwards are zero."""
+    return not any(any(row[i + diagonal :]) for i, row in enumerate(rows))
 
 
 def _texts(name: str, key: str, table: Any) -> tuple[Text, ...]:

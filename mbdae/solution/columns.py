@@ -8,11 +8,11 @@ from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reaction_wrenches
 from ..mechanism.characteristic_rate import gravity_rate
 from ..mechanism.contacts import contact, path, rolling
-from ..mechanism.coordinate_units import parts
+from ..mechanism.coordinate_units import component_suffixes
 from ..mechanism.forces.coulomb_friction import CoulombFriction
 from ..mechanism.frames import WORLD, find_joint, frame_names, motions
 from ..system import Array
-from .sampling import kept
+from .sampling import residuals_and_energies
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -69,7 +69,7 @@ def residuals(sol: "Solution") -> Residuals:
     if not len(sol.t):
         raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
     with np.errstate(over="ignore", invalid="ignore"):  # of a diverging run
-        g, Gv, energies = kept(sol)
+        g, Gv, energies = residuals_and_energies(sol)
     return Residuals(g, Gv, *energies.T)
 
 
@@ -79,7 +79,7 @@ def coordinates(sol: "Solution") -> dict[str, Array]:
     q: dict[str, Array] = {}
     v: dict[str, Array] = {}
     for name in mech.joint_names:
-        j, (of_q, of_v) = find_joint(mech.model, name), parts(mech, name)
+        j, (of_q, of_v) = find_joint(mech.model, name), component_suffixes(mech, name)
         v |= {f"v.{name}{part}": sol.v[:, j.idx_v + k] for k, part in enumerate(of_v)}
         if (j.nq, j.nv) == (2, 1):
             q[f"q.{name}"] = unwrapped(sol, j.idx_q, j.idx_v)

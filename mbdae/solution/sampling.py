@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .solution import Solution
 
 
-def parts(sol: "Solution", nodes: Array) -> list[Array]:
+def split_by_rows(sol: "Solution", nodes: Array) -> list[Array]:
     """Split the indices of nodes (k,) of a solution by their rows in use."""
     if not len(nodes):
         return []
@@ -28,9 +28,9 @@ def at_times(sol: "Solution") -> tuple[Array, Array]:
     """
     F, z = (np.full((len(sol.t), width), np.nan) for width in (sol.system.ny, sol.system.nz))
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
-    for part in parts(sol, nodes):
+    for part in split_by_rows(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
-        grips = isinstance(sol.problem, Mechanism) and at.sliding.grips
+        grips = isinstance(sol.problem, Mechanism) and at.sliding.can_stick
         if grips:
             _head(at, sol.y[part])
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
@@ -48,18 +48,18 @@ def _head(at: "Index2System", ys: Array) -> None:
     for y in ys:
         q, v = at.split(y)
         at.jacobian(q)
-        if at.sliding.head(v):
+        if at.sliding.update_slip_directions(v):
             return
 
 
-def kept(sol: "Solution") -> tuple[Array, Array, Array]:
+def residuals_and_energies(sol: "Solution") -> tuple[Array, Array, Array]:
     """Return g (n, ng), G v + g_t (n, ng) and energies (n, 2) at the times of a solution, each in its mode."""
     t, y = np.asarray(sol.t), np.asarray(sol.y)
     if not sol.modes:
         return sol.system.residuals(t, y)
     out = np.zeros((len(t), sol.mechanism.ng)), np.zeros((len(t), sol.mechanism.ng)), np.zeros((len(t), 2))
     nodes = np.arange(len(t)) if sol.steps is None else sol.before(t)
-    for part in parts(sol, nodes):
+    for part in split_by_rows(sol, nodes):
         for whole, some in zip(out, sol.at(int(nodes[part[0]])).residuals(t[part], y[part]), strict=True):
             whole[part] = some
     return out
@@ -81,7 +81,7 @@ def at_once(sol: Any, times: Array) -> Array | None:
         return None  # the first one outside is rejected
     step = np.minimum(sol.before(times), len(ts) - 2)
     used, which = np.unique(step, return_inverse=True)
-    if len(parts(sol, np.union1d(used, used + 1))) > 1:
+    if len(split_by_rows(sol, np.union1d(used, used + 1))) > 1:
         return None
     sol.at(int(used[0]))
     nodes = np.setdiff1d(np.union1d(used, used + 1), list(sol.rates))

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..mechanism.contacts import rolling
-from ..mechanism.coordinate_units import acceleration_units, parts
+from ..mechanism.coordinate_units import acceleration_units, component_suffixes
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
 from .columns import load_units, pulls, row_names
@@ -100,7 +100,7 @@ def _coordinates(mech: Mechanism) -> dict[str, SignalValue]:
     q: dict[str, SignalValue] = {}
     v: dict[str, SignalValue] = {}
     for name in mech.joint_names:
-        j, (of_q, of_v) = find_joint(mech.model, name), parts(mech, name)
+        j, (of_q, of_v) = find_joint(mech.model, name), component_suffixes(mech, name)
         v |= {f"v.{name}{x}": SignalValue("y", nq + j.idx_v + k, nv + j.idx_v + k) for k, x in enumerate(of_v)}
         if (j.nq, j.nv) == (2, 1):
             q[f"q.{name}"] = SignalValue("angle", j.idx_q, j.idx_v)
@@ -157,7 +157,7 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
-    if system.sliding.grips:
+    if system.sliding.can_stick:
         system.jacobian(q)
         lam = system.sliding.filled(v, lam)
     if kind in IN_PYTHON:

@@ -123,7 +123,7 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
         times, values, series = run.sample(steps, degree)
         tail, fine = np.abs(series[..., -2:]).max(axis=2), series @ _grid(degree)
         curves = zip(series, fine, strict=True)
-        turns = np.concatenate([_turning_points(c, f, run.t[steps], run.h[steps]) for c, f in curves])
+        turns = np.concatenate([_stationary_points(c, f, run.t[steps], run.h[steps]) for c, f in curves])
         for name, x, y in zip(smooth, values, run.at(turns), strict=True):
             out[name] = _wider(out[name], np.append(x.ravel(), y), np.append(times.ravel(), turns))
         low, high = np.array([[[out[name][i].value] for name in smooth] for i in (0, 1)])
@@ -249,7 +249,7 @@ def _grid(degree: int) -> Array:
     return chebyshev.chebvander(np.linspace(-1, 1, FINE), degree).T
 
 
-def _turning_points(series: Array, fine: Array, t: Array, h: Array) -> Array:
+def _stationary_points(series: Array, fine: Array, t: Array, h: Array) -> Array:
     """Return times of the largest and smallest extrema within the steps."""
     out = []
     for i in {int(fine.max(axis=1).argmax()), int(fine.min(axis=1).argmin())}:

@@ -120,7 +120,7 @@ def default(problem: Problem, **given: Any) -> Variant:
     return of({**c, "project": projected(problem, c["project"], c["formulation"], tableau, c["step"])})
 
 
-def usual(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
+def default_variants(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
     """Return the default variants of a study: the default with these settings, then those of a list.
 
     Formulations that the problem does not support are omitted: textbook problems, stops and stiction require index 2.

@@ -102,9 +102,9 @@ class HessenbergSystem(System):
 
     def chart(self, t: float, y: Array) -> "HessenbergChart":
         """Open a step at (t, y), with the z computed before at y."""
-        return HessenbergChart(self, t, y, self.near(y))
+        return HessenbergChart(self, t, y, self.initial_z(y))
 
-    def near(self, y: Array) -> Array:
+    def initial_z(self, y: Array) -> Array:
         """Return z computed before at y, or else the last one: a rejected step must not select the root."""
         return self._roots.get(y.tobytes(), next(reversed(self._roots.values())))
 
@@ -119,7 +119,7 @@ class HessenbergSystem(System):
         """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess."""
         known = near is not None and np.isfinite(near).all()
         g_y, g_t = self.g_y(t, y), self.g_t(t, y)
-        start = np.array(near, float) if known else self.near(y)
+        start = np.array(near, float) if known else self.initial_z(y)
         z = self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
         self.remember(y, z)
         return self.f(t, y, z), z

@@ -4,7 +4,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.studies.method_variant import Variant, of, usual, variants
+from mbdae.studies.method_variant import Variant, default_variants, of, variants
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
 
@@ -33,7 +33,7 @@ def test_the_first_method_is_the_default_with_its_projection(four_bar, monkeypat
     assert [getattr(study.points[0], n) for n in ("steps", "solves")] == [sol.stats[n] for n in ("steps", "solves")]
     study = mbdae.compare(four_bar, (0, 0.2), steps=[20], repeats=0)
     assert study.methods == ["pherk6", "ggl:pherk5"], "with steps of one size nothing is projected"
-    assert not [v for v in usual(mbdae.load("pendulum_on_stop"), METHODS) if v.formulation != "index2"]
+    assert not [v for v in default_variants(mbdae.load("pendulum_on_stop"), METHODS) if v.formulation != "index2"]
 
 
 def test_formulations_belong_to_names_without_one():

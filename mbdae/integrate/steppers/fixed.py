@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 NEAR = 1e-9  # of a step: how near to the grid a time counts as on it
 DETOUR = (0.309, 0.655)  # of two steps, of which the end of the first cannot be stepped on
-TOLERATED = 1e-8  # of the magnitude of a component: what a move of the state may measure when steps are fixed
+TOLERATED = 1e-8  # of the magnitude of a component: largest move of the state when steps are fixed
 
 
 class Fixed(PythonStepper):

@@ -1,4 +1,4 @@
-"""What closures of all kinds have in common; each kind is a file of `mbdae.mechanism.closures.kinds`."""
+"""Base of closures of all kinds; each kind is a file of `mbdae.mechanism.closures.kinds`."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar

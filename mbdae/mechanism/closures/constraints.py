@@ -72,12 +72,16 @@ class Constraints:
         self.positional[[at for at, d in self.driven if d.speed is not None]] = False
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
         self._still = np.zeros((3, self.ng))
+        self._index_special_rows()
+        self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
+
+    def _index_special_rows(self) -> None:
+        """Find prescribed lengths, rows of angles (periodic), and rows of velocity only."""
         self._lengths = [at for at, d in self.driven if d.frames and d.motion]
         periodic = [p for p in self.joint_parts if p.period and self.positional[p.at]]
         self._periodic = np.array([p.at for p in periodic], int)
         self._periods = np.array([p.period for p in periodic])
         self._rates = np.flatnonzero(~self.positional)
-        self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
 
     def _between_frames(self, model: pin.Model, data: pin.Data, spec: Spec) -> None:
         """Bind the rows between two frames."""

@@ -62,7 +62,7 @@ class Driver(Table):
     name: str = ""
 
     @model_validator(mode="after")
-    def _fits(self) -> "Driver":
+    def _check_target(self) -> "Driver":
         targets = [t for t in (self.joint, self.joints, self.frames) if t is not None]
         if len(targets) != 1:
             raise ValueError("a driver needs one of joint, joints and frames")
@@ -71,6 +71,12 @@ class Driver(Table):
         names = self.between
         if len(set(names)) < len(names):
             raise ValueError(f"a driver joins {names[0]!r} with itself")
+        if not self.name:
+            object.__setattr__(self, "name", "-".join(names) + " driver")
+        return self
+
+    @model_validator(mode="after")
+    def _check_motion(self) -> "Driver":
         m, speed = self.motion, self.speed
         if (m is None) == (speed is None):
             raise ValueError("a driver needs one of motion and speed")
@@ -80,8 +86,6 @@ class Driver(Table):
             raise ValueError(f"the speed {speed.name!r} needs a rate: difference quotients lose the order")
         if isinstance(m, Function) and m.function and not (m.rate and m.acceleration):
             raise ValueError(f"the motion {m.name!r} needs rate and acceleration: difference quotients lose the order")
-        if not self.name:
-            object.__setattr__(self, "name", "-".join(names) + " driver")
         return self
 
     @property

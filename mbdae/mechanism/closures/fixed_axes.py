@@ -23,7 +23,7 @@ class FixedAxisClosure(BetweenFrames):
     axis: Axis = Z
 
     otherwise: ClassVar[str]
-    """What is said of bodies that can turn about other axes."""
+    """Message about bodies that can turn about other axes."""
 
     @property
     def assumes(self) -> bool:  # noqa: D102

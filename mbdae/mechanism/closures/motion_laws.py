@@ -44,12 +44,12 @@ class LawTable(Table):
 
     @model_validator(mode="after")
     def _is_smooth(self) -> "LawTable":
-        if not np.isfinite(self.pieces.core_data()["a"]).all():
+        if not np.isfinite(self.polynomials.core_data()["a"]).all():
             raise ValueError("the numbers of points are too large or too close for a smooth curve")
         return self
 
     @cached_property
-    def pieces(self) -> PiecewisePolynomial:
+    def polynomials(self) -> PiecewisePolynomial:
         """The polynomials of one period, or of all."""
         x, y = np.array(self.points, float).T
         pieces = spline(x, y[:, None], periodic=self.periodic)[:, :, 0]
@@ -64,7 +64,7 @@ class LawTable(Table):
 
     def core_data(self) -> dict[str, Any]:
         """Core data."""
-        return self.pieces.core_data()
+        return self.polynomials.core_data()
 
 
 Law = Annotated[Union[LawTable, Harmonic], Field(discriminator="kind")]  # noqa: UP007
@@ -84,7 +84,7 @@ def law_derivatives(law: LawTable | Harmonic, x: float) -> LawDerivatives:
     turns = floor((x - start) / length) if length else 0
     u = x - turns * length
     if isinstance(law, LawTable):
-        return LawDerivatives(law.pieces.at(u) + turns * rise, *(law.pieces.at(u, k) for k in (1, 2, 3)))
+        return LawDerivatives(law.polynomials.at(u) + turns * rise, *(law.polynomials.at(u, k) for k in (1, 2, 3)))
     return LawDerivatives(law.at(u), law.at(u, 1), law.at(u, 2), -(law.omega**2) * law.at(u, 1))
 
 

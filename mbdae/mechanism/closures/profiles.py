@@ -119,7 +119,7 @@ class PlaneCurve:
             raise StepError("singular", "the flat face does not touch the profile in a point")
         return found
 
-    def refuse(self, radius: float | None) -> None:
+    def require_regular(self, radius: float | None) -> None:
         """Reject a roller of a radius in m, or a flat face for None, that cannot touch the curve everywhere.
 
         Raises:

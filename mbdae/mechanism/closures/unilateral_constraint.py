@@ -64,13 +64,19 @@ class Stop(JointPair, UnilateralOptions):
     name: str = ""
 
     @model_validator(mode="after")
-    def _fits(self) -> "Stop":
+    def _check_joints(self) -> "Stop":
         if not self.unilateral:
             raise ValueError("a stop is always unilateral")
         if (self.joints is None) != (self.coefficients is None):
             raise ValueError("a stop of joints needs coefficients, and no other stop takes them")
         if self.joint is not None and self.joints is not None:
             raise ValueError("a stop needs one of joint and joints")
+        if not self.name and self.between:
+            object.__setattr__(self, "name", "-".join(self.between) + " stop")
+        return self
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> "Stop":
         if self.limits and (self.joints is not None or self.lower is not None or self.upper is not None):
             raise ValueError("limits are those of joints in their files: no joints, lower or upper beside it")
         if not self.limits and not self.between:
@@ -79,12 +85,10 @@ class Stop(JointPair, UnilateralOptions):
             raise ValueError("a stop needs lower, upper or both")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             raise ValueError(f"lower must lie below upper, got lower = {self.lower:g} and upper = {self.upper:g}")
-        if not self.name and self.between:
-            object.__setattr__(self, "name", "-".join(self.between) + " stop")
         return self
 
     @property
-    def ends(self) -> tuple[tuple[float, float], ...]:
+    def one_sided_limits(self) -> tuple[tuple[float, float], ...]:
         """Limits, and the side on which the joint moves: 1 above, -1 below."""
         both = ((self.lower, 1.0), (self.upper, -1.0))
         return tuple((end, side) for end, side in both if end is not None)
@@ -92,10 +96,10 @@ class Stop(JointPair, UnilateralOptions):
     @property
     def m(self) -> int:
         """Number of rows: one for each limit."""
-        return len(self.ends)
+        return len(self.one_sided_limits)
 
     def primitives(self) -> Sequence[Coordinate]:
         """The rows q_i - p(q_j) - limit."""
         joint, other = self.joints or (self.joint or "", "")
         c_0, *rest = self.coefficients or (0.0,)
-        return [Coordinate(joint, other, (c_0 + end, *rest)) for end, _ in self.ends]
+        return [Coordinate(joint, other, (c_0 + end, *rest)) for end, _ in self.one_sided_limits]

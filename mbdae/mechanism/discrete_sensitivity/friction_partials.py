@@ -73,7 +73,7 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
     """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
     s.jacobian(q)
     sliding, W = s.sliding, s.constraints.W
-    load = sliding.carried(sliding.whole(rows) @ lam)[0]
+    load = sliding.carried(sliding.minimum_norm_map(rows) @ lam)[0]
     active = [k for k, active in enumerate(sliding.active) if active]
     return [sliding.places[k].lever(W[:, sliding.places[k].rows]) for k in active], load[active]
 

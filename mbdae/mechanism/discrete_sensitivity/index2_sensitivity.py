@@ -4,6 +4,7 @@ Variations are those of a computed step, not of the continuous motion: dy (ny, m
 parameters, m of them at once. All maps except stages are returned as matrices in (dy, dp).
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..formulations.equation_partials import gamma_partials, time_partials
 from ..hybrid.switches import inactive_rows
 from .friction_partials import add_friction_partials
 from .implicit_stage_partials import implicit_stage
+from .parameter_direction import Parameter
 from .parameter_partials import APART
 from .projection_sensitivity import ProjectionSensitivity
 from .stage_sensitivity import Saddle, SaddleStageSensitivity
@@ -178,13 +180,7 @@ class Index2Sensitivity(ProjectionSensitivity):
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(given)
-        driven = {d.joint for d in mech.drivers}
-        tables = [
-            {n: x for n, x in table.items() if n not in driven} for table in (mech.start_values.q, mech.start_values.v)
-        ]
-        held = [mech.coordinates(table, of_v=bool(i))[1] for i, table in enumerate(tables)]
-        noise = ASSEMBLED * np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
-        free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
+        free_q, free_v = self._free_coordinates(mech.start_values.q), self._free_coordinates(mech.start_values.v, True)
         off, s.constraints.off = s.constraints.off, inactive_rows(mech.switches, (0,) * len(mech.switches))
         G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
         s.constraints.off = off
@@ -194,17 +190,10 @@ class Index2Sensitivity(ProjectionSensitivity):
             if decided and all(m.start_values == mech.start_values for m in p.first):
                 continue  # closures and fixed coordinates determine all
             try:
-                found = converged_difference(
-                    lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
-                    p.width, np.append(noise, np.zeros(s.ns + 1)), SHORT,
-                )  # fmt: skip
+                out[:, i] = self._start_quotient(p, t, base)
             except AssemblyError as e:  # the parameter change is too large
                 if p.name.startswith("start.") or not decided:
                     raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
-                continue
-            if not found.discrepancy <= APART:
-                raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
-            out[:, i] = found.derivative
         if not assembled:
             return out
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
@@ -214,6 +203,29 @@ class Index2Sensitivity(ProjectionSensitivity):
         left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
         out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=1e-8) @ left
         return out
+
+    def _free_coordinates(self, table: Mapping[str, Any], of_v: bool = False) -> Array:
+        """Return the components of q or v, in the tangent, that neither start values nor drivers determine."""
+        mech, driven = self.parameters.mech, {d.joint for d in self.parameters.mech.drivers}
+        fixed = mech.coordinates({n: x for n, x in table.items() if n not in driven}, of_v=of_v)[1]
+        return np.setdiff1d(np.arange(mech.nv), fixed)
+
+    def _start_quotient(self, p: Parameter, t: float, base: Array) -> Array:
+        """Return the derivative of the assembled start by a parameter, (ny,), by sixth-order differences.
+
+        Raises:
+            AssemblyError: if the change of the parameter is too large.
+            InputError: if the start jumps.
+        """
+        s, mech = self.system, self.parameters.mech
+        noise = ASSEMBLED * np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
+        found = converged_difference(
+            lambda h: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},
+            p.width, np.append(noise, np.zeros(s.ns + 1)), SHORT,
+        )  # fmt: skip
+        if not found.discrepancy <= APART:
+            raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
+        return found.derivative
 
     def start_states(self) -> Array:
         """Return the partials of the start values of states by the parameters, (ns, k)."""
@@ -233,8 +245,8 @@ class Index2Sensitivity(ProjectionSensitivity):
         gravity = pin.nonLinearEffects(s.model, s.workspace, q, still).copy()
         pin.forwardKinematics(s.model, s.workspace, q, still)
         pin.computeJointJacobians(s.model, s.workspace, q)
-        out[1, :nv] = gravity - s.laws.parts(0.0, q, still, np.zeros(s.ns))[0]
-        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.near, strict=True)):
+        out[1, :nv] = gravity - s.laws.split_torque(0.0, q, still, np.zeros(s.ns))[0]
+        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.perturbed_systems, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
         return out
 

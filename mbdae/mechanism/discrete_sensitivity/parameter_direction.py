@@ -40,6 +40,11 @@ class PerturbedMechanisms(Mapping[int, "Mechanism"]):
         return len(self.places)
 
 
+def _structure(model: pin.Model) -> tuple[list[str], list[Any]]:
+    """Return the names of joints and frames, and the kinds of joints."""
+    return [*model.names, *(f.name for f in model.frames)], list(model.joints)
+
+
 def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tuple[int, ...]]:
     """Return a width at which mechanisms exist, on both sides or else on one (small bodies limit inertias).
 
@@ -79,29 +84,43 @@ class Parameter:
         self.width, self.places_beside = possible(self.make, width)
         self.use(self.width)
         self.first, model = [self.near[k] for k in FIRST[self.places_beside]], mech.model
-        for other in (m.model for m in self.first):
-            same = [list(x.names) + [f.name for f in x.frames] for x in (model, other)]
-            if same[0] != same[1] or (other.damping != model.damping).any():
-                raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
-            if any(a != b for a, b in zip(model.joints, other.joints, strict=True)):
-                raise InputError(f"parameter {name!r} turns a joint's axis: it has no derivative, its placement has")
-        if any(list(m.states) != list(mech.states) for m in self.first):
-            raise InputError(f"parameter {name!r} changes what states forces have: it has no derivative there")
+        self._require_same_structure()
         self.inertias = self.each(model.njoints, lambda m, j: np.array(m.model.inertias[j].toDynamicParameters()))
         self.places = self.moved(mech, model.njoints, lambda m, j: m.model.jointPlacements[j])
         self.frames = self.moved(mech, model.nframes, lambda m, i: m.model.frames[i].placement)
         self.gravity = self.rate(lambda m: m.model.gravity.linear)
         self.armature = self.rate(lambda m: m.model.armature)
         self.forces = self.changed(mech.forces, lambda m: m.forces)
-        for i in self.forces:  # parameters of controllers
-            own = [m.forces[i] for m in (mech, *self.first)]
-            if len({(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in own}) > 1:
-                raise InputError(f"parameter {name!r} moves the instants of {mech.forces[i].name!r}: no derivative")
+        self._require_same_sampling()
         self.specs = self.changed(mech.constraints, lambda m: m.constraints)
         for i in self.forces:
-            self._held(*(m.forces[i] for m in (mech, *self.first)))
+            self._held(*self._forces(i))
         for i in self.specs:
             self._held(*(m.constraints[i] for m in (mech, *self.first)))
+
+    def _require_same_structure(self) -> None:
+        """Reject changes of the joints, of the frames and of the states of forces."""
+        mech, name = self.mech, self.name
+        names, joints = _structure(mech.model)
+        for other in (m.model for m in self.first):
+            other_names, other_joints = _structure(other)
+            if other_names != names or (other.damping != mech.model.damping).any():
+                raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
+            if other_joints != joints:
+                raise InputError(f"parameter {name!r} turns a joint's axis: it has no derivative, its placement has")
+        if any(list(m.states) != list(mech.states) for m in self.first):
+            raise InputError(f"parameter {name!r} changes what states forces have: it has no derivative there")
+
+    def _require_same_sampling(self) -> None:
+        """Reject changes of the instants at which controllers sample."""
+        for i in self.forces:
+            instants = {(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in self._forces(i)}
+            if len(instants) > 1:
+                name = self.mech.forces[i].name
+                raise InputError(f"parameter {self.name!r} moves the instants of {name!r}: no derivative")
+
+    def _forces(self, i: int) -> list[Any]:
+        return [m.forces[i] for m in (self.mech, *self.first)]
 
     def use(self, h: float) -> None:
         """Use differences of this width."""

@@ -36,7 +36,7 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and rounding
+REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: a part that closures cannot follow; and rounding
 APART = 1e-5  # relative difference of two widths where there is no derivative
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
@@ -171,7 +171,7 @@ class Parameters:
         By differences of that friction alone, in perturbed mechanisms; lam (r,) of the rows in use.
         """
         out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
-        for i, (p, near) in enumerate(zip(self.all, self.near, strict=True)):
+        for i, (p, near) in enumerate(zip(self.all, self.perturbed_systems, strict=True)):
             for s in near.values():
                 s.enter(self.system.mode)
             found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in near.items()})
@@ -179,7 +179,7 @@ class Parameters:
         return out
 
     @cached_property
-    def near(self) -> list[dict[int, Index2System]]:
+    def perturbed_systems(self) -> list[dict[int, Index2System]]:
         """Workspaces of the perturbed mechanisms."""
         return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
 
@@ -240,7 +240,7 @@ class Parameters:
         for laws in (self.system.laws, *(near for p in self.laws for near in p.near.values())):
             laws.refuse_lost()
 
-    def refuse(self, t: float, q: Array) -> None:
+    def require_consistent(self, t: float, q: Array) -> None:
         """Reject parameters that violate closures in a way that no motion can correct: redundant rows.
 
         Raises:

@@ -66,7 +66,7 @@ class PlacementTree:
         self.system.use_rows(tuple(range(self.system.ng)))
         self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
 
-    def whole(self, q: Array) -> Array:
+    def full_configuration(self, q: Array) -> Array:
         """Return the configuration, frozen joints included."""
         out = pin.neutral(self.model)
         out[self.iq] = q
@@ -75,7 +75,7 @@ class PlacementTree:
     def _partials(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> EquationPartials:
         u, a = np.zeros(self.model.nv + 1), np.zeros(self.model.nv)
         u[self.real], a[self.real] = v, vdot
-        return self.system.partials(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
+        return self.system.partials(t, self.full_configuration(q), u, a, lam[self.kept], np.arange(self.system.ng))
 
     def _all(self, own: Array) -> Array:
         """Return the partials of all rows of the mechanism, (ng, 6 n)."""
@@ -98,7 +98,7 @@ class PlacementTree:
             return np.zeros((self.ng, len(self.at)))
         u = np.zeros(self.model.nv)
         u[self.real] = v
-        return self._all(gamma_partials(self.system, self.whole(q), u)[0])
+        return self._all(gamma_partials(self.system, self.full_configuration(q), u)[0])
 
     def motion(self, p: Parameter) -> Array:
         """Return the motion of the frozen joints by a parameter, (6 n,)."""

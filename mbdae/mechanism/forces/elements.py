@@ -58,11 +58,11 @@ class ForceElements:
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of non-conservative forces, (ns + 1,)."""
-        conservative, other, rates = self.parts(t, q, v, s)
+        conservative, other, rates = self.split_torque(t, q, v, s)
         rates[-1] = other.dot(v)
         return conservative + other, rates
 
-    def parts(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
+    def split_torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
         """Return the conservative and the other part of tau, (nv,) each, and s' with a zero appended, (ns + 1,)."""
         rates = np.zeros(self.ns + 1)
         if not self.acting:

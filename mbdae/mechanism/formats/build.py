@@ -28,6 +28,19 @@ def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tup
         InputError: for a duplicate name, circular parents of frames, or numbers that are not finite.
     """
     tree = Tree(parts[0].model.name if len(parts) == 1 else name)
+    _attach(tree, file, parts)
+    tree.model.gravity.linear = np.array(file.gravity)
+    if not tree.model.nv:
+        raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
+    refuse_infinite(tree.model)
+    refuse_acting(tree.model)
+    normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
+    model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
+    return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
+
+
+def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> None:
+    """Attach sources, bodies and frames, each once its parent frame exists."""
     waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
     while waiting:
@@ -42,14 +55,6 @@ def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tup
                 parent = find_frame(tree.model, x.parent)
                 tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
         waiting = [pair for pair in waiting if pair[0].parent not in known]
-    tree.model.gravity.linear = np.array(file.gravity)
-    if not tree.model.nv:
-        raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
-    refuse_infinite(tree.model)
-    refuse_acting(tree.model)
-    normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
-    model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
-    return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
 
 
 def refuse_infinite(model: pin.Model) -> None:

@@ -1,6 +1,6 @@
 """Errors of a mechanism file, with the file and key path; all unknown names at once."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -54,20 +54,22 @@ def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, lis
     closures = [c.name for part in named for c in (*part.closures, *mimic_couplings(part.mimics, {}, joints)[0])]
     return {
         "joint": joints,
-        "frame": [WORLD, *frames, *(x.name for part in named for x in part.frames), *(x.name for x in file.body)]
-        + [x.name for x in file.frame],
-        "closure": [*closures, *(c.name for c in file.closure)],
+        "frame": [WORLD, *frames, *(x.name for part in named for x in part.frames), *_names(file.body, file.frame)],
+        "closure": [*closures, *_names(file.closure)],
         "motor": [motor.name for part in named for motor in part.motors],
     }
 
 
+def _names(*tables: Iterable[Any]) -> list[str]:
+    return [x.name for table in tables for x in table]
+
+
 def _uses(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
     """Yield kind, place and name of each reference in a file."""
-    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list | tuple) else ()
-    for key, value in entries:
+    for key, value in _entries(data):
         label = value.get("name") or key if isinstance(value, dict) else key
         here = f"{path}.{label}" if path else str(label)
-        kind = None if key == "joint" and "parent" in data else SAYS.get(str(key))  # a body's joint is a kind of joint
+        kind = _kind_named_by(key, data)
         if kind and isinstance(value, str):
             yield kind, here, value
         elif kind and isinstance(value, tuple) and all(isinstance(name, str) for name in value):
@@ -76,3 +78,14 @@ def _uses(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
             yield from ((TABLES[key], f"{here}.{name}", name) for name in value)
         else:
             yield from _uses(value, here)
+
+
+def _entries(data: Any) -> Iterable[tuple[Any, Any]]:
+    if isinstance(data, dict):
+        return data.items()
+    return enumerate(data) if isinstance(data, list | tuple) else ()
+
+
+def _kind_named_by(key: Any, data: Any) -> str | None:
+    """Return the kind of what a key refers to by name; None for other keys, and for a body's kind of joint."""
+    return None if key == "joint" and "parent" in data else SAYS.get(str(key))

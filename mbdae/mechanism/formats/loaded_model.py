@@ -11,7 +11,7 @@ from ..mechanism import Mechanism
 from ..time_functions import Constant
 from .load import Recipe, recipe_of
 from .schema import Body
-from .template import KEPT, Template, as_body, head, split_joint
+from .template import KEPT, Template, as_body, first_key, split_joint
 
 
 class LoadedModel(Template):
@@ -50,7 +50,7 @@ def number(template: Template, name: str) -> float:
         if name.startswith("joint."):
             at, rest = _joint(recipe, name.removeprefix("joint."))
         while rest:
-            key, rest = head(at, rest, name)
+            key, rest = first_key(at, rest, name)
             at = at.get(key) if isinstance(at, dict) else _entry(at, key)
     at = at.value if isinstance(at, Constant) else at
     if isinstance(at, bool) or not isinstance(at, int | float):

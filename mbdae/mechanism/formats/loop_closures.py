@@ -21,7 +21,7 @@ from ...file_io import text_of
 from ..allowed_paths import AllowedPaths, access_error
 from ..checked_table import Table, one_line
 from ..closures.closure import Axis, Closure
-from ..frames import find_joint, place
+from ..frames import find_joint, frame_placement
 from ..imported_model import ImportedModel
 from ..model_settings import Motor
 from ..pinocchio_data import make_data
@@ -74,10 +74,10 @@ def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> Importe
     pin.forwardKinematics(model, data, pin.neutral(model))
     frames, closures = [], []
     for i, cut in enumerate(loops.closures, 1):
-        at = place(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
+        at = frame_placement(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
         names = tuple(f"loop {i} on {link}" for link in (cut.link_a, cut.link_b))
         for name, link in zip(names, (cut.link_a, cut.link_b), strict=True):
-            here = place(model, data, link).actInv(at)
+            here = frame_placement(model, data, link).actInv(at)
             xyz, rpy = here.translation.tolist(), pin.rpy.matrixToRpy(here.rotation).tolist()
             frames.append(Frame(name=name, parent=link, xyz=xyz, rpy=rpy))
         closures.append(Closure(kind="revolute", name=f"loop {i}", frames=names, axis=cut.axis))

@@ -1,4 +1,4 @@
-"""What the sources of a mechanism say, put into the mechanism file."""
+"""Merge the imported sources of a mechanism into the mechanism file."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -68,7 +68,7 @@ def _controls(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, 
 
 
 def _left_out(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What the sources say and the mechanism will not have, and what of it is worth a warning."""
+    """Return features of the sources that the mechanism will not have, and those that are worth a warning."""
     taken = {LIMITS: {s.joint for s in file.stop if s.limits}, FRICTION: set(_with_friction(file))}
     phrases = [(s, _untaken(text, taken)) for s, p in zip(file.source, parts, strict=True) for text in p.left_out]
     return tuple(x for _, x in phrases if x), tuple(x for s, x in phrases if x and not s.quiet)
@@ -82,7 +82,7 @@ def _with_friction(file: MechanismFile) -> Iterator[str | None]:
 
 
 def _untaken(text: str, taken: Mapping[str, Collection[str | None]]) -> str:
-    """What is left out without the joints whose limits are stops or whose friction acts; None among them means all."""
+    """Return a text of `_left_out` without the joints that are taken as stops or friction; None means all joints."""
     for what, joints in taken.items():
         before, found, names = text.partition(f"{what} ")
         prefix = before.removesuffix(": ")

@@ -1,4 +1,4 @@
-"""What a format of files is: the suffixes of its files, and what makes a tree of one."""
+"""File format: the suffixes of its files, and the function that makes a tree of one."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

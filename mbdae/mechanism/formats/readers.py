@@ -18,7 +18,7 @@ _ADDED = plugins(
     "a function of a path, or a Reader of suffixes of its own",
 )
 READERS: tuple[Reader, ...] = (*_OWN, *(x for x in _ADDED.values() if isinstance(x, Reader)))
-"""What makes a tree of a source file."""
+"""Readers of source files."""
 SOURCES = tuple(sorted({suffix for reader in READERS for suffix in reader.suffixes}))
 """The suffixes of source files."""
 CONVERTERS: dict[str, Callable[[Path], str]] = {
@@ -41,7 +41,7 @@ def first_element(path: Path) -> str:
 
 
 def converted(path: Path) -> str:
-    """What a mechanism file would say, from the function of an installed package.
+    """Return the text of a mechanism file from the function of an installed package.
 
     Raises:
         InputError: where it fails, or returns no text.

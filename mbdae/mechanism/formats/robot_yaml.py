@@ -11,11 +11,13 @@ joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), U
 A universal joint replaces the URDF's joint and keeps its name; it has two coordinates.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 from typing import Any
 
+import pinocchio as pin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ...errors import InputError
@@ -75,12 +77,6 @@ def read_robot_yaml(path: Path, places: AllowedPaths, source: Source) -> Importe
         kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
         lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
     )
-    joints, motors = joint_names(part.model), tables.name_mot
-    found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
-    if motors and not found:
-        raise InputError(f"{path.name}: name_mot {motors!r} occurs in no joint's name: {', '.join(joints)}")
-    for n in found:
-        find_joint(part.model, n)
     extra = sorted(tables.model_extra or ())
     return replace(
         part,
@@ -88,9 +84,20 @@ def read_robot_yaml(path: Path, places: AllowedPaths, source: Source) -> Importe
             Closure(kind=CLOSURES[t.lower()], frames=pair)
             for pair, t in zip(tables.closed_loop, tables.type or (), strict=True)
         ),
-        motors=tuple(Motor(n, n) for n in found),
+        motors=tuple(Motor(n, n) for n in _actuated_joints(part.model, tables.name_mot, path.name)),
         left_out=(*part.left_out, *([f"keys of {path.name} {', '.join(extra)}"] if extra else [])),
     )
+
+
+def _actuated_joints(model: pin.Model, motors: Sequence[str] | str, file: str) -> Sequence[str]:
+    """Return the joints with motors: those listed, or those whose names contain a string."""
+    joints = joint_names(model)
+    found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
+    if motors and not found:
+        raise InputError(f"{file}: name_mot {motors!r} occurs in no joint's name: {', '.join(joints)}")
+    for n in found:
+        find_joint(model, n)
+    return found
 
 
 def read_tables(text: str, name: str) -> RobotTables:

@@ -73,8 +73,6 @@ class Template:
             UnknownNameError: with the valid names.
         """
         mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
-        joints = [s.prefix + n for s, p in zip(recipe.file.source, recipe.parts, strict=True)
-                  for n in joint_names(p.model)]  # fmt: skip
         for name in values:
             root, dot, rest = name.partition(".")
             if name in self.parameters:
@@ -85,10 +83,7 @@ class Template:
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
-                own = rest.partition(".")[0]
-                if any(b.name == own for b in recipe.file.body) and own not in joints:
-                    raise InputError(f"{name!r}: {own} is a body of the file, name body.{rest}")
-                split_joint(rest, joints)
+                _check_joint(recipe, name, rest)
             else:
                 _check(recipe.file, name)
 
@@ -113,6 +108,15 @@ class Template:
             if not name.startswith("joint."):
                 file = replaced(file, name, value, name)
         return make(recipe._replace(file=file, parts=parts), self.functions, recorded=False)
+
+
+def _check_joint(recipe: Recipe, name: str, rest: str) -> None:
+    """Reject an invalid name of a joint's parameter, and bodies of the mechanism file."""
+    sources = zip(recipe.file.source, recipe.parts, strict=True)
+    joints, joint = [s.prefix + n for s, p in sources for n in joint_names(p.model)], rest.partition(".")[0]
+    if joint not in joints and joint in [b.name for b in recipe.file.body]:
+        raise InputError(f"{name!r}: {joint} is a body of the file, name body.{rest}")
+    split_joint(rest, joints)
 
 
 def check_start(mech: Mechanism, name: str) -> None:
@@ -162,7 +166,7 @@ def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
     """
     if not path:
         return value
-    key, rest = head(part, path, whole)
+    key, rest = first_key(part, path, whole)
     if isinstance(part, Table):
         said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
         try:
@@ -177,7 +181,7 @@ def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
     return (*part[:at], replaced(part[at], rest, value, whole), *part[at + 1 :])
 
 
-def head(part: Any, path: str, whole: str) -> tuple[str, str]:
+def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
     """Return the first key of a path, which may contain dots, and the rest; entries of lists are numbered."""
     if isinstance(part, dict):  # joint = value: the valid joints are known to the model
         return path, ""
@@ -215,7 +219,7 @@ def _check(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = head(at, rest, name)
+        key, rest = first_key(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number in place of a function of time
         return
@@ -236,7 +240,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     key, _, index = rest.partition(".")
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
-    _ = index and head(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
+    _ = index and first_key(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
     return joint, rest
 
 

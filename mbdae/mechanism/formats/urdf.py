@@ -158,7 +158,7 @@ def _recorded(tree: ET.Element) -> Recorded:
 
 
 def _not_acting(said: _Parsed, robot: Recorded, names: list[str]) -> tuple[str, ...]:
-    """What the file says and the motion does not have: of joints ``names``, of mimics that are lost, and the rest."""
+    """Return features of the file that do not act: of joints ``names``, of mimics that are lost, and the rest."""
     dry = np.array(said.model.upperDryFrictionLimit)
     joints = {n: find_joint(said.model, n) for n in names}
     limits = _limits(robot, names)

@@ -1,4 +1,4 @@
-"""What a URDF looks like: read by Pinocchio, except meshes, which are searched where they may be read."""
+"""Visual geometry of a URDF, read by Pinocchio, except meshes, which are searched in allowed paths."""
 
 import warnings
 import xml.etree.ElementTree as ET

@@ -12,7 +12,7 @@ Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (19
 M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,7 +71,7 @@ class ClosureFriction:
         return bool(self.active.any())
 
     @property
-    def grips(self) -> bool:
+    def can_stick(self) -> bool:
         """Return whether any interface can stick instead of sliding."""
         return any(active and place.force.sticks for active, place in zip(self.active, self.places, strict=True))
 
@@ -91,7 +91,7 @@ class ClosureFriction:
                 d[i] = np.tanh(speed[i] / p.force.width)
         return e, speed, -self.coefficient * d
 
-    def whole(self, rows: Array) -> Array:
+    def minimum_norm_map(self, rows: Array) -> Array:
         """Return the matrix (ng, r) from multipliers in use to those of all rows. Kinematics and G must be current."""
         ng, r = self.constraints.ng, len(rows)
         if r == ng:
@@ -114,13 +114,13 @@ class ClosureFriction:
         out = np.zeros(6)
         for k in self.regularised_interfaces(name):
             place = self.places[k]
-            A = place.ways(self.constraints.W[:, place.rows])
+            A = place.slip_wrenches(self.constraints.W[:, place.rows])
             slip, F = A @ place.pair.relative(v), lam[place.rows]
             load = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / place.force.width)
             out -= load * (A.T @ unit_direction(slip))
         return out
 
-    def head(self, v: Array) -> bool:
+    def update_slip_directions(self, v: Array) -> bool:
         """Update the slip directions of sliding interfaces; False if one of them is at rest. W must be current."""
         moving = True
         for k in np.flatnonzero(self.active):
@@ -140,7 +140,7 @@ class ClosureFriction:
                 out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
         return out
 
-    def refuse(self, what: str) -> None:
+    def reject(self, what: str) -> None:
         """Raise for an analysis that does not support forces that depend on multipliers.
 
         Raises:
@@ -225,7 +225,15 @@ def _refuse(force: CoulombFriction, closure: Closure) -> None:
     if not closure.friction or (rolling and rolling.contact is False):
         known = ", ".join(kind for kind, c in kinds_of(Closure).items() if c.friction)
         raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is another")
-    grips = rolling.tangents if rolling else ()
+    _require_valid_grip(force, closure, rolling.tangents if rolling else ())
+    turns = closure.friction in TURNS
+    if (force.radius is None) == turns:
+        belongs = "needs the radius of its bearing" if turns else "slides: radius does not belong to it"
+        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")
+
+
+def _require_valid_grip(force: CoulombFriction, closure: Closure, grips: Sequence[object]) -> None:
+    """Require a law of friction that the no-slip rows of a closure can follow."""
     if grips and not force.sticks:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
@@ -234,7 +242,3 @@ def _refuse(force: CoulombFriction, closure: Closure) -> None:
         raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
     if force.sticks and not grips:
         raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")
-    if (force.radius is None) == (closure.friction in TURNS):
-        turns = closure.friction in TURNS
-        belongs = "needs the radius of its bearing" if turns else "slides: radius does not belong to it"
-        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")

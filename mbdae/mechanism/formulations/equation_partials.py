@@ -56,7 +56,7 @@ def equation_partials(
     D[:nv, :nv] -= by_v
     if s.sliding:  # its partial derivatives by q and v are neglected: Newton's iteration corrects for them
         e, speed, factor = s.sliding.slips(v)
-        all_rows = s.sliding.whole(rows)
+        all_rows = s.sliding.minimum_norm_map(rows)
         by_lam = factor[:, None] * (s.sliding.carried(all_rows @ lam)[1] @ all_rows)
         L = np.vstack([G.T + e.T @ by_lam, np.zeros((n - nv - 1, len(G))), speed @ by_lam - s.g_t(t)[rows]])
         return EquationPartials(E, K, D, L, G, B[rows])

@@ -139,7 +139,7 @@ class Statics:
 
     def free(self, U: Array, q: Array, s: Array) -> tuple[NullSpace, Array]:
         """Return the null space at q and the integrator rows among its constraints; J must be current."""
-        G, R = self.system.jacobian(), self.asked(q, s)[1]
+        G, R = self.system.jacobian(), self.integrator_conditions(q, s)[1]
         asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
         units = np.append(self.units, np.where(asked > 0, asked, 1.0))
         return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
@@ -150,14 +150,14 @@ class Statics:
         mu = np.linalg.norm(U, axis=0)
         return self.sizes.stiffness(mu, forces, K + self.sizes.partials(self.t, q, s)[0])
 
-    def met(self, here: ForceBalance) -> Array:
+    def term_sizes(self, here: ForceBalance) -> Array:
         """Return the sizes of the terms of rho and of its changes by 1 rad or characteristic length, (k,)."""
         return np.abs(here.free.Z.T) @ (here.terms @ self.sizes.l)
 
     def residual(self, here: ForceBalance) -> float:
-        """Return the largest ratio of rho to the size of its terms, see `met`."""
+        """Return the largest ratio of rho to the size of its terms, see `term_sizes`."""
         rho = np.abs(here.rho)
-        return float(np.divide(rho, self.met(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
+        return float(np.divide(rho, self.term_sizes(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
 
     def close(self, q: Array, s: Array) -> Array:
         """Return the configuration near q that closes all loops and satisfies integrators.
@@ -165,7 +165,7 @@ class Statics:
         Raises:
             StepError: if loops cannot be closed.
         """
-        more = (lambda x: self.asked(x, s)) if self.system.ns else None
+        more = (lambda x: self.integrator_conditions(x, s)) if self.system.ns else None
         return close_loops(self.system, self.t, q, more)
 
     def load(self, q: Array) -> Array:
@@ -208,7 +208,7 @@ class Statics:
                 break
         return s
 
-    def asked(self, q: Array, s: Array) -> tuple[Array, Array]:
+    def integrator_conditions(self, q: Array, s: Array) -> tuple[Array, Array]:
         """Return the residuals of integrators, (m,), and their partial derivatives, (m, nv)."""
         if not len(s):
             return np.empty(0), np.empty((0, self.system.nv))

@@ -66,9 +66,9 @@ class FrictionInterface(NamedTuple):
 
     def lever(self, w: Array) -> Array:
         """Return S (m, nv), slip = S v, where kinematics are current: m = 1 along an axis, otherwise 3."""
-        return np.array([self.pair.torque(x) for x in self.ways(w)])
+        return np.array([self.pair.torque(x) for x in self.slip_wrenches(w)])
 
-    def ways(self, w: Array) -> Array:
+    def slip_wrenches(self, w: Array) -> Array:
         """Return wrenches A (m, 6) on the second frame, S = A J, from those of the rows, w (6, r)."""
         pair, friction = self.pair, self.closure.friction
         if friction == "touches":

@@ -48,9 +48,9 @@ class GGLSystem(Index2System):
 
     def chart(self, t: float, y: Array) -> "GGLChart":  # noqa: D102
         rows = super().chart(t, y).rows
-        return GGLChart(self, t, y, rows, self.kept(t, y, rows))
+        return GGLChart(self, t, y, rows, self.independent_positions(t, y, rows))
 
-    def kept(self, t: float, y: Array, rows: Array) -> Array:
+    def independent_positions(self, t: float, y: Array, rows: Array) -> Array:
         """Independent rows among those that have a g, (k,): the rows in use if all have one."""
         if len(self.positions) == self.ng:
             return rows
@@ -210,11 +210,11 @@ class LinearizedGGL(Linearized):
 
     def factorize(self, mu: complex) -> Solver:
         """Factorize the matrix, (n + r + k, n + r + k), n = nv + ns + 1, real or complex."""
-        S, KS, BS, upper = self.parts(mu)
+        S, KS, BS, upper = self.stage_blocks(mu)
         G, P, (J, _) = self.partials.G, self.kept, self.tangent_map
         n, nv, r = len(upper), len(J), len(G)
         PS, JN = P @ S, J @ np.linalg.solve(self.partials.E[:nv, :nv], P.T)
-        back = self.back(
+        back = self.block_solver(
             [
                 [upper, -self.partials.L, -KS @ JN],
                 [padded(G + mu * (BS @ J), n), np.zeros((r, r)), BS @ JN],

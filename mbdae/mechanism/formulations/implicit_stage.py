@@ -66,7 +66,7 @@ class ImplicitStages:
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
         if s.sliding:
             e, speed, factor = s.sliding.slips(v)
-            T = factor * s.sliding.carried(s.sliding.whole(self.rows) @ z)[0]
+            T = factor * s.sliding.carried(s.sliding.minimum_norm_map(self.rows) @ z)[0]
             tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
         inertial = pin.rnea(s.model, s.workspace, q, v, dx[nv : 2 * nv])
         rate = s.manifold.tangent(x[:nv], v)
@@ -130,12 +130,12 @@ class Linearized(NamedTuple):
         nv = len(self.tangent_map[0])
         return np.concatenate([e[:nv], self.partials.E @ e[nv:]])
 
-    def back(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
+    def block_solver(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
         """Factorize a block matrix, count it, and return b -> matrix^-1 b."""
         self.counts.factorizations += 1
         return factorized(np.block(blocks), f"the linear system of an implicit step at t = {self.t:.17g}")
 
-    def parts(self, mu: complex) -> tuple[Array, Array, Array, Array]:
+    def stage_blocks(self, mu: complex) -> tuple[Array, Array, Array, Array]:
         """Return S, mu K S, B S and the upper left block of the module's matrix."""
         J, turn = self.tangent_map
         S = np.linalg.inv((np.eye(len(J)) - mu * turn) @ J)
@@ -146,10 +146,10 @@ class Linearized(NamedTuple):
 
     def factorize(self, mu: complex) -> Solver:
         """Factorize the module's matrix, real or complex."""
-        S, KS, BS, upper = self.parts(mu)
+        S, KS, BS, upper = self.stage_blocks(mu)
         G, L, (J, _) = self.partials.G, self.partials.L, self.tangent_map
         n, nv = len(upper), len(J)
-        back = self.back([[upper, -L], [padded(G + mu * (BS @ J), n), np.zeros((len(G), len(G)))]])
+        back = self.block_solver([[upper, -L], [padded(G + mu * (BS @ J), n), np.zeros((len(G), len(G)))]])
 
         def solve(r: Array, c: Array) -> tuple[Array, Array]:
             self.counts.solves += 1

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...hermite import fit, fits, nodes, powers, values
+from ...hermite import fit, fit_many, nodes, powers, values
 from ...system import Array
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def sampled(
     """
     nv, size = system.nv, h[:, None]
     (y0, y1), (F0, F1) = ends, rates
-    c = fits(
+    c = fit_many(
         [(np.zeros_like(F0[:, :nv]), y1[:, :nv] - y0[:, :nv])]
         + [(size**k * F0[:, s], size**k * F1[:, s]) for k, s in ((1, slice(0, nv)), (2, slice(nv, 2 * nv)))],
         [],
@@ -128,7 +128,7 @@ def sampled(
             points = zip(t + x * h, *state(np.full(len(h), x), np.arange(len(h))), strict=True)
             power[:] = [_power(system, *point) for point in points]
         inner.append(size * power)
-    tail = fits([(y0[:, -1:], y1[:, -1:]), (size * F0[:, -1:], size * F1[:, -1:])], inner)
+    tail = fit_many([(y0[:, -1:], y1[:, -1:]), (size * F0[:, -1:], size * F1[:, -1:])], inner)
     return np.hstack([*state(theta, which), values(tail[which], theta)])
 
 

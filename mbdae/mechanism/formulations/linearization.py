@@ -61,7 +61,7 @@ class LinearMotion(NamedTuple):
         return np.concatenate([y, u, ds])
 
     @property
-    def back(self) -> Array:
+    def state_matrix(self) -> Array:
         """Matrix of (dq, dv, ds) over z, (2 nv + ns, n)."""
         (nv, k), m, ns = self.positions.shape, self.speeds.shape[1], len(self.s)
         out = np.zeros((2 * nv + ns, k + m + ns))
@@ -77,7 +77,7 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
         InputError: if the point is not a steady motion, naming the joint that accelerates.
     """
     system, v, nv = statics.system, statics.v, statics.system.nv
-    system.sliding.refuse("a linearization")
+    system.sliding.reject("a linearization")
     lam = here.lam
     u = np.concatenate([v, here.s, [0.0]])
     partials = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))

@@ -110,7 +110,7 @@ class Ratchet(OneWayClutch):
             if isinstance(c, Clutch) and c.pitch is not None
         ]
 
-    def place(self, point: "ModePoint") -> float:
+    def in_pitches(self, point: "ModePoint") -> float:
         """Return its position in pitches."""
         return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
 
@@ -123,7 +123,7 @@ class Ratchet(OneWayClutch):
         last: list[float] = []
 
         def value(point: "ModePoint") -> float:
-            place = self.place(point)
+            place = self.in_pitches(point)
             if not last:
                 last.append(np.floor(place + AT_TOOTH))
             return (place - last[0]) * self.pitch
@@ -137,7 +137,7 @@ class Ratchet(OneWayClutch):
         return (Guard("touch", self.name, self.at, self.gap(), self.speed), turns)
 
     def _in_tooth(self, point: "ModePoint") -> bool:
-        place = self.place(point)
+        place = self.in_pitches(point)
         return abs(place - round(place)) < AT_TOOTH
 
     def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102

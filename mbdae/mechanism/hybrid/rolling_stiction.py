@@ -49,13 +49,13 @@ class RollingStiction(Switch):
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return tuple(self.grip)
 
-    def share(self, lam: "Array") -> "Array":
+    def friction_ratio(self, lam: "Array") -> "Array":
         """Return the friction along the no-slip rows as a fraction of its limit."""
         return lam[self.grip] / max(self.limit * abs(float(lam[self.height])), np.finfo(float).tiny)
 
     def margin(self, point: "ModePoint") -> float:
         """Return the remaining friction as a fraction of its limit."""
-        return 1.0 - float(np.linalg.norm(self.share(point.lam)))
+        return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
     def slip(self) -> Value:
         """Return the slip along its direction at the first evaluation."""
@@ -82,7 +82,8 @@ class RollingStiction(Switch):
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == GRIPS:
-            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=lambda x: self.share(x.lam)),)
+            ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
+            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=ratio),)
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
@@ -92,7 +93,7 @@ class RollingStiction(Switch):
         system.enter(tuple(GRIPS if i == self.at else k for i, k in enumerate(before)))
         lam = system.derivative(point.t, point.y)[1]
         system.enter(before)
-        if np.linalg.norm(self.share(lam)) > 1.0:
+        if np.linalg.norm(self.friction_ratio(lam)) > 1.0:
             self._head(point, lam)
             return ()
         return tuple(LoadCandidate(row) for row in self.grip)

@@ -41,7 +41,7 @@ class Unilateral(UnilateralRow):
                 words = {1.0: "lower", -1.0: "upper"}
                 out += [
                     cls(spec, f"{spec.name} {words[side]}" if len(rows) > 1 else spec.name, row, side)
-                    for row, (_, side) in zip(rows, spec.ends, strict=True)
+                    for row, (_, side) in zip(rows, spec.one_sided_limits, strict=True)
                 ]
             elif isinstance(spec, UnilateralClosure) and spec.unilateral and spec.name not in frictional:
                 out.append(cls(spec, spec.name, rows[0], spec.free_side, tuple(rows[1:])))

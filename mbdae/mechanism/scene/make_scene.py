@@ -31,7 +31,7 @@ def make_scene(
     Args:
         model: the mechanism's tree.
         visual_model: its visual geometry, or None.
-        closures: what to mark, and between which anchors.
+        closures: marks to draw, and their anchors.
         springs: springs and dampers from point to point.
         rolling: bodies that roll; those of joints with visuals are not drawn.
         outlines: curves fixed to bodies, too.
@@ -84,7 +84,7 @@ def _corners(visuals: Iterable[pin.GeometryObject], shapes: Iterable[Shape]) -> 
 
 
 def _points(model: pin.Model, closures: Iterable[Mark]) -> list[stick_figure.Point]:
-    """What the links reach for: anchors of closures, and named frames (feet, tools, tips)."""
+    """Return the end points of links: anchors of closures, and named frames (feet, tools, tips)."""
     anchors = [(int(j), p.translation) for mark in closures for j, p in (mark.first, mark.second)]
     named = [f for f in model.frames if f.type == pin.FrameType.OP_FRAME and f.parentJoint]
     return anchors + [(int(f.parentJoint), f.placement.translation) for f in named]

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from .shapes import mesh
-from .stick_figure import LINK_COLOURS, Part, part
+from .stick_figure import LINK_COLOURS, Part, coloured
 
 
 class Outline(NamedTuple):
@@ -45,4 +45,4 @@ def draw_outlines(outlines: Iterable[Outline], height: float) -> Iterator[Part]:
             faces += [np.column_stack([np.full_like(i, 2 * n), ahead, i])]
             faces += [np.column_stack([np.full_like(i, 2 * n + 1), i + n, ahead + n])]
         shape, colour = mesh(points, np.concatenate(faces)), LINK_COLOURS[k % len(LINK_COLOURS)]
-        yield part("link", f"{outline.name} profile", outline.joint, outline.placement, shape, colour)
+        yield coloured("link", f"{outline.name} profile", outline.joint, outline.placement, shape, colour)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from .shapes import mesh
-from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, Part, along, part
+from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, Part, along, coloured
 
 THIN = 0.04  # of the radius: half the thickness of a drawn knife edge
 SPOKES, AROUND, ACROSS = 6, 48, 10
@@ -44,13 +44,13 @@ def draw(bodies: Iterable[RollingBody]) -> Iterator[Part]:
         colour = LINK_COLOURS[k % len(LINK_COLOURS)]
         if body.semi_axes:
             place = body.placement * pin.SE3(np.eye(3), np.array(body.centre))
-            yield part("link", body.name, body.joint, place, coal.Ellipsoid(*body.semi_axes), colour)
+            yield coloured("link", body.name, body.joint, place, coal.Ellipsoid(*body.semi_axes), colour)
         elif body.axle is None or body.rim < body.tyre:
             turned = along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
             belt = coal.Cylinder(1.003 * (body.rim + body.tyre), 0.2 * body.tyre)
             ball = coal.Sphere(body.rim + body.tyre)
-            yield part("link", body.name, body.joint, body.placement, ball, colour)
-            yield part("link", f"{body.name} belt", body.joint, body.placement * turned, belt, JOINT_COLOUR)
+            yield coloured("link", body.name, body.joint, body.placement, ball, colour)
+            yield coloured("link", f"{body.name} belt", body.joint, body.placement * turned, belt, JOINT_COLOUR)
         else:
             yield from _wheel(body, LINK_COLOURS[0 if k % len(LINK_COLOURS) else 1])
 
@@ -59,15 +59,15 @@ def _wheel(body: RollingBody, marked: str) -> Iterator[Part]:
     outer = body.rim + body.tyre
     thickness = max(body.tyre, THIN * outer)
     place = body.placement * along(np.zeros(3), np.asarray(body.axle))
-    yield part("link", f"{body.name} tyre", body.joint, place, _torus(outer - thickness, thickness), JOINT_COLOUR)
+    yield coloured("link", f"{body.name} tyre", body.joint, place, _torus(outer - thickness, thickness), JOINT_COLOUR)
     hub = coal.Cylinder(2 * THIN * outer, 4 * THIN * outer)
-    yield part("link", f"{body.name} hub", body.joint, place, hub, GROUND_COLOUR)
+    yield coloured("link", f"{body.name} hub", body.joint, place, hub, GROUND_COLOUR)
     for k in range(SPOKES):
         angle = 2 * np.pi * k / SPOKES
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
         spoke = coal.Cylinder((2 if k == 0 else 1) * THIN * outer / 2, outer - thickness)  # one marks the angle
         shade = GROUND_COLOUR if k else marked
-        yield part("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
+        yield coloured("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
 
 
 def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:

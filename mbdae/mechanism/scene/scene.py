@@ -137,7 +137,7 @@ class Scene:
                 place[k] = pin.SE3ToXYZQUAT(here)
         return out
 
-    def ends(self, pairs: Iterable[Mark | Strut], q: np.ndarray) -> np.ndarray:
+    def end_points(self, pairs: Iterable[Mark | Strut], q: np.ndarray) -> np.ndarray:
         """Return the end points of closures or springs.
 
         Args:

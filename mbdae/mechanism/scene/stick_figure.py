@@ -82,38 +82,43 @@ def generate(
     """
     shown = [i for i in range(1, model.njoints) if i not in seen and (not seen or model.inertias[i].mass > 0)]
     subspaces = _motion_subspaces(model)
-    grounded = [i for i in shown if model.parents[i] == 0 and subspaces[i][3:].any() and model.nvs[i] < 6]
-    feet = [model.jointPlacements[i] for i in grounded]
-    feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0 and not seen]
-    edge = 4.2 * size.width
-    for foot in _distinct(feet):
-        yield part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
+    rotating = [i for i in shown if subspaces[i][3:].any()]
+    yield from _ground(model, rotating, [] if seen else points, size)
     for i in shown:
         yield from _joint(model, i, subspaces[i], points, size)
         if i not in rolling or _ends(model, i, points):
             yield from _body(model, i, points, size)
 
 
+def _ground(model: pin.Model, joints: Sequence[int], points: Sequence[Point], size: Proportions) -> Iterator[Part]:
+    """Yield cubes where joints are fixed to the ground, and at points of it."""
+    feet = [model.jointPlacements[i] for i in joints if model.parents[i] == 0 and model.nvs[i] < 6]
+    feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0]
+    edge = 4.2 * size.width
+    for foot in _distinct(feet):
+        yield coloured("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
+
+
 def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[Part]:
     """Return two balls, the second hidden in the first while the anchors coincide."""
     return [
-        part("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
+        coloured("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
         for (joint, placement), k, radius, colour in zip(anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True)
     ]
 
 
 def rod(name: str, length: float, width: float) -> pin.GeometryObject:
     """Return the rod of a distance closure, in its local frame along z."""
-    return part("link", f"{name} rod", 0, pin.SE3.Identity(), coal.Cylinder(0.6 * width, length), ROD_COLOUR)[1]
+    return coloured("link", f"{name} rod", 0, pin.SE3.Identity(), coal.Cylinder(0.6 * width, length), ROD_COLOUR)[1]
 
 
 def pin_of(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width: float) -> Iterator[Part]:
     """Yield the joint of a closure: a pin along the axis of a hinge, in the frame of its first anchor, or a ball."""
     if axis is None:
-        yield part("joint", f"{name} pin", joint, place, coal.Sphere(1.9 * width), JOINT_COLOUR)
+        yield coloured("joint", f"{name} pin", joint, place, coal.Sphere(1.9 * width), JOINT_COLOUR)
     else:
         shape = coal.Cylinder(1.8 * width, 6 * width)
-        yield part("joint", f"{name} pin", joint, place * along(np.zeros(3), axis), shape, JOINT_COLOUR)
+        yield coloured("joint", f"{name} pin", joint, place * along(np.zeros(3), axis), shape, JOINT_COLOUR)
 
 
 def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[Part]:
@@ -121,28 +126,28 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
     inertia = model.inertias[i]
     ends = _ends(model, i, points)
     for end in ends:
-        yield part("link", f"{name} link", i, along(end / 2, end), _capsule(end, width), colour)
+        yield coloured("link", f"{name} link", i, along(end / 2, end), _capsule(end, width), colour)
     if ends or inertia.mass <= 0:
         return
     com = inertia.lever
     if np.linalg.norm(com) > 3 * width:
-        yield part("link", f"{name} link", i, along(com / 2, com), _capsule(com, width), colour)
+        yield coloured("link", f"{name} link", i, along(com / 2, com), _capsule(com, width), colour)
         ball = coal.Sphere(2.5 * width)
-        yield part("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
+        yield coloured("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
         return
     if (turns := _axis(model, i)) is not None and (disc := _disc(inertia, turns, width)):
         place = along(com, turns)
-        yield part("link", f"{name} body", i, place, coal.Cylinder(*disc), colour)
+        yield coloured("link", f"{name} body", i, place, coal.Cylinder(*disc), colour)
         beside = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
         spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # shows the rotation
-        yield part("link", f"{name} spoke", i, place * beside, spoke, GROUND_COLOUR)
+        yield coloured("link", f"{name} spoke", i, place * beside, spoke, GROUND_COLOUR)
         return
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0:
         axes = -axes
     edges = np.sqrt(np.maximum(6 / inertia.mass * (moments.sum() - 2 * moments), 0.0))
     solid = coal.Box(*np.maximum(edges, 2 * width)) if edges.max() > 4 * width else coal.Sphere(3 * width)
-    yield part("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
+    yield coloured("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
 
 
 def _axis(model: pin.Model, i: int) -> np.ndarray | None:
@@ -172,21 +177,21 @@ def _joint(
         return
     if model.nvs[i] != 1:
         ball = coal.Sphere(1.9 * width)
-        yield part("joint", name, i, pin.SE3.Identity(), ball, JOINT_COLOUR)
+        yield coloured("joint", name, i, pin.SE3.Identity(), ball, JOINT_COLOUR)
         return
     if angular.any():
         cylinder = coal.Cylinder(1.8 * width, 6 * width)
-        yield part("joint", name, i, along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
+        yield coloured("joint", name, i, along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
         return
     axis = along(np.zeros(3), linear[:, 0])
     box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
-    yield part("joint", name, i, axis, box, JOINT_COLOUR)
+    yield coloured("joint", name, i, axis, box, JOINT_COLOUR)
     on_body = _reach(model, i, linear[:, 0], points, size)
     low, high = on_body or _limits(model, i, size.extent)
     rail = pin.SE3(np.eye(3), np.array([0, 0, (low + high) / 2]))
     where = model.jointPlacements[i] * axis * rail
     shape = coal.Cylinder(0.5 * width, max(high - low, width))
-    yield part("link" if on_body else "rail", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
+    yield coloured("link" if on_body else "rail", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
 
 
 def _limits(model: pin.Model, i: int, most: float) -> tuple[float, float]:
@@ -243,7 +248,7 @@ def _capsule(end: np.ndarray, width: float) -> coal.Capsule:
     return coal.Capsule(width, float(np.linalg.norm(end)))
 
 
-def part(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
+def coloured(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
     """Return a geometry fixed to a joint, with its role and its colour."""
     geometry = pin.GeometryObject(name, int(joint), placement, shape)
     geometry.meshColor = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] + [1.0])

@@ -2,7 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -85,13 +85,19 @@ def _stl(data: bytes) -> np.ndarray:
     return np.array(re.findall(rb"vertex" + numbers, data), dtype="S").astype(float).reshape(-1, 3, 3)
 
 
-def _obj(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
+def _colours_of(libraries: Iterable[bytes]) -> dict[bytes, Colour]:
+    """Return the diffuse colours of the materials in .mtl files."""
     colours: dict[bytes, Colour] = {}
-    for library in mesh.companions.values():
+    for library in libraries:
         for name, text in re.findall(rb"newmtl[ \t]+(\S+)(.*?)(?=newmtl|\Z)", library, re.DOTALL):
             if kd := re.search(rb"\bKd[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", text):
                 opacity = re.search(rb"^[ \t]*d[ \t]+(\S+)", text, re.MULTILINE)
                 colours[name] = (*map(float, kd.groups()), float(opacity[1]) if opacity else 1.0)
+    return colours
+
+
+def _obj(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
+    colours = _colours_of(mesh.companions.values())
     points: list[list[float]] = []
     parts: dict[Colour | None, list[list[int]]] = {}
     faces = parts.setdefault(None, [])

@@ -45,9 +45,9 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
 
 
 def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
-    """Return the wrenches A (m, 6) of `FrictionInterface.ways`, and their derivatives, (m, 6, k)."""
+    """Return the wrenches A (m, 6) of `FrictionInterface.slip_wrenches`, and their derivatives, (m, 6, k)."""
     pair, friction = place.pair, place.closure.friction
-    A, (Xa, Xb) = place.ways(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
+    A, (Xa, Xb) = place.slip_wrenches(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
     p, dp = pair.pb, of_point(Xb, pair.pb)
     if friction == "bears":

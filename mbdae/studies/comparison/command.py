@@ -80,5 +80,5 @@ def _check_quantity(quantity: str | None, model: ChosenModel) -> None:
 
 def _unfinished(result: "Comparison", output: str | None) -> str:
     kept = f"; {output} keeps what is finished, the same command goes on from there" if output else ""
-    done, asked = len(result.points), result.asked
+    done, asked = len(result.points), result.requested
     return (f"after {done} of {asked} runs" if done < asked else "before all times were taken") + kept

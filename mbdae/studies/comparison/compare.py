@@ -13,7 +13,7 @@ from ...mechanism import Mechanism
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
-from ..method_variant import Variant, usual, variants
+from ..method_variant import Variant, default_variants, variants
 from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Trial
 from .run_queue import Progress, RunQueue
@@ -123,7 +123,7 @@ def _chosen(
 ) -> list[Variant]:
     """The methods to compare, for runs with fixed steps or with tolerances."""
     if methods is None and formulations is None:
-        return usual(problem, METHODS, **({"step": 1.0} if fixed else {"rtol": TOLERANCES[0]}))
+        return default_variants(problem, METHODS, **({"step": 1.0} if fixed else {"rtol": TOLERANCES[0]}))
     return variants(METHODS if methods is None else methods, formulations)
 
 

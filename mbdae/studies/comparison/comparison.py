@@ -51,7 +51,7 @@ class Comparison(Tabular):
     meta: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def asked(self) -> int:
+    def requested(self) -> int:
         """Number of requested runs."""
         return self.meta.get("runs", len(self.points))
 

@@ -136,7 +136,7 @@ class RunQueue:
     def time(self, repeats: int, workers: int) -> None:
         """Repeat runs for their times, all of them in turn; those above two seconds once."""
 
-        def keep(trial: Trial, seconds: float) -> None:
+        def record_time(trial: Trial, seconds: float) -> None:
             point = self.points[trial.label]
             self._keep(replace(point, times=(*point.times, seconds)))
 
@@ -144,7 +144,8 @@ class RunQueue:
         for r in range(repeats):
             short = [labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
             if short:
-                self._pass(timed, TrialConditions(self.motion), short, workers, keep, f"time {r + 1} of {repeats}: ")
+                what = f"time {r + 1} of {repeats}: "
+                self._pass(timed, TrialConditions(self.motion), short, workers, record_time, what)
 
     def _pass(
         self,
@@ -163,14 +164,14 @@ class RunQueue:
         else:
             finished = []
 
-            def kept(trial: Trial, found: Any) -> None:
+            def record_run(trial: Trial, found: Any) -> None:
                 finished.append(trial)
                 self._say(len(finished) / len(trials), f"{what}{trial} done")
                 keep(trial, found)
 
             sent = job._replace(motion=replace(job.motion, problem=without_geometry(job.motion.problem)))
             with pool("processes", workers, function, sent, "workers=1") as there:
-                there.work(trials, kept)
+                there.work(trials, record_run)
         self.passed += 1
 
     def _say(self, share: float, name: str) -> None:

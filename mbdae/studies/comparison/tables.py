@@ -18,7 +18,7 @@ def comparison_table(result: "Comparison") -> str:
     t0, t1 = result.t_span
     lines = [
         f"comparison on {result.title}, {t0:g} to {t1:g} s"
-        + ("" if result.complete else f" (stopped: {len(result.points)} of {result.asked} runs so far)"),
+        + ("" if result.complete else f" (stopped: {len(result.points)} of {result.requested} runs so far)"),
         f"reference: {result.trust}; < marks errors too small to be known by it",
         f"all runs: {result.computed_by}",
         "",

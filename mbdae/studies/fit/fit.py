@@ -184,7 +184,7 @@ class _Search:
         """
         problem = self.problem
         x, message, converged, r = start, "", False, np.empty(0)
-        for share in problem.shares(self.spans, len(start)):
+        for share in problem.span_fractions(self.spans, len(start)):
             problem.share, tolerance = share, TOLERANCE if share == 1 else ROUGH
             self.tell(f"{where}{share:.0%} of the samples")
             problem.solved(x)

@@ -9,7 +9,7 @@ from ...errors import InputError, MbdaeError, is_number
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import numbers
+from ...mechanism.callbacks import values_text
 from ...solution.signals import signals as computed_signals
 from ...solution.solution import uninterrupted
 from ...system import Array
@@ -54,7 +54,7 @@ class FitResiduals:
         self._last: tuple[Any, list[Any]] = (None, [])
         self._size = 0
 
-    def shares(self, spans: Sequence[float], k: int) -> list[float]:
+    def span_fractions(self, spans: Sequence[float], k: int) -> list[float]:
         """Return the shares with enough samples, followed by all samples."""
         n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
         if not isinstance(spans, Sequence) or not all(is_number(s) and 0 < s <= 1 for s in spans):
@@ -75,7 +75,7 @@ class FitResiduals:
                 run = times[-1] > self.start
                 sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if run else None
                 if sol is None or not sol.ended:
-                    why = f"with {numbers(values)}, {sol.message}" if sol else "no time passes"
+                    why = f"with {values_text(values)}, {sol.message}" if sol else "no time passes"
                     raise InputError(f"{record.name}: {why}")
                 self.runs += 1
                 out.append(sol)

@@ -55,7 +55,7 @@ class _Effort(NamedTuple):
 
 
 class _Candidates:
-    """What may be an actuator, by name: drivers, and joints with controllers, torques or motors."""
+    """Possible actuators by name: drivers, and joints with controllers, torques or motors."""
 
     def __init__(self, mech: Mechanism) -> None:
         self.mech = mech

@@ -72,7 +72,7 @@ def inverse_dynamics(
     moves = prescribed(mech, motion, speed)
     n, m, carrying = len(moves.t), len(acting.names), acting.carrying
     system = acting.mechanism.system()
-    system.sliding.refuse("inverse dynamics")
+    system.sliding.reject("inverse dynamics")
     s, modes, bases = _states(acting.mechanism, moves.states, n), _modes(acting.mechanism, moves), []
     for q, mode in zip(moves.q, modes, strict=True):
         system.enter(mode)

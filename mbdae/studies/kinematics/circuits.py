@@ -73,7 +73,7 @@ def _passages(curve: PoseCurve, u: float) -> list[CurvePoint]:
         for i, (a, b) in enumerate(pairwise(curve.nodes)):
             for (s0, p0), (s1, p1) in pairwise(_monotone(curve, i, a, b)):
                 passages += [_passage(curve, i, (s0, s1), w) for w in _between(curve, u, p0, p1)]
-    except (StepError, ValueError, np.linalg.LinAlgError):  # a singular pose: what was reached before it counts
+    except (StepError, ValueError, np.linalg.LinAlgError):  # a singular pose: the poses before it count
         curve.ended = "stuck"
     return passages
 

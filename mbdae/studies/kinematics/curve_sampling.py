@@ -24,7 +24,7 @@ class OnCurve(NamedTuple):
 
 
 class Events(NamedTuple):
-    """What is special on a curve: dead points of the drive, and branch points by the node before them."""
+    """Special points of a curve: dead points of the drive, and branch points by the node before them."""
 
     dead: list[OnCurve]
     branches: dict[int, BranchPoint]

@@ -88,7 +88,7 @@ def left_open(mech: Mechanism) -> list[str]:
 
 
 def _target(d: Driver) -> dict[str, Any]:
-    """What a driver moves."""
+    """Return the joint, joints or frames that a driver moves, by key."""
     return {k: v for k, v in d.model_dump().items() if k not in ("motion", "speed", "name") and v is not None}
 
 
@@ -183,7 +183,7 @@ def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
     along = Z.T @ e
     if not np.abs(along).max() > RANK:
         return []
-    Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # what moves while the drive is fixed
+    Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # motions while the drive is fixed
     names = single(mech)
     acting = {str(getattr(f, "joint", "")) for f in mech.forces}
     liking = [1.0 + (mech.joint_kind(j).startswith("P") or j in acting) for j in names]

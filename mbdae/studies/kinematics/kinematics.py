@@ -44,8 +44,8 @@ def kinematics(
 
     The curve is followed over its arclength, through dead points of the drive, where the input turns back, and through
     branch points, where it goes on smoothly. It ends where the input leaves its range, or where the first pose comes
-    again. What presses on one side or locks one way does not act: stops, ropes, contacts that open, clutches and
-    friction. The places where the curve passes them are reported.
+    again. Stops, ropes, contacts that open, clutches and friction do not act. The places where the curve passes them
+    are reported.
     Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
 
     Args:

@@ -23,7 +23,7 @@ SHOWN = 4  # passages of one stop that a text names
 
 
 class Passed(NamedTuple):
-    """What a prescribed motion passes.
+    """Stop, closure or clutch that a prescribed motion passes.
 
     Attributes:
         name: of the stop, closure or clutch.

@@ -75,8 +75,8 @@ class PoseCurve:
             the input must come back, too.
 
     Attributes:
-        unit: what 1 of the input is in rad or m.
-        columns: what 1 of each tangent component is in rad or m, (nv,).
+        unit: 1 of the input in rad or m.
+        columns: 1 of each tangent component in rad or m, (nv,).
         nodes: points in the order of the arclength.
         crossings: by the node before them; None where more than two branches cross.
         ended: ``"range"``, ``"closed"`` (the pose of the start comes again), ``"stuck"``, or ``"long"`` (without end).

@@ -1,4 +1,4 @@
-"""What `mbdae.kinematics` returns: poses along a curve, with their rates per unit of the input."""
+"""Result of `mbdae.kinematics`: poses along a curve, with their rates per unit of the input."""
 
 from dataclasses import dataclass
 from functools import cached_property

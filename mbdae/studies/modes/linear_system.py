@@ -154,7 +154,7 @@ def linearize(
     into = as_list(inputs, "inputs is a list of names")
     joints = labels(mech, np.arange(mech.nv))
     out = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
-    back, Z, k = motion.back, motion.speeds, motion.positions.shape[1]
+    back, Z, k = motion.state_matrix, motion.speeds, motion.positions.shape[1]
     ns, n = len(here.s), len(motion.A)
     pushes = _pushes(statics, here.q, joints)
     columns, jumps = np.zeros((n, len(into))), np.zeros((n, len(into)))

@@ -41,7 +41,7 @@ class CurveSignals(Mapping[str, Array]):
         self.states = np.array(list(found.mechanism.states.values()))
 
     @cached_property
-    def numbers(self) -> Parameters:
+    def parameters(self) -> Parameters:
         """The parameters."""
         return self._numbers()
 
@@ -89,10 +89,10 @@ class CurveSignals(Mapping[str, Array]):
         return tuple(np.array(x) for x in zip(*self._poses(), strict=True))  # type: ignore[return-value]
 
     def _poses(self) -> Iterator[tuple[Array, Array]]:
-        s, all_rows = self.numbers.system, np.arange(self.numbers.system.ng)
+        s, all_rows = self.parameters.system, np.arange(self.parameters.system.ng)
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
             G, B = s.rate_partials(u, q, v, all_rows)
-            Q, g = self.numbers.of_rows(u, q, v)
+            Q, g = self.parameters.of_rows(u, q, v)
             G_inverse = np.linalg.pinv(G, rcond=1e-9)
             dq = -G_inverse @ g
             yield dq, -G_inverse @ (B @ dq + Q)
@@ -101,7 +101,7 @@ class CurveSignals(Mapping[str, Array]):
         """Return derivatives of a signal with respect to the parameters at fixed inputs, (n, k)."""
         dq, dv = self.derivatives
         if name == "u":
-            return np.zeros((len(dq), len(self.numbers)))
+            return np.zeros((len(dq), len(self.parameters)))
         if name == HOLDING:
             return self._holding_derivatives(dq, dv)
         if name in self.known:
@@ -113,18 +113,18 @@ class CurveSignals(Mapping[str, Array]):
             by_q = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.found.q]
             return np.einsum("ni,nik->nk", np.reshape(by_q, (-1, nv)), dq)
         frame, axis = _point(name)
-        parts = [frame_partials(self.numbers, q, [frame]) for q in self.found.q]
+        parts = [frame_partials(self.parameters, q, [frame]) for q in self.found.q]
         row = AXES.index(axis)
         return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(parts, dq, strict=True)])
 
     def _holding_derivatives(self, dq: Array, dv: Array) -> Array:
-        s, nv, out = self.numbers.system, self.system.nv, []
+        s, nv, out = self.parameters.system, self.system.nv, []
         still, rest = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([still, self.states, [0.0]])
         for q, v, by_p, turn in zip(self.found.q, self.found.rates, dq, dv, strict=True):
-            self.numbers.refuse_lost(0.0, q)
+            self.parameters.refuse_lost(0.0, q)
             K = s.partials(0.0, q, u, still, rest, np.arange(s.ng)).K[:nv]
-            P = self.numbers.of_forces(0.0, q, still, self.states, still, rest)[:nv]
+            P = self.parameters.of_forces(0.0, q, still, self.states, still, rest)[:nv]
             out.append(-v @ (K @ by_p + P) - self._at_rest(q) @ turn)
         return np.array(out)
 

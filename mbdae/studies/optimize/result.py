@@ -96,7 +96,7 @@ class Optimum(Tabular):
         return [["", "start", "optimum"], *([name, f"{x0:.8g}", f"{x:.8g}"] for name, x0, x in pairs)]
 
     @property
-    def lost(self) -> list[str]:
+    def failures(self) -> list[str]:
         """Return the number of failed evaluations, and the last error; empty if there are none."""
         why = [t.why for t in self.history if t.why]
         return [f"{len(why)} of {len(self.history)} points could not be computed, the last: {why[-1]}"] if why else []
@@ -104,7 +104,7 @@ class Optimum(Tabular):
     def remarks(self) -> list[str]:
         """Return parameters at a bound, reasons why it may not be an optimum, and failed evaluations."""
         bounds = [f"{name} stands at its bound" for name in self.at_bounds]
-        return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.lost]
+        return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.failures]
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw cost and parameters over the evaluated points."""
@@ -125,7 +125,7 @@ class Optimum(Tabular):
             lines.append(f"  {name:36s} {self.start.constraints[name]:14.8g} -> {x:14.8g}{mark}")
         if not self.converged:
             lines.append(f"  not an optimum: {self.message}")
-        return "\n".join([*lines, *(f"  {text}" for text in self.lost)])
+        return "\n".join([*lines, *(f"  {text}" for text in self.failures)])
 
 
 def _touches(x: float, low: float, high: float) -> bool:

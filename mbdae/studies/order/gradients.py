@@ -212,7 +212,7 @@ class GradientMeasurement(Measurement):
 
     def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
         """Return the derivatives of q and of v at the common times, or at every second, ..., one row each."""
-        found, nv = self.derivative(sol)[self.places(sol, every)], self.mech.nv
+        found, nv = self.derivative(sol)[self.common_nodes(sol, every)], self.mech.nv
         return found[:, :nv], found[:, nv:]
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:

@@ -73,14 +73,14 @@ class Measurement:
 
     def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
         """Return the quantities at each of the common times, or every second, ..., one row each; q as points."""
-        at = self.places(sol, every)
+        at = self.common_nodes(sol, every)
         hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
         own = sol.z_own[at]
         if self.mechanical:
             return sol.q[at], sol.v[at], own, hidden
         return sol.y[at], own, hidden
 
-    def places(self, sol: Solution, every: int = 1) -> Array:
+    def common_nodes(self, sol: Solution, every: int = 1) -> Array:
         """Return the nodes at the common times, or every second, ...: after a jump, if there is one."""
         times = np.arange(every, self.steps + 1, every) * self.T / self.steps
         return np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1

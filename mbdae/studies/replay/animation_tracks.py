@@ -1,4 +1,4 @@
-"""What moves in a replay, as numbers for the page: bodies, ghosts, paths of points, and forces."""
+"""Animation tracks of a replay for the page: bodies, ghosts, paths of points, and forces."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,7 @@ def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
 
 def springs(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     """Springs and dampers, and where they begin and end at configurations q (m, nq)."""
-    ends = scene.ends(scene.springs, q).swapaxes(0, 1).reshape(len(scene.springs), len(q), 6)
+    ends = scene.end_points(scene.springs, q).swapaxes(0, 1).reshape(len(scene.springs), len(q), 6)
     out = []
     for s, track in zip(scene.springs, ends, strict=True):
         moves = np.ptp(track, axis=0).any()
@@ -46,7 +46,7 @@ def springs(scene: "Scene", q: Array) -> list[dict[str, Any]]:
 def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     """Closures, and how far each is open at most at configurations q (m, nq) [m], None where that cannot be seen."""
     few = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
-    apart = np.linalg.norm(np.diff(scene.ends(scene.marks, few), axis=2)[:, :, 0], axis=2)
+    apart = np.linalg.norm(np.diff(scene.end_points(scene.marks, few), axis=2)[:, :, 0], axis=2)
     return [
         {"name": m.name, "open": float(np.abs(apart[:, k] - m.rod).max()) if m.meets or m.rod else None}
         for k, m in enumerate(scene.marks)

@@ -11,7 +11,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..figures import WIDTH, fixed_layout, sheet
 from .glb import GREY, SPRING, towards
-from .solids import coil, parts, solid
+from .solids import coil, coloured_surfaces, solid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
 
 FRAMES = 60  # of a motion, by which the view is chosen
-FLAT = 0.3  # of the widest extent: what is thinner is seen without perspective along its thinnest axis
+FLAT = 0.3  # of the widest extent: thinner scenes are seen without perspective along their thinnest axis
 HIGHEST = 3.6  # inches
 LAMP = np.array([-0.35, 0.5, 0.79])  # where light comes from: to the right, up, towards the eye
 
@@ -81,9 +81,9 @@ def _plane(scene: "Scene", q: Array) -> int:
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Corners (n, 3, 3) in the world [m] and the colour of all that is drawn at q (nq,)."""
     for shape, place in zip(scene.shapes, scene.placements(q), strict=True):
-        for surface in parts(shape) if shape.role != "closure" else ():
+        for surface in coloured_surfaces(shape) if shape.role != "closure" else ():
             yield _placed(surface.points * shape.scale, place)[surface.faces], shape.rgba or surface.rgba or GREY
-    for spring, (begin, end) in zip(scene.springs, scene.ends(scene.springs, q[None])[0], strict=True):
+    for spring, (begin, end) in zip(scene.springs, scene.end_points(scene.springs, q[None])[0], strict=True):
         length, (turn,) = float(np.linalg.norm(end - begin)), towards((end - begin)[None])
         if spring.coil and length > 0:
             surface = coil(2.4 * scene.width, 0.5 * scene.width, length)

@@ -12,8 +12,8 @@ import numpy as np
 from ...mechanism.scene.surfaces import Surface
 from ...system import Array
 from .animation_tracks import continuous
-from .mode_tracks import HELD, STRUCK
-from .solids import coil, parts, solid
+from .mode_tracks import ACTIVE_COLOUR, IMPACT_COLOUR
+from .solids import coil, coloured_surfaces, solid
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene, Strut
@@ -26,7 +26,7 @@ FLOAT, UINT = 5126, 5125  # component types
 TINY = 1e-6  # a scale of 0 leaves no normals
 FLASH, SUDDEN = 0.25, 1e-3  # s of viewing: how long an impact is seen, and how fast it appears
 EDGE = np.cos(0.6)  # rad: triangles that are turned more meet at an edge
-VERTICES, INDICES = 34962, 34963  # what a view of the buffer is for
+VERTICES, INDICES = 34962, 34963  # uses of a view of the buffer
 
 
 class _File:
@@ -51,7 +51,7 @@ class _File:
             self.known[key] = self.add(kind, what)
         return self.known[key]
 
-    def numbers(self, values: Array, target: int | None = None, bounded: bool = False) -> int:
+    def accessor(self, values: Array, target: int | None = None, bounded: bool = False) -> int:
         """An accessor of rows of floats, or of indices."""
         dtype, component = ("<u4", UINT) if target == INDICES else ("<f4", FLOAT)
         array = np.ascontiguousarray(values, dtype)
@@ -85,10 +85,10 @@ class _File:
         material |= {"alphaMode": "BLEND"} if colour[3] < 1 else {}
         return {
             "attributes": {
-                "POSITION": self.numbers(rows[:, :3], VERTICES, bounded=True),
-                "NORMAL": self.numbers(directions, VERTICES),
+                "POSITION": self.accessor(rows[:, :3], VERTICES, bounded=True),
+                "NORMAL": self.accessor(directions, VERTICES),
             },
-            "indices": self.numbers(index.ravel(), INDICES),
+            "indices": self.accessor(index.ravel(), INDICES),
             "material": self.once(("look", tuple(colour)), "materials", material),
         }
 
@@ -107,7 +107,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
     """The file of a motion.
 
     Args:
-        scene: what is drawn, except for marks of closures.
+        scene: the scene; marks of closures are not drawn.
         times: (m,) in s.
         q: (m, nq) configurations.
         title: of the scene.
@@ -116,11 +116,11 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
     """
     film = _Animation(title, np.abs(times - times[0]) / speed, scene.width)
     film.add_shapes(scene, q)
-    for spring, ends in zip(scene.springs, scene.ends(scene.springs, q).swapaxes(0, 1), strict=True):
+    for spring, ends in zip(scene.springs, scene.end_points(scene.springs, q).swapaxes(0, 1), strict=True):
         film.add_spring(spring, ends)
     for mark in marks if film.moves else ():
-        film.add_mark(mark, "held", _rgba(HELD), *_holding(mark, times, speed), "STEP")
-        film.add_mark(mark, "struck", _rgba(STRUCK), *_flashing(mark, times, speed), "LINEAR")
+        film.add_mark(mark, "held", _rgba(ACTIVE_COLOUR), *_holding(mark, times, speed), "STEP")
+        film.add_mark(mark, "struck", _rgba(IMPACT_COLOUR), *_flashing(mark, times, speed), "LINEAR")
     return film.bytes()
 
 
@@ -130,13 +130,13 @@ class _Animation:
     def __init__(self, title: str, seconds: Array, width: float) -> None:
         self.file, self.width, self.moves = _File(title), width, len(seconds) > 1
         self.file.add("nodes", {"name": title or "mechanism", "rotation": UP, "children": []})
-        self.clock = self.file.numbers(seconds, bounded=True) if self.moves else -1
+        self.clock = self.file.accessor(seconds, bounded=True) if self.moves else -1
         self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
     def add_shapes(self, scene: "Scene", q: Array) -> None:
         """The shapes of a scene at configurations (m, nq), without marks of closures."""
         for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
-            if shape.role == "closure" or not (found := parts(shape)):
+            if shape.role == "closure" or not (found := coloured_surfaces(shape)):
                 continue
             mesh = self.file.mesh(shape.mesh or (shape.kind, shape.size), found, shape.rgba)
             tracks = {"translation": track[:, :3], "rotation": _unit(continuous(track[:, 3:]))}
@@ -168,7 +168,7 @@ class _Animation:
         for points in mark.places:
             ball = self.file.mesh(kind, [solid("sphere", (3 * self.width,))], rgba)
             node = self._add_node(f"{mark.name} {kind}", ball, {"translation": points})
-            self._add_channel(node, "scale", self.file.numbers(at, bounded=True), scales, way)
+            self._add_channel(node, "scale", self.file.accessor(at, bounded=True), scales, way)
 
     def bytes(self) -> bytes:
         """The file."""
@@ -191,7 +191,7 @@ class _Animation:
         return node
 
     def _add_channel(self, node: int, path: str, clock: int, values: Array, way: str = "LINEAR") -> None:
-        output = self.file.numbers(values)
+        output = self.file.accessor(values)
         self.motion["samplers"].append({"input": clock, "interpolation": way, "output": output})
         target = {"node": node, "path": path}
         self.motion["channels"].append({"sampler": len(self.motion["samplers"]) - 1, "target": target})

@@ -27,7 +27,7 @@ SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "linkage", "slider
 
 
 def drawn(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """What the page draws of a scene, each mesh once, and the bodies that its camera can follow."""
+    """Return the data of a scene for the page, each mesh once, and the bodies that its camera can follow."""
     meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
     return {
         "meshes": [mesh_data(mesh) for mesh in meshes],

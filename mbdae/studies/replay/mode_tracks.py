@@ -1,4 +1,4 @@
-"""What a replay marks of a run with modes: what is stuck or closed, while it is, and impacts."""
+"""Marks of a replay of a run with modes: stuck joints, closed contacts, engaged clutches, and impacts."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switch import Switch
     from ...solution.solution import Solution
 
-HELD, STRUCK = "#6741d9", "#f59f00"
+ACTIVE_COLOUR, IMPACT_COLOUR = "#6741d9", "#f59f00"
 
 
 class ModeTrack(NamedTuple):
-    """What held or was struck in a run.
+    """Switch that was active or took impulses in a run.
 
     Attributes:
         name: of the switch.
@@ -37,12 +37,12 @@ class ModeTrack(NamedTuple):
     strength: list[float]
 
     def core_data(self) -> dict[str, Any]:
-        """What the page takes."""
+        """Return the data of the page."""
         return {**self._asdict(), "places": [typed(place, "float32") for place in self.places]}
 
 
 def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
-    """What held or was struck in a run, with its places at the configurations q (m, nq) of the frames."""
+    """Return the switches that were active or took impulses, with their places at the configurations q (m, nq)."""
     out = []
     for switch in sol.mechanism.switches:
         if not switch.rows:  # a drive whose speed steps has its row in all modes

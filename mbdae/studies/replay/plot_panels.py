@@ -20,7 +20,7 @@ Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
 ROUNDING = 1e-16  # of |g|: below is nothing to see
 MOST = 7  # curves of one pane that can be told apart
-STEPPED = ("energy", "work", "g", "Gv")  # what judges a run is shown at its steps: between them is interpolation
+STEPPED = ("energy", "work", "g", "Gv")  # errors of a run are shown at its steps: between them is interpolation
 WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
 
 
@@ -38,10 +38,10 @@ class PlotPanel:
     """Curves over one pair of axes.
 
     Attributes:
-        title: what is plotted, with its unit.
+        title: the quantity, with its unit.
         curves: of the solution and of its ghosts.
         logarithmic: whether the ordinate is.
-        cut: where a logarithmic ordinate begins: what lies below is rounding; 0 for the least value.
+        cut: where a logarithmic ordinate begins, with rounding below; 0 for the least value.
     """
 
     title: str

@@ -12,7 +12,7 @@ from ...file_io import write_page, write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import document, drawn, frame
-from .mode_tracks import HELD, STRUCK, mode_tracks_of
+from .mode_tracks import ACTIVE_COLOUR, IMPACT_COLOUR, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed
 from .video import VIDEO, film
@@ -62,13 +62,13 @@ def animate(
             left out.
         speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, slower where the
             motion is shorter than two seconds.
-        plots: what is plotted beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
+        plots: curves beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
             several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
             and |g| when left out; () for none.
         signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
         traces: names of frames whose paths are drawn; ``contact.<closure>`` is where a body rolls.
-        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots; what
-            sticks or strikes is marked for ``sol`` alone.
+        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots;
+            impacts and sticking are marked for ``sol`` alone.
         choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
             first replaces ``sol``.
         arrows: names of closures and joints whose forces on the body of their second frame, or behind them, are drawn
@@ -160,8 +160,8 @@ def page(
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
         "switched": {
-            "held": HELD,
-            "struck": STRUCK,
+            "held": ACTIVE_COLOUR,
+            "struck": IMPACT_COLOUR,
             "each": [] if choices else [x.core_data() for x in mode_tracks_of(sol, q)],
         },
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 AROUND, ACROSS, TURNS = 48, 16, 12
 
 
-def parts(shape: "Shape") -> list[Surface]:
+def coloured_surfaces(shape: "Shape") -> list[Surface]:
     """The triangles of a shape, an entry for each colour; none for a mesh that is damaged."""
     if shape.mesh is None:
         return [solid(shape.kind, shape.size)]

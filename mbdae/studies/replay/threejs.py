@@ -31,7 +31,7 @@ def node(shape: "Shape") -> str:
 
 
 def mesh_data(mesh: "Mesh") -> dict[str, Any]:
-    """What the page needs of a mesh: triangles of one colour after the other, or its file where that has pictures.
+    """Return the data of a mesh for the page: triangles, by colour, or its file where that has pictures.
 
     Points are 16 bits for each axis, in fractions of the box that holds them: 1e-5 of its edges. Corners of triangles
     are numbers of points, each as the difference to the one before.
@@ -70,7 +70,7 @@ def scene_object(shape: "Shape", meshes: list["Mesh"], layer: int = 0) -> dict[s
     """One shape in three.js' JSON; ``mesh`` is a number in ``meshes``, for `mesh_data`.
 
     Args:
-        shape: what to draw.
+        shape: the shape to draw.
         meshes: the meshes of the scene.
         layer: closures, seen through everything else, cover those of lower layers.
 

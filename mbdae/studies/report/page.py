@@ -17,7 +17,7 @@ from ..replay.html_page import frame
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..solve.figure import motion
-from .report_tables import downloads, parts, ranking
+from .report_tables import component_tables, downloads, ranking
 from .templates import document, elements
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def page(report: "Report") -> str:
 
 
 def _parts(report: "Report") -> str:
-    return parts(report.sol.mechanism)
+    return component_tables(report.sol.mechanism)
 
 
 def _ranking(report: "Report") -> str:

@@ -24,7 +24,7 @@ from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, drift
 from ..info.card import Card, card
-from ..method_variant import Variant, default, usual, variants
+from ..method_variant import Variant, default, default_variants, variants
 from ..order.order import order
 from ..order.result import OrderStudy
 
@@ -41,7 +41,7 @@ class Report:
     """Result of `report`.
 
     Attributes:
-        card: what the mechanism is.
+        card: the description of the mechanism.
         sol: the run that is replayed, that of ``mbdae solve``.
         drifts: drift of every method's run.
         orders: observed and claimed orders; None if no method without a formulation was requested.
@@ -61,7 +61,7 @@ class Report:
     missing: tuple[str, ...] = ()
 
     @property
-    def parts(self) -> list[Any]:
+    def results(self) -> list[Any]:
         """The results in order."""
         every = (self.card, self.sol, *self.drifts, self.orders, self.comparison)
         return [part for part in every if part is not None]
@@ -72,7 +72,8 @@ class Report:
         return f"without {'; '.join(self.missing)}" if self.missing else ""
 
     def __str__(self) -> str:
-        return "\n\n".join([*map(str, self.parts), *([f"stopped by the user {self.without}"] if self.missing else [])])
+        stopped = [f"stopped by the user {self.without}"] if self.missing else []
+        return "\n\n".join([*map(str, self.results), *stopped])
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data, without the run's states."""
@@ -128,7 +129,7 @@ def report(
     """
     mech = mechanism_of(mech, "report")
     tell = progress or (lambda done, name: None)
-    chosen = variants(methods) if methods else usual(mech, METHODS, rtol=rtol)
+    chosen = variants(methods) if methods else default_variants(mech, METHODS, rtol=rtol)
     first = chosen[0] if not methods or chosen[0].prefix else default(mech, rtol=rtol, method=chosen[0].method)
     moved = list(dict.fromkeys([first, *chosen]))
     span = checked_span(mech.duration if t_span is None else t_span)
@@ -206,7 +207,7 @@ class _Study:
         )
 
     def missing(self) -> Iterator[str]:
-        """What the study is without, in words."""
+        """Yield the missing results of the study, in words."""
         if runs := self.moved[len(self.sols) :]:
             yield f"runs of {', '.join(map(str, runs))}"
         if self.judged and self.orders is None:
@@ -216,8 +217,8 @@ class _Study:
         if self.comparison is None:
             yield "the comparison"
         elif not self.comparison.complete:
-            left = self.comparison.asked - len(self.comparison.points)
-            yield f"{left} of {self.comparison.asked} runs of the comparison" if left else "times of the comparison"
+            left = self.comparison.requested - len(self.comparison.points)
+            yield f"{left} of {self.comparison.requested} runs of the comparison" if left else "times of the comparison"
 
 
 def _finished(sol: Solution) -> Solution:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 MOST = 2_000_000  # bytes of a file inside a report
 
 
-def parts(mech: Mechanism) -> str:
+def component_tables(mech: Mechanism) -> str:
     """Return bodies, joints, closures and forces, a table each."""
     found = {
         "Bodies: mass, centre of mass in the frame of the joint, moments of inertia about it": _bodies(mech),

@@ -14,7 +14,7 @@ Cotangents = tuple[Array, Array, float]  # of y and what is carried, (ny + nc,),
 
 
 class NodeCotangents:
-    """What a cost says of the nodes of a run.
+    """Cotangents of the nodes of a run that a cost causes.
 
     Args:
         trace: the run.
@@ -34,7 +34,7 @@ class NodeCotangents:
         self.bounds = np.searchsorted(places, np.arange(len(trace.ts) + 1))
 
     def at(self, i: int) -> Cotangents:
-        """What arrives at node i, from the times between it and the next one, too."""
+        """Return the cotangents of node i, from the times between it and the next one, too."""
         trace, ny = self.trace, self.trace.sensitivity.ny
         out, p, late = np.zeros(ny + trace.n_carry), np.zeros(trace.sensitivity.k), 0.0
         for m in range(self.bounds[i], self.bounds[i + 1]):
@@ -69,7 +69,7 @@ def adjoint_sweep(
 
     Args:
         trace: a run.
-        arriving: what arrives at its nodes.
+        arriving: cotangents of its nodes by the cost.
         end: the last step, where it ended in a terminal event.
         k: number of parameters.
     """
@@ -85,9 +85,9 @@ def adjoint_sweep(
                 p += by_p + found[1]
                 continue
         if last:
-            held, by_p = last.held(bar[:ny, None], bar[ny:, None], late)
+            held, by_p = last.of_fixed_step(bar[:ny, None], bar[ny:, None], late)
             bar[:ny], p = held[:, 0], p + by_p
-        bar, by_p = _all_reversed(last.parts if last else list(trace.parts(i - 1)), bar, ny, k)
+        bar, by_p = _all_reversed(last.parts if last else list(trace.step_parts(i - 1)), bar, ny, k)
         i -= 1
         own, more, _ = arriving.at(i)
         bar, p = bar + own, p + by_p + more

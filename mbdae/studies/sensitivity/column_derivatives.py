@@ -72,7 +72,7 @@ def _with_size(x: Array, derivatives: Array) -> Array:
 def along(x: Array, derivatives: Array) -> Array:
     """Derivatives of the magnitudes of n vectors x (n, ..., 3), from those of their parts (n, ..., 3, m).
 
-    They are 0 where a vector vanishes beside the largest of the n: what is left of it has no direction but rounding's.
+    They are 0 where a vector vanishes beside the largest of the n: its remainder has a direction by rounding only.
     """
     size = np.linalg.norm(x, axis=-1, keepdims=True)
     there = size > ROUNDING * size.max(axis=0, initial=0.0)

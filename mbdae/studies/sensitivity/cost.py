@@ -108,7 +108,7 @@ def real(x: Any) -> Array:
 
 
 def named(cost: Any) -> str:
-    """What messages call a cost."""
+    """Return the name of a cost in messages."""
     return cost.what if isinstance(cost, NamedCost) else f"cost {function_name(cost)!r}"
 
 

@@ -14,7 +14,7 @@ from ...tabular import Columns, Tabular
 from .adjoint import NodeCotangents, adjoint_sweep
 from .cost import Cost, Signals, evaluated
 from .run_parameters import Model, Names, bound
-from .sensitivity import places, start_columns, start_tangent
+from .sensitivity import node_indices, start_columns, start_tangent
 from .terminal_event import ending
 
 __all__ = ["gradient"]
@@ -69,7 +69,7 @@ def gradient(
             times of the run; or `mbdae.Squares`.
         parameters: names, or name = value.
         start: differentiate with respect to the start, too.
-        model: what makes the mechanism with other numbers.
+        model: makes the mechanism with other parameters.
         event: the terminal event in which the run ended, its function or its signal.
 
     Raises:
@@ -80,7 +80,7 @@ def gradient(
     require(start, bool, "start is True or False")
     values, numbers = bound(sol, parameters, model)
     trace = Trajectory(sol, numbers)
-    end, at = ending(trace, event), places(sol)
+    end, at = ending(trace, event), node_indices(sol)
     between = np.flatnonzero(sol.t != trace.ts[at])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:

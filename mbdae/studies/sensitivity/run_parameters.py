@@ -31,14 +31,14 @@ Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
 
 
 class MechanismFactory(Protocol):
-    """What makes mechanisms with other numbers."""
+    """Source of mechanisms with other parameters."""
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """The mechanism with these values."""
 
 
 def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
-    """What makes mechanisms like one: its own files, a file, or a function.
+    """Return the source of mechanisms like one: its files, another file, or a function.
 
     Raises:
         InputError: where a mechanism was not read from files and no model is given.
@@ -71,7 +71,7 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     if isinstance(names, Mapping) or model is not None:
         _moves_alike(parameters.mech, sol)
     if parameters.mech.ng:
-        parameters.refuse(t, y[: mech.nq])
+        parameters.require_consistent(t, y[: mech.nq])
     if model is None:
         _BOUND[mech] = {key: (values, parameters)}
     return values, parameters
@@ -128,7 +128,7 @@ def scaled(given: Any, usual: Mapping[str, float]) -> Array:
 
 
 def teller(progress: Any) -> Callable[[str], None]:
-    """What tells the user's function what is done; nothing for None.
+    """Return the function that reports progress to that of the user; without effect for None.
 
     Raises:
         InputError: for what is no function, and where it fails.

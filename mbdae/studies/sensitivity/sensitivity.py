@@ -142,8 +142,8 @@ def sensitivity(
             name = value where the model does not tell. At the end of what a number can be (a damping of 0) the
             derivative is one-sided, with a warning.
         start: differentiate with respect to (q, v, s) at the start, too, q in its tangent, all of them free.
-        model: what makes the mechanism with other numbers, see `mbdae.sweep`: a file or a function; what the mechanism
-            was read from when left out.
+        model: makes the mechanism with other parameters, see `mbdae.sweep`: a file or a function; the
+            source of the mechanism when left out.
         event: the terminal event in which the run ended, its function or its signal: its time moves, too.
 
     Raises:
@@ -175,7 +175,7 @@ def sensitivity(
             out.dt[sol.t == trace.ts[-1]] = dh
             dy, carry = end.forward(dy, carry, dp, dh)
         else:
-            dy, carry = _forward(trace.parts(i), dy, carry, dp)
+            dy, carry = _forward(trace.step_parts(i), dy, carry, dp)
         i += 1
     out.at_node(i, dy, carry)
     return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trace, out.after)
@@ -190,7 +190,7 @@ class _Tangents:
     def __init__(self, sol: Solution, trace: Trajectory, dp: Array) -> None:
         n, k = len(sol.t), dp.shape[1]
         self.t, self.trace, self.dp = sol.t, trace, dp
-        self.after = places(sol)
+        self.after = node_indices(sol)
         self.bounds = np.searchsorted(self.after, np.arange(len(trace.ts) + 1))
         self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.sensitivity.ny, k)), np.zeros((n, k))
 
@@ -225,7 +225,7 @@ def _forward(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[A
     return dy, carry
 
 
-def places(sol: Solution) -> Array:
+def node_indices(sol: Solution) -> Array:
     """The node at or before each time of a run, (n,)."""
     return sol.before(sol.t) if sol.steps else np.arange(len(sol.t))
 

@@ -56,7 +56,7 @@ class EventTimeDerivative:
         fixed = self.forward(dy, carry, dp, np.zeros(dy.shape[1]))[0]
         return -(self.by_y @ fixed + self.by_p @ dp) / rise
 
-    def held(self, y: Array, carry: Array, late: float) -> tuple[Array, Array]:
+    def of_fixed_step(self, y: Array, carry: Array, late: float) -> tuple[Array, Array]:
         """Return the cotangents of y behind the step with its size held, and of p, of those with dt_e and of t_e."""
         by_size = self.by_size(y, carry)[:, 0]
         by_e = -(float(y[:, 0] @ by_size) + late) / (self.by_t + self.by_y @ by_size)
@@ -82,7 +82,7 @@ def ending(trace: Trajectory, event: Any) -> EventTimeDerivative | None:
         raise InputError("the run ended in a terminal event, whose time moves: give its function or signal, event=")
     given, s = getattr(event, "function", event), trace.system
     last, t, y = len(trace.ts) - 1, float(trace.ts[-1]), trace.ys[-1]
-    parts = list(trace.parts(last - 1))
+    parts = list(trace.step_parts(last - 1))
     if isinstance(given, str):
         signal, level, _ = parse(given)
         row = (row_of := SignalJacobian(trace, [signal])).rows(last, t, y)[0]

@@ -172,7 +172,7 @@ class Continuation:
         d = np.append(scale_of(here.noise), 1.0)
         return np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)]) / np.outer(d[:-1], d), d
 
-    def ways(self, here: ForceBalance, d: Array) -> Array:
+    def tangent_map(self, here: ForceBalance, d: Array) -> Array:
         """How (dq / l, u) follow from (d y, u), (nv + 1, k + 1)."""
         Z = here.free.Z / self.l[:, None]
         return np.block([[Z, np.zeros((len(Z), 1))], [np.zeros(Z.shape[1]), np.ones(1)]]) / d
@@ -180,7 +180,7 @@ class Continuation:
     def correction(self, here: ForceBalance, at: PathPoint) -> Array:
         """The change (y, u) that balances forces across the tangent of another point."""
         rows, d = self.rows(here)
-        along = np.append(at.dq / self.l, at.du) @ self.ways(here, d)
+        along = np.append(at.dq / self.l, at.du) @ self.tangent_map(here, d)
         size = np.linalg.norm(rows[:, -1]) or 1.0
         columns = np.append(np.ones(len(rows)), 1 / size)
         A = np.vstack([rows, along / np.linalg.norm(along * columns)]) * columns
@@ -196,9 +196,9 @@ class Continuation:
             InputError: where the first equilibrium does not move with the load.
         """
         rows, d = self.rows(here)
-        met = EPS * abs(self.range) * self.statics.met(here)
+        met = EPS * abs(self.range) * self.statics.term_sizes(here)
         null = null_space(rows, np.column_stack([here.noise, met]) / np.outer(d[:-1], d)).vectors
-        Q, R = np.linalg.qr(self.ways(here, d) @ null)
+        Q, R = np.linalg.qr(self.tangent_map(here, d) @ null)
         onward = np.eye(len(Q))[-1] if before is None else np.append(before.dq / self.l, before.du)
         c = Q.T @ onward
         if before is None and np.linalg.norm(c) < STILL:

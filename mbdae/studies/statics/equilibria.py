@@ -93,7 +93,7 @@ def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Arr
 
 
 def _given(mech: Mechanism, drive: str) -> str:
-    """What leaves no degree of freedom to a mechanism that has one without its drivers and integrators."""
+    """Name what removes the degree of freedom that a mechanism has without its drivers and integrators."""
     if any(d.speed is not None for d in mech.drivers):
         return f"a driver says how fast {drive!r} moves"
     return f"{'a driver' if mech.drivers else 'an integrator'} says where {drive!r} is"

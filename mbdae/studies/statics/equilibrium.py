@@ -45,7 +45,7 @@ class Equilibrium(Tabular):
         s: states of controllers and actuators, (ns,).
         lam: multipliers of all rows, (ng,), of minimum norm.
         holding: torque in N m or force in N that holds each coordinate of the joints that are held, by name.
-        residual: what is left of the forces along free motions, as a share of the largest met.
+        residual: the remaining forces along free motions, as a share of the largest met.
         iterations: steps tried.
         verdict: stability, and from what.
     """

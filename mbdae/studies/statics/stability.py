@@ -13,7 +13,7 @@ from ...system import Array
 from .trust_region import symmetric, symmetric_part
 
 ASIDE = 1e-2  # rad or characteristic lengths: a neighbour
-LOST = 1e-4  # of the smallest singular value there: what it falls to where rank is lost
+LOST = 1e-4  # of the smallest singular value there: its value where rank is lost
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,12 @@ TAKEN, GOOD = 0.1, 0.7  # of the work promised
 NEARLY = 1e-5  # of the terms of forces: from there on Newton steps go on to rounding
 EXACT = 1e-17  # of the terms of forces: nothing
 ROUNDED = 1e-11  # of the terms of forces: less counts as zero if Newton's step is short, too
-BALANCED = 1e-8  # of the terms of forces: what is left of them where rounding lets no step make it less
+BALANCED = 1e-8  # of the terms of forces: the rest where rounding lets no step make it less
 SHORT_OF = 1e-3  # rad or slides: Newton's step at an equilibrium
 FLAT = 1e-9  # of what a step would be without stiffness: sigma where there is neither stiffness nor a limit
-SYMMETRIC = 1e-7  # of the terms of H: what differs from its transpose by less has a potential
+SYMMETRIC = 1e-7  # of the terms of H: if it differs from its transpose by less, forces have a potential
 RELAXED, SHORT = 3, 0.5  # steps that let stiff springs rest, and their length as a share of the step before
-HALVED = 0.5  # of rho: what a step to rounding must leave at most
+HALVED = 0.5  # of rho: the most that a step to rounding may leave
 HALVINGS, ENOUGH = 4, 0.9  # of a step to an equilibrium of any kind, and what it may leave of rho
 ITERATIONS = 100
 

@@ -1,4 +1,4 @@
-"""What tells functions apart, across runs of Python: their code and all that they hold."""
+"""Fingerprints of functions that are equal across runs of Python: of their code and all that they hold."""
 
 import pickle
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""What is kept of each run of a sweep: signals at given times, and single numbers.
+"""Outputs kept of each run of a sweep: signals at given times, and single numbers.
 
 "q.slider"                     a signal, kept at the times of the sweep
 "final q.slider"               its value at the end; max, min, and peak, the largest magnitude

@@ -98,7 +98,7 @@ def _refuse_many(runs: Any) -> None:
 
 
 def _named(parameters: Any) -> Iterable[Any]:
-    """What stands where names should."""
+    """Return the keys of random values or of runs, which must be names of parameters."""
     if isinstance(parameters, Random):
         return parameters.parameters if isinstance(parameters.parameters, Mapping) else [None]
     runs = [parameters] if isinstance(parameters, Mapping) else parameters

@@ -31,7 +31,7 @@ class SweepFile:
         fresh: leave what is there unread, and replace it.
 
     Attributes:
-        rows: what was finished before, by number of the run.
+        rows: runs finished before, by number of the run.
 
     Raises:
         InputError: without pyarrow; for a file of another sweep, of none, in use, or that cannot be written.
@@ -91,7 +91,7 @@ class SweepFile:
                 f"{self.path} holds another sweep, with other {' and '.join(other)}: name another file, or delete it"
             )
 
-    def keep(self, row: Row) -> None:
+    def append(self, row: Row) -> None:
         """Write one finished run."""
         batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())}], self.schema)
         if self._file is None:

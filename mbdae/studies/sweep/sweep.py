@@ -80,7 +80,7 @@ def sweep(
         parameters: a grid, name = list of values (all combinations); a list of runs, name = value each; or a
             `mbdae.Random` sample.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
-        outputs: what is kept of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
+        outputs: results kept of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
             ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table.
         times: number of equidistant times, or the times, at which signals are taken; ends of steps when left out.
         path: file of the table, ``.parquet``; takes pyarrow.
@@ -99,7 +99,7 @@ def sweep(
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
         InputError: for wrong arguments, a model that cannot be made with any of the values, or the file of another
             sweep.
-        MbdaeError: when the executor loses a run; what is finished is kept.
+        MbdaeError: when the executor loses a run; finished runs are kept.
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
@@ -113,7 +113,7 @@ def sweep(
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         if open_tasks := [task for task in plan if task.run not in collector.rows]:
             with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
-                shop.work(open_tasks, collector.keep)
+                shop.work(open_tasks, collector.record)
         return collector.finish()
 
 
@@ -125,13 +125,13 @@ class _Collector:
         self.result, self.progress = Sweep([], meta, path=path), progress
         self.rows = dict(self.file.rows) if self.file else {}
 
-    def keep(self, task: Task, found: dict[str, Any]) -> None:
+    def record(self, task: Task, found: dict[str, Any]) -> None:
         """Take the row of a run that came to its end or failed."""
         if found["status"] == "interrupted":  # by a signal that reached the worker: the run is still to be made
             return
         row = completed(found, task, self.result.kinds)
         if self.file:
-            self.file.keep(row)
+            self.file.append(row)
         self.rows[row["run"]], self.result.seconds[row["run"]] = row, found["seconds"]
         if self.progress:
             n, total = len(self.rows), self.result.total
@@ -151,7 +151,7 @@ class _Collector:
 
 
 def _meta(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
-    """What a table says of itself: see `Sweep`."""
+    """Return the metadata of a table, see `Sweep`."""
     wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is kept] for kept in (True, False))
     of = units(mech) if wanted else {}
@@ -252,7 +252,7 @@ def _method(job: Job, task: Task) -> tuple[str, str]:
 
 
 def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
-    """What tells sweeps apart, as plain data; long parts as checksums."""
+    """Return data that identify a sweep; long entries as checksums."""
     model = job.model if isinstance(job.model, str) else function_name(job.model)
     made = describe(mech) if isinstance(job.model, str) else fingerprint(job.model)
     return {

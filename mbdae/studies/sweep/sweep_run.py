@@ -32,7 +32,7 @@ FAILURES = {  # statuses of runs that did not come to a solution
 
 
 class Maker(Protocol):
-    """What makes the mechanisms of a sweep."""
+    """Source of the mechanisms of a sweep."""
 
     parameters: tuple[str, ...]
 
@@ -83,13 +83,13 @@ class Made:
 
 @dataclass(frozen=True)
 class Job:
-    """What all runs of a sweep share; it travels to other processes.
+    """Data that all runs of a sweep share; sent to other processes.
 
     Attributes:
         model: what `mbdae.load` takes, or a function that returns a Mechanism.
         t_span: start and end in s; from 0 to the model's duration when None.
         times: number of equidistant times or the times at which signals are taken; the steps when None.
-        outputs: what is kept of each run.
+        outputs: results kept of each run.
         settings: arguments of `mbdae.solve`.
         key: tells sweeps apart whose files differ.
     """
@@ -102,7 +102,7 @@ class Job:
     key: str = ""
 
     def maker(self) -> Maker:
-        """What makes the mechanisms, with files read again."""
+        """Return the source of the mechanisms, with files read again."""
         return maker_of(self.model)
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
@@ -117,7 +117,7 @@ class Job:
 
 
 def maker_of(model: Any) -> Maker:
-    """What makes the mechanisms of a model.
+    """Return the source of the mechanisms of a model.
 
     Args:
         model: what `mbdae.load` takes, or a function that returns a Mechanism.

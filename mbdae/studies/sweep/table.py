@@ -32,8 +32,7 @@ class Sweep(Tabular):
         rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
             counts of work, ``backend``, and outputs; those of a run that did not come to its end are None. Results of
             functions are a table ``more``.
-        meta: what was computed: manifest, names of parameters, numbers and signals, and units of these, where the
-            file tells them.
+        meta: manifest, names of parameters, numbers and signals, and units of these, if the file defines them.
         seconds: wall time of each run that was computed now, by its number. No column of the table, which is the same
             bit for bit whoever computes it.
         path: the file, if any.

@@ -45,7 +45,7 @@ class SweepTable(Table):
         end: end time in s; the model's own when left out.
         start: start time in s.
         times: number of times, or the times, at which signals are taken.
-        outputs: what is kept of each run.
+        outputs: results kept of each run.
         seed: of the sweep.
         executor: where it runs.
         workers: how many.

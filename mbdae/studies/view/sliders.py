@@ -113,8 +113,8 @@ def _stretch(slider: Slider) -> Slider:
     if slider.ended == "closed":  # one period, with the start in the middle
         rounds, k = np.divmod(here + k - n // 2, n - 1)
         u, here = u[k] + rounds * (u[-1] - u[0]), n // 2
-    rising = np.diff(u) > 0
-    turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
+    ascending = np.diff(u) > 0
+    turns = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
     first, last = max([0, *turns[turns <= here]]), min([n - 1, *turns[turns > here]])
     chosen = np.arange(first, last + 1)[:: 1 if u[last] > u[first] else -1]
     ends = u[chosen[[0, -1]]]

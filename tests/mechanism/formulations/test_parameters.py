@@ -89,13 +89,13 @@ def test_parameters_of_files():
     values = {"joint.crank.mass": 1.0, "joint.rocker.xyz.0": 2.5, "frame.coupler_tip.xyz.0": 2.0, "gravity.2": -9.81}
     parameters = Parameters(Template("four_bar").make, values)
     q, v = parameters.mech.start
-    parameters.refuse(0.0, q)
+    parameters.require_consistent(0.0, q)
     P, Q, g, _ = partials(parameters, 0.0, q, v, np.empty(0), np.ones(3), np.ones(3))
     assert (np.abs(np.vstack([P, Q, g])).max(axis=0) > 0.1).all()
     assert not g[:, 0].any()
     across = Parameters(Template("four_bar").make, {"joint.rocker.rpy.0": 0.0})
     with pytest.raises(InputError, match=r"'joint\.rocker\.rpy\.0' opens closures that depend on each other"):
-        across.refuse(0.0, q)
+        across.require_consistent(0.0, q)
 
 
 def test_what_changes_more_than_numbers_is_refused():

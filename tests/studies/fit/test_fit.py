@@ -131,7 +131,7 @@ def test_fewer_runs_than_with_quotients(tmp_path):
     assert found.values == pytest.approx(truth, rel=1e-6)
     problem = FitResiduals(Template(str(path)), list(given), records(data), [{}], 1e-4, None, dict(STEP))
     x, low, high = np.array(list(given.values())).T
-    for share in problem.shares(SPANS, 2):
+    for share in problem.span_fractions(SPANS, 2):
         problem.share, tolerance = share, ROUGH if share < 1 else TOLERANCE
         x = least_squares(problem.residuals, x, "2-point", (low, high), x_scale=(high - low) / 10, ftol=tolerance,
                           xtol=tolerance, gtol=tolerance).x  # fmt: skip

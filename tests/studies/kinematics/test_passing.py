@@ -44,7 +44,7 @@ def test_the_stop_of_the_slider():
     """A crank of 0.1 m and a rod of 0.35 m: x = 0.1 cos u + sqrt(0.35^2 - (0.1 sin u)^2)."""
     mech = mbdae.load("slider_crank_with_stop")
     (passed,) = kinematics(mech, "crank").passed
-    (end,) = [x for x, _ in mech.stops[0].ends]
+    (end,) = [x for x, _ in mech.stops[0].one_sided_limits]
     x = [0.1 * np.cos(u) + np.sqrt(0.35**2 - (0.1 * np.sin(u)) ** 2) for u in passed[1:3]]
     np.testing.assert_allclose(x, end, atol=1e-12)
     assert passed.most == pytest.approx(0.45 - end, abs=1e-6)

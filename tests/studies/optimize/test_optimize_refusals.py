@@ -102,7 +102,7 @@ def test_what_fails_later_is_kept_and_said():
     assert found.to_dict()["history"][-1]["why"] == found.history[-1].why
     stopped = search(late(KeyboardInterrupt()))
     assert stopped.interrupted
-    assert not stopped.lost
+    assert not stopped.failures
 
 
 def test_a_search_keeps_its_best_point_when_progress_or_gradients_fail():

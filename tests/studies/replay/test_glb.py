@@ -109,7 +109,7 @@ def test_springs_reach_from_end_to_end(shown):
         points = file.array(file.parts["meshes"][node["mesh"]]["primitives"][0]["attributes"]["POSITION"])
         tracks = file.tracks(names[f"{spring.name} coil"])
         for i in (0, -1):
-            _, b = scene.ends(scene.springs, sol(0.5 * tracks["rotation"][0][i, 0]).q[None])[0, s]
+            _, b = scene.end_points(scene.springs, sol(0.5 * tracks["rotation"][0][i, 0]).q[None])[0, s]
             turn = pin.Quaternion(tracks["rotation"][1][i].astype(float)).matrix()
             far = tracks.get("translation", [0, [node["translation"]] * 2])[1][i] + turn @ (
                 tracks["scale"][1][i] * [0, 0, spring.length]

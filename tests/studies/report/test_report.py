@@ -17,7 +17,7 @@ from commands import call, without_pictures
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.model_library import model_names
-from mbdae.studies.method_variant import default, of, usual
+from mbdae.studies.method_variant import default, default_variants, of
 
 OPTIONS = {"methods": ("pherk5", "ggl:herk3"), "tolerances": (1e-3, 1e-5), "rtol": 1e-6, "repeats": 1}
 LIBRARY = Path(__file__).parents[3] / "models"
@@ -143,7 +143,7 @@ def test_what_a_file_says_of_runs_is_what_report_and_comparison_begin_with(tmp_p
         path = tmp_path / "own.toml"
         path.write_text(f"{text}\n[solve]\n{said}\n", "utf-8")
         mech = mbdae.load(path)
-        assert next(str(v) for v in usual(mech, ["herk5"])) == words == str(of(mbdae.solve(mech, (0, 0.05)).settings))
+        assert str(default_variants(mech, ["herk5"])[0]) == words == str(of(mbdae.solve(mech, (0, 0.05)).settings))
     assert str(default(mech, rtol=1e-6)) == "project:pherk6", "a tolerance takes the place of the step"
 
 
@@ -199,9 +199,9 @@ def test_the_command_writes_it(tmp_path, monkeypatch):
 
 
 def test_tables_are_numbers_of_the_mechanism_and_the_ranking_that_of_the_comparison(result):
-    from mbdae.studies.report.report_tables import parts, ranking
+    from mbdae.studies.report.report_tables import component_tables, ranking
 
-    text = html.unescape(re.sub(r"<[^>]+>", "|", parts(result.sol.mechanism)))
+    text = html.unescape(re.sub(r"<[^>]+>", "|", component_tables(result.sol.mechanism)))
     model = result.sol.mechanism.model
     for i in range(1, model.njoints):
         assert re.search(rf"\|{model.names[i]}\|+{model.inertias[i].mass:.5g}\|", text)

@@ -34,7 +34,7 @@ class CamClosure(BetweenFrames):
     def _touches(self) -> "CamClosure":
         if (self.radius is None) == (self.axis is None):
             raise ValueError("a cam needs one of radius, of its roller, and axis, of its flat face")
-        self.profile.path.refuse(self.radius)
+        self.profile.path.require_regular(self.radius)
         return self
 
     def primitives(self) -> tuple[FlatFace | Roller]:  # noqa: D102

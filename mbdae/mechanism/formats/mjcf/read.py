@@ -146,7 +146,7 @@ def read_mjcf(path: Path, places: AllowedPaths, source: Source) -> ImportedModel
     """Read an MJCF file.
 
     Args:
-        path: the file; what it includes is found as MuJoCo finds it.
+        path: the file; files that it includes are found as MuJoCo finds them.
         places: where the file may be.
         source: with the name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first
             keyframe, if there is one, when left out.

@@ -69,11 +69,11 @@ def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
         return [of.number(shape, key, 1.0, name) for key in keys]
 
     solids: dict[str, Callable[[Recorded], Any]] = {
-        "box": lambda s: coal.Box(*of.numbers(s.text("size") or "1 1 1", 3, name)),
+        "box": lambda s: coal.Box(*of.parse_numbers(s.text("size") or "1 1 1", 3, name)),
         "sphere": lambda s: coal.Sphere(*sizes(s, "radius")),
         "cylinder": lambda s: coal.Cylinder(*sizes(s, "radius", "length")),
         "capsule": lambda s: coal.Capsule(*sizes(s, "radius", "length")),
-        "ellipsoid": lambda s: coal.Ellipsoid(*of.numbers(s.text("radii") or "1 1 1", 3, name)),
+        "ellipsoid": lambda s: coal.Ellipsoid(*of.parse_numbers(s.text("radii") or "1 1 1", 3, name)),
     }
     for kind, make in solids.items() if geometry else ():
         shape = geometry.first(kind) if geometry else None
@@ -106,7 +106,7 @@ def visuals_of(
                 if mesh is None:
                     shape = solid_of(of, geometry, name)
                 else:
-                    scale = np.array(of.numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
+                    scale = np.array(of.parse_numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
                     found = places.find(mesh.text("uri") or "")
                     shape, files = placeholder(found, scale), (str(found), str(places.companions(found)))
             except InputError as error:
@@ -119,6 +119,6 @@ def visuals_of(
             g = pin.GeometryObject(name, joint, origin.actInv(of.placed(e, name, here)), shape)
             (g.meshPath, g.meshTexturePath), g.meshScale = files, scale
             colour = e.text("material/diffuse") or e.text("material/ambient")
-            g.meshColor = np.array(of.numbers(colour, 4, name) if colour else GREY)
+            g.meshColor = np.array(of.parse_numbers(colour, 4, name) if colour else GREY)
             out.addGeometryObject(g)
     return out, missing, reason

@@ -36,7 +36,7 @@ class SdfElements:
         if unread := [e.tag for e in model.children if e.tag in ("model", "include")]:
             raise InputError(f"{file}: <{unread[0]}> within a model is not read")
         self.by_name = {self._name(e): e for tag in ("link", "joint", "frame") for e in model.all(tag)}
-        self.links = {n: self.place(n) for n, e in self.by_name.items() if e.tag == "link"}
+        self.links = {n: self.placement_of(n) for n, e in self.by_name.items() if e.tag == "link"}
         self.canonical = model.get("canonical_link") or next(iter(self.links), WORLD)
 
     def _name(self, e: Recorded) -> str:
@@ -50,7 +50,7 @@ class SdfElements:
         text = e.text(path)
         return default if text is None else text.lower() in YES
 
-    def place(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
+    def placement_of(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
         """Return the placement of a link, joint or frame in the world."""
         if name in ("", MODEL):
             return self.pose(self.model, OWN)
@@ -60,7 +60,7 @@ class SdfElements:
             raise InputError(f"{self.file}: {name!r} is no link, joint or frame, or placed relative to itself")
         e = self.by_name[name]
         base = e.get("attached_to") if e.tag == "frame" else (e.text("child") or "") if e.tag == "joint" else ""
-        return self.placed(e, name, lambda: self.place(base, (*seen, name)), (*seen, name))
+        return self.placed(e, name, lambda: self.placement_of(base, (*seen, name)), (*seen, name))
 
     def placed(self, e: Recorded, name: str, base: "pin.SE3 | object", seen: tuple[str, ...] = ()) -> pin.SE3:
         """Return the world placement of an element: its pose relative to the frame that it names, or else ``base``.
@@ -73,7 +73,7 @@ class SdfElements:
         """
         pose = e.first("pose")
         other = pose.get("relative_to") if pose else ""
-        above = self.place(other, seen) if other else base() if callable(base) else base
+        above = self.placement_of(other, seen) if other else base() if callable(base) else base
         return above * self.pose(e, name)
 
     def pose(self, e: Recorded, name: str) -> pin.SE3:
@@ -86,14 +86,14 @@ class SdfElements:
         style, degrees = pose.get("rotation_format", "euler_rpy"), pose.get("degrees").lower() in YES
         if style not in ("euler_rpy", "quat_xyzw"):
             raise InputError(f"{self.file}: the pose of {name!r} is no roll, pitch and yaw, and no quaternion")
-        x = np.array(self.numbers(text, 7 if style == "quat_xyzw" else 6, f"the pose of {name!r}"))
+        x = np.array(self.parse_numbers(text, 7 if style == "quat_xyzw" else 6, f"the pose of {name!r}"))
         if style == "quat_xyzw":
             if not np.linalg.norm(x[3:]) > 0:
                 raise InputError(f"{self.file}: the quaternion in the pose of {name!r} is zero")
             return pin.SE3(pin.Quaternion(x[3:] / np.linalg.norm(x[3:])).matrix(), x[:3])
         return pin.SE3(pin.rpy.rpyToMatrix(np.radians(x[3:]) if degrees else x[3:]), x[:3])
 
-    def numbers(self, text: str | None, n: int, what: str) -> list[float]:
+    def parse_numbers(self, text: str | None, n: int, what: str) -> list[float]:
         """Return ``n`` finite numbers.
 
         Raises:
@@ -110,7 +110,7 @@ class SdfElements:
     def number(self, e: Recorded | None, path: str, default: float, what: str) -> float:
         """Return the number along a path; ``default`` if there is none."""
         text = None if e is None else e.text(path)
-        return default if text is None else self.numbers(text, 1, what)[0]
+        return default if text is None else self.parse_numbers(text, 1, what)[0]
 
     def link_of(self, name: str) -> str | None:
         """Return the link, or the world, that carries a link, frame or joint; None if there is none."""

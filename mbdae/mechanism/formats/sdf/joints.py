@@ -87,7 +87,7 @@ class SdfJoint:
         return AXES[self.kind] == 1
 
     @property
-    def acts(self) -> bool:
+    def has_force(self) -> bool:
         """Whether a force acts along its axes."""
         return any(a.damping or a.stiffness for a in self.axes)
 
@@ -126,7 +126,7 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
         links.append(link)
     if links[0] == links[1]:
         raise InputError(f"{of.file}: joint {name!r} joins {links[0]!r} with itself")
-    place, tags = of.place(name), ("axis", "axis2")[: AXES[kind]]
+    place, tags = of.placement_of(name), ("axis", "axis2")[: AXES[kind]]
     axes = tuple(_axis(of, name, kind, e.first(tag), place) for tag in tags)
     if len(axes) == 2 and abs(np.dot(axes[0].xyz, axes[1].xyz)) > PERPENDICULAR:
         raise InputError(f"{of.file}: the axes of joint {name!r} are not perpendicular")
@@ -136,12 +136,12 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
 
 def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, place: pin.SE3) -> SdfAxis:
     found = None if e is None else e.first("xyz")
-    xyz = np.array(of.numbers("0 0 1" if found is None else found.text(), 3, f"the axis of joint {joint!r}"))
+    xyz = np.array(of.parse_numbers("0 0 1" if found is None else found.text(), 3, f"the axis of joint {joint!r}"))
     if not np.linalg.norm(xyz) > 0:
         raise InputError(f"{of.file}: the axis of joint {joint!r} is no direction")
     in_model = of.version <= AXES_IN_MODEL or (e is not None and of.is_set(e, "use_parent_model_frame"))
     frame = MODEL if in_model else found.get("expressed_in") if found else ""
-    turned = place.rotation.T @ of.place(frame).rotation @ xyz if frame else xyz
+    turned = place.rotation.T @ of.placement_of(frame).rotation @ xyz if frame else xyz
     unit = tuple((turned / np.linalg.norm(turned)).tolist())
 
     def number(key: str, what: str, default: float = 0.0) -> float:

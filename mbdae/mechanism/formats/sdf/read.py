@@ -64,7 +64,7 @@ def read_sdf(text: str, name: str, places: AllowedPaths) -> ImportedModel:
     elements = SdfElements(models[0], root.get("version"), name)
     gravity = root.text("world/gravity")
     record = {"sdf": text, "folder": str(places.folder), "packages": list(map(str, places.packages))}
-    return SdfModel(elements).part(gravity, places, record, root)
+    return SdfModel(elements).imported_model(gravity, places, record, root)
 
 
 class SdfModel:
@@ -85,7 +85,7 @@ class SdfModel:
         self.halved = [j for j in self.joints if j not in self.tree and self._halves(j)]
         self.shares = Counter(j.child for j in self.halved)
 
-    def part(self, gravity: str | None, places: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
+    def imported_model(self, gravity: str | None, places: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
         """Return the imported model of the file."""
         self._grow(WORLD)
         for link in self.roots:
@@ -95,7 +95,7 @@ class SdfModel:
             self._grow(link)
         for name, e in self.of.by_name.items():
             if e.tag == "frame":
-                self._frame(name, self.home[self.of.link_of(name) or WORLD], self.of.place(name))
+                self._frame(name, self.home[self.of.link_of(name) or WORLD], self.of.placement_of(name))
         closures = [self._close(j) for j in self.joints if j not in self.tree]
         visuals, shapeless, reason = visuals_of(self.of, places, lambda n: (self.home[n], self.origins[self.home[n]]))
         if reason:
@@ -108,7 +108,7 @@ class SdfModel:
             self.model,
             visuals,
             record.copy,
-            gravity=None if gravity is None else tuple(self.of.numbers(gravity, 3, "gravity")),
+            gravity=None if gravity is None else tuple(self.of.parse_numbers(gravity, 3, "gravity")),
             closures=tuple(closures),
             forces=tuple(springs),
             mimics=tuple(mimics),
@@ -136,7 +136,7 @@ class SdfModel:
 
     def _halves(self, j: SdfJoint) -> bool:
         """Return whether a loop-closing joint needs coordinates, and can have them: it carries half of its child."""
-        if not (j.acts or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
+        if not (j.has_force or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
             return False
         place, axes = j.place.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
         inertia = place.act(self.inertias[j.child]).matrix()
@@ -229,7 +229,7 @@ class SdfModel:
             (FRICTION, names(moving, dry)),
             ("friction where loops are closed", names(cut, dry)),
             ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
-            ("damping and springs where loops are closed", [j.name for j in cut if j.acts]),
+            ("damping and springs where loops are closed", [j.name for j in cut if j.has_force]),
             (LOST, [j.name for j in self.joints if j.follows or (j.mimic and j.name not in led)]),
             ("kinematic motion of links", [n for n in self.of.links if self.of.is_set(links[n], "kinematic")]),
             ("shapes", shapeless),
