@@ -28,13 +28,13 @@ def within_range(
     Line searches from one side only approach a bound that is not known to them.
     """
 
-    def ends(beyond: float) -> bool:
+    def ends_at_zero(beyond: float) -> bool:
         return _exists(make, {**start, name: 0.0}) and not _exists(make, {**start, name: beyond})
 
     low, high = pair
     return (
-        0.0 if low == -np.inf and start[name] >= 0 and ends(-SMALL) else low,
-        0.0 if high == np.inf and start[name] <= 0 and ends(SMALL) else high,
+        0.0 if low == -np.inf and start[name] >= 0 and ends_at_zero(-SMALL) else low,
+        0.0 if high == np.inf and start[name] <= 0 and ends_at_zero(SMALL) else high,
     )
 
 
