@@ -189,6 +189,8 @@ def test_inertia_of_shapes(tmp_path):
     assert pin.crba(half.model, half.model.createData(), np.zeros(1))[0, 0] == pytest.approx(expected / (rod + bob))
     with pytest.raises(InputError, match="is to follow from its shapes, and 'arm/bob' is no solid"):
         loaded(tmp_path, text.format(shapes.replace("sphere", "heightmap"), "revolute", ""))
+    with pytest.raises(InputError, match=r"the mass of 'arm/rod' of .* is negative"):
+        loaded(tmp_path, text.format(shapes.replace("<length>1<", "<length>-1<"), "revolute", ""))
 
 
 def test_what_moves_nothing_or_is_not_modelled_is_named(tmp_path):

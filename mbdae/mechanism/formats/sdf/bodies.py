@@ -53,7 +53,8 @@ def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
             raise InputError(f"{of.file}: {what} is to follow from its shapes, and {name!r} is no solid: say the mass")
         density = of.number(shape, "density", usual, f"the density of {name!r}")
         moment = density * np.array(solid.computeMomentofInertia())
-        one = pin.Inertia(density * solid.computeVolume(), np.array(solid.computeCOM()).ravel(), moment)
+        com = np.array(solid.computeCOM()).ravel()
+        one = judged_inertia(density * solid.computeVolume(), com, moment, f"{name!r} of {of.file}")
         total += here.actInv(of.placed(shape, name, here)).act(one)
     if not total.mass > 0:
         raise InputError(f"{of.file}: {what} is to follow from its shapes, and they have no mass")
