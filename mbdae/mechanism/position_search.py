@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
 from .closures.closure_error import ClosureError, largest_error
+from .closures.independent_rows import MANY_ROWS
 from .flipped_frames import Residuals, closures, flipped_closures, with_directions
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ SLIDES = 10
 DAMPING = 0.1  # of |g|, at the start
 SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
 LESS = 0.1  # of the damping, after such a step
-MANY_ROWS = 32  # above, steps are solved by sparse factors
 LEAST_DAMPING = 1e-12  # of the largest diagonal entry of G G^T: dependent rows make it singular without
 
 

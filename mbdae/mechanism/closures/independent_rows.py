@@ -16,7 +16,7 @@ ROUNDING = 1e-14
 SMALLEST_PIVOT = 1e-14  # of the largest, in the system of the rows in use: below, it is singular
 AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: rows this close to dependence leave the branch to rounding
 UNDERWAY = 1e-7  # the same for a run that follows its branch with loops closed to the square of this
-MANY_ROWS = 32  # rows: above, all of them are inspected only when triggered
+MANY_ROWS = 32  # rows: above, sparse and band factors serve, and all are inspected only when triggered
 RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last selection: smaller triggers one
 # of the largest row: a dependent row with this much of a probe triggers a selection, too
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
