@@ -10,7 +10,7 @@ one such problem: y = (q, v, w) with the work w, z = lam (Hairer, Lubich, Roche 
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
@@ -39,7 +39,7 @@ class Counts:
 
     def to_dict(self) -> dict[str, int]:
         """The counts by name."""
-        return asdict(self)
+        return dict(vars(self))
 
 
 class State(NamedTuple):

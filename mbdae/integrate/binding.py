@@ -20,16 +20,17 @@ def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, 
         UnknownNameError: for an unknown back end or formulation.
     """
     missing = "" if isinstance(problem, Mechanism) else "textbook problems"
+    system = problem.workspaces.take if isinstance(problem, Mechanism) else problem.system
     native = None if missing and backend in ("auto", "native") else choose(backend)
     if native:
         try:
-            return problem.system(formulation, baumgarte, native), ""
+            return system(formulation, baumgarte, native), ""
         except NotCompiled as e:
             missing = str(e)
     if missing and backend == "native":
         raise InputError(f"backend='native' does not have {missing}: take 'auto' or 'python'")
     why = "" if backend == "python" else missing or status()
-    return problem.system(formulation, baumgarte), why
+    return system(formulation, baumgarte), why
 
 
 def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str) -> tuple[str, str]:
@@ -47,6 +48,11 @@ def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]],
         InputError: for ``backend="native"`` if the core does not support all of them.
         UnknownNameError: for an unknown back end.
     """
-    reasons = {bind(problem, *run, known(backend))[1] for run in runs}
+    reasons = set()
+    for run in runs:
+        system, why = bind(problem, *run, known(backend))
+        reasons.add(why)
+        if isinstance(problem, Mechanism):
+            problem.workspaces.give(system)  # type: ignore[arg-type]
     because = "; ".join(sorted(reasons - {""}))
     return "python" if backend == "python" or because else "native", because

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import StepError
+from ..mechanism import Mechanism
+from ..mechanism.formulations.index2 import Index2System
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
 from .carry_record import CarryRecord
@@ -225,6 +227,13 @@ class RunState:
         """Remove the nodes after a given one."""
         del self.ts[node + 1 :], self.ys[node + 1 :], self.zs[node + 1 :]
         self.t = self.ts[-1]
+
+    def release(self) -> None:
+        """Return the workspaces of the run to the mechanism."""
+        if isinstance(self.problem, Mechanism) and isinstance(self.system, Index2System):
+            for source in self.sources:
+                source.release()
+            self.problem.workspaces.give(self.system)
 
     def record(self) -> Solution:
         """Return the run so far as a solution that shares the lists: its dense output serves event detection."""

@@ -100,4 +100,6 @@ def solve(
     times = None if t_eval is None else within(t_eval, run.t, run.t1)
     started = perf_counter()
     status, message = run_to_end(run, c["max_steps"], progress)
-    return make_solution(run, status, message, perf_counter() - started, times)
+    out = make_solution(run, status, message, perf_counter() - started, times)
+    run.release()
+    return out

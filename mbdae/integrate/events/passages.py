@@ -55,6 +55,11 @@ class Passages(EventSource):
             self._workspace.use_rows(self.system.in_use)
         return self._workspace
 
+    def release(self) -> None:
+        """See `EventSource`."""
+        if self._workspace:
+            self.system.mechanism.workspaces.give(self._workspace)
+
     def _ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`; 1 if no row is in use."""
         return self.workspace.pivot_ratio(t, y) if self.workspace.in_use else 1.0

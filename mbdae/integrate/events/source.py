@@ -86,6 +86,9 @@ class EventSource:
     def restart(self, run: "RunState", switched: bool) -> None:
         """Restart at the last node, after a jump or, in another mode, at the same time."""
 
+    def release(self) -> None:
+        """Return workspaces that the source has taken."""
+
     def explain(self, run: "RunState", reason: StepError) -> str:
         """Return what a source knows about a failure, with the failure; empty if nothing."""
         return ""

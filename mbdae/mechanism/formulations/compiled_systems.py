@@ -61,9 +61,15 @@ class CompiledSystem(Index2System):
         self.core.slide(self.sliding.core_data(), self.sliding.active, self.sliding.slip_directions)
         self._deactivate_rows()
         self._seen = [0] * len(COUNTS)
+        self._expanded = False
+
+    def reset(self) -> None:
+        """See `Index2System.reset`."""
+        super().reset()
         self._begun = False
         self._method: tuple[Any, Any] = (None, None)
-        self._expanded = False
+        if hasattr(self, "core"):
+            self.core.reset()
 
     def method(self, method: Any) -> Any:
         """Return the core's version of a method; an implicit method also needs the expanded tree."""

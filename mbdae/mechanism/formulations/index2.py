@@ -12,7 +12,7 @@ import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrs, dpotrf, dpotrs
 
 from ...errors import StepError
-from ...system import Array, Counts, System
+from ...system import Array, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
@@ -21,12 +21,13 @@ from . import equation_partials, interpolation, projection, residuals, row_selec
 from .closure_friction import ClosureFriction, solve_with_friction
 from .index2_step import Index2Chart
 from .inertial_forces import InertialForces
+from .workspaces import RunRecord
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-class Index2System(PinocchioData, System):
+class Index2System(PinocchioData, RunRecord, System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
     A stage evaluates one mass matrix, one force, two constraint Jacobians, and factors M and G(Qhat) M^-1 G(Q)^T.
@@ -42,25 +43,16 @@ class Index2System(PinocchioData, System):
         self.laws = mechanism.bind_forces(self.workspace)
         self.ns = self.laws.ns
         self.ny = 2 * self.nv + self.ns + 1
-        self.counts, self.driven = Counts(), bool(mechanism.drivers)
+        self.driven = bool(mechanism.drivers)
         self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
         self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
         self.constraints.off = inactive_rows(mechanism.switches, self.mode)
         self.sticks = False  # joints stick in the mode
         self.sliding = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
-        self.rank: int | None = None
-        self.beside = independent_rows.AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
-        self.floor = 0.0  # smallest pivot ratio: below it, the rank has fallen
-        self.rows: Array | None = None
-        self.held = False  # freezes the rows in use, except in `update_independent_rows`
         self.place = independent_rows.elimination_order(self.constraints.columns)
-        self.reason = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
-        # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
-        self.largest_g = self.largest_rate = self.largest_speed = 0.0
-        self._last_q = np.full(self.nq, np.nan)
-        self._last = (np.empty(0), np.empty(0))  # U and G there
+        self._last = (np.empty(0), np.empty(0))  # U and G at the last point
+        self.reset()
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,) and G (ng, nv) over all rows.
@@ -153,7 +145,7 @@ class Index2System(PinocchioData, System):
 
     def new_workspace(self) -> "Index2System":
         """See `mbdae.system.System`; always in index-2 form."""
-        out = self.mechanism.system(native=self.native)
+        out = self.mechanism.workspaces.take(native=self.native)
         out.beside = self.beside
         out.enter(self.mode)
         return out

@@ -176,6 +176,7 @@ NB_MODULE(_native, m) {
       .def_prop_ro("largest_speed", [](const PyCore& c) { return c.core->system.largest_speed; })
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
+      .def("reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")
       .def("change_law", change_law, nb::arg("k"), nb::arg("a"), "Give law k other numbers: in a mode they are constant.")
       .def("leave_out", leave_out, nb::arg("off"), nb::arg("sticks"),
            "Say which rows the mode does not have, none for an empty list, and whether joints stick in it.")

@@ -31,6 +31,11 @@ void IndependentRows::use(const std::vector<int>& rows, int rank_, double floor_
   if (!version_ || rows != rows_) set(rows);
 }
 
+void IndependentRows::reset() {
+  rank = -1, floor = 0, held = false, least_pivot_ratio = 1, now_ = NAN;
+  set({});
+}
+
 void IndependentRows::met(double ratio) { now_ = ratio, least_pivot_ratio = std::min(least_pivot_ratio, ratio); }
 
 void IndependentRows::set(std::vector<int> rows) {

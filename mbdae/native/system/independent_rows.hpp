@@ -33,6 +33,7 @@ class IndependentRows {
   bool many() const { return static_cast<int>(position_.size()) > limits_.many; }
 
   void use(const std::vector<int>& rows, int rank, double floor, bool held);
+  void reset();  // as when new
   void met(double ratio);  // note the pivot ratio of a saddle-point system
   // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
   // Z.

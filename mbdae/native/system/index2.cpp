@@ -47,6 +47,12 @@ void Index2System::use(const std::vector<int>& in_use, int rank, double floor, b
   rows.use(in_use, rank, floor, held);
 }
 
+void Index2System::reset() {
+  point.forget();
+  rows.reset();
+  known.t = NAN, largest_g = largest_rate = largest_speed = 0;
+}
+
 bool Index2System::change_law(int k, const Numbers& a) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
   laws_[k].a = a, known.t = NAN;

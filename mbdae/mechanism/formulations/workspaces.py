@@ -1,0 +1,72 @@
+"""Workspaces that runs have used and returned, so that the next run of the mechanism need not make one."""
+
+from collections import defaultdict
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...system import Array, Counts
+from ..closures import independent_rows
+from ..forces import is_custom
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .index2 import Index2System
+
+
+class RunRecord:
+    """The part of a workspace that a run changes: rows in use, extremes and counts."""
+
+    ng: int
+    nq: int
+
+    def reset(self) -> None:
+        """Return to the state of a new workspace, in the same mode."""
+        self.counts = Counts()
+        self.rank: int | None = None
+        self.beside = independent_rows.AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
+        self.floor = 0.0  # smallest pivot ratio: below it, the rank has fallen
+        self.rows: Array | None = None
+        self.held = False  # freezes the rows in use, except in `update_independent_rows`
+        self.reason = independent_rows.SelectionTrigger(self.ng)
+        self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
+        # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
+        self.largest_g = self.largest_rate = self.largest_speed = 0.0
+        self._last_q = np.full(self.nq, np.nan)  # the point of the last stage
+
+
+class Workspaces:
+    """Idle workspaces of a mechanism; threads may take and return them at the same time.
+
+    Workspaces with modes or Baumgarte's terms are not kept, nor those to which code outside mbdae has bound forces:
+    their data cannot be reset.
+
+    Args:
+        mechanism: the mechanism.
+    """
+
+    def __init__(self, mechanism: "Mechanism") -> None:
+        self.mechanism = mechanism
+        self.kept = not mechanism.switches and not any(is_custom(f) for f in mechanism.forces)
+        self.idle: defaultdict[tuple[str, bool], list[Any]] = defaultdict(list)
+
+    def take(
+        self,
+        formulation: str = "index2",
+        baumgarte: tuple[float, float] | None = None,
+        native: ModuleType | None = None,
+    ) -> "Index2System":
+        """Return an idle workspace or a new one; arguments and errors are those of `Mechanism.system`."""
+        if baumgarte is None:
+            try:
+                return self.idle[formulation, native is not None].pop()
+            except IndexError:
+                pass
+        return self.mechanism.system(formulation, baumgarte, native)
+
+    def give(self, system: "Index2System") -> None:
+        """Keep a workspace that nothing uses any more."""
+        if self.kept and not any(system.baumgarte):
+            system.reset()
+            self.idle[system.formulation, system.native is not None].append(system)

@@ -1,0 +1,70 @@
+"""Runs continue with the workspaces of earlier runs: nothing of those is left in them."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import mbdae
+
+RUNS = {
+    "projected": {},
+    "fixed steps": {"step": 1e-3},
+    "collocation": {"method": "radau5"},
+    "ggl": {"formulation": "ggl", "method": "herk4"},
+    "index 1": {"formulation": "index1", "method": "dop853"},
+    "python": {"backend": "python", "method": "herk3"},
+}
+
+
+def record(sol):
+    """All that a run computes: times, points, multipliers, message and counts."""
+    stats = {key: value for key, value in sol.stats.items() if key != "seconds"}
+    return sol.t.tobytes(), sol.y.tobytes(), sol.z_own.tobytes(), sol.in_use, sol.status, sol.message, stats
+
+
+def run(mech, kind, span=0.02):
+    return mbdae.solve(mech, t_span=(0.0, span), **RUNS[kind])
+
+
+@pytest.mark.parametrize("kind", RUNS)
+@pytest.mark.parametrize("name", ["four_bar", "snap_toggle", "stewart_platform", "jansen_walker"])
+def test_a_run_does_not_depend_on_those_before(name, kind):
+    mech = mbdae.load(name)
+    first = record(run(mech, kind))
+    q, v = mech.start
+    if mech.nv > 1 and kind != "python":  # another motion, longer
+        mbdae.solve(mech, t_span=(0.0, 0.3), v=mech.assemble(q, v + 0.3)[1], **RUNS[kind])
+    assert record(run(mech, kind)) == first == record(run(mbdae.load(name), kind))
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_warnings_are_those_of_the_run_itself(backend):
+    mech = mbdae.load("four_bar")
+    drifted = mbdae.solve(mech, t_span=(0.0, 10.0), method="herk3", step=0.1, backend=backend)
+    assert "closures were violated" in drifted.message
+    assert mbdae.solve(mech, t_span=(0.0, 0.1), method="herk3", step=0.01, backend=backend).success
+
+
+def test_a_workspace_serves_the_next_run():
+    mech = mbdae.load("four_bar")
+    run(mech, "projected")
+    idle = [x for systems in mech.workspaces.idle.values() for x in systems]
+    run(mech, "projected")
+    again = [x for systems in mech.workspaces.idle.values() for x in systems]
+    assert idle
+    assert {id(x) for x in idle} == {id(x) for x in again}
+
+
+def test_threads_do_not_share_a_workspace():
+    mech = mbdae.load("four_bar")
+    spans = np.linspace(0.1, 0.5, 24).tolist()
+    alone = [record(run(mech, "projected", x)) for x in spans]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(lambda x: record(run(mech, "projected", x)), spans)) == alone
+
+
+def test_mechanisms_with_modes_or_bound_forces_of_others_take_new_ones():
+    mech = mbdae.load("pendulum_on_stop")
+    mbdae.solve(mech, t_span=(0.0, 0.1))
+    assert not any(mech.workspaces.idle.values())
