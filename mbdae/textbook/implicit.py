@@ -1,20 +1,32 @@
 """Implicit stages of a textbook problem."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ..linear_solve import factorized
 from ..system import Array, Counts, Solver
 
-if TYPE_CHECKING:
-    from .hessenberg import HessenbergSystem
+
+class ProblemFunctions(Protocol):
+    """The functions of a textbook problem and their partial derivatives, with counts of their evaluations."""
+
+    problem: Any
+    counts: Counts
+
+    def derivative(self, t: float, y: Array) -> tuple[Array, Array]: ...  # noqa: D102
+    def f(self, t: float, y: Array, z: Array) -> Array: ...  # noqa: D102
+    def f_y(self, t: float, y: Array, z: Array) -> Array: ...  # noqa: D102
+    def f_z(self, t: float, y: Array, z: Array) -> Array: ...  # noqa: D102
+    def g_y(self, t: float, y: Array) -> Array: ...  # noqa: D102
+    def remember(self, y: Array, z: Array) -> None: ...  # noqa: D102
+    def solve(self, *stage: Any) -> Array: ...  # noqa: D102
 
 
 class HessenbergStages:
     """Implicit stages of a step of a textbook problem; E is the identity."""
 
-    system: "HessenbergSystem"
+    system: ProblemFunctions
     t: float
     y: Array
     unknowns = ()

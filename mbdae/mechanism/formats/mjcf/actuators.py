@@ -11,7 +11,7 @@ from ...model_settings import Motor
 from .states import pose
 
 if TYPE_CHECKING:
-    from .read import MjcfModel
+    from .compiled_model import MjcfModel
 
 
 class MjcfActuators(NamedTuple):
@@ -72,13 +72,13 @@ def actuator_name(c: "MjcfModel", i: int) -> str:
 def _active(c: "MjcfModel", i: int) -> bool:
     """Return whether the file's options leave an actuator enabled."""
     group = int(c.m.actuator_group[i])
-    return not disabled(c, "ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
+    return not c.disables("ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
 
 
 def _is_limited(c: "MjcfModel", i: int, control: int, joint: int) -> bool:
     """Return whether MuJoCo limits the control of a motor, its force, or the total of its joint, or delays it."""
     m = c.m
-    clipped = m.actuator_ctrllimited[control] and not disabled(c, "CLAMPCTRL")
+    clipped = m.actuator_ctrllimited[control] and not c.disables("CLAMPCTRL")
     delayed = hasattr(m, "actuator_delay") and np.any(m.actuator_delay[i])
     return bool(clipped or delayed or m.actuator_forcelimited[i] or m.jnt_actfrclimited[joint])
 
@@ -102,7 +102,7 @@ def _reflected(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
     if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
         at = c.model.joints[c.model.getJointId(c.joints[joint])].idx_v
         c.model.armature[at] += gear**2 * m.actuator_armature[i]
-        if not disabled(c, "DAMPER"):
+        if not c.disables("DAMPER"):
             c.model.damping[at] += gear**2 * m.actuator_damping[i]
 
 
@@ -110,7 +110,7 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
     """Return springs of hinges and slides; of ball and free joints as bushings of equal stiffnesses."""
     m = c.m
     out: list[JointSpring | Bushing] = []
-    for j in np.flatnonzero(m.jnt_stiffness).tolist() if not disabled(c, "SPRING") else ():
+    for j in np.flatnonzero(m.jnt_stiffness).tolist() if not c.disables("SPRING") else ():
         name, rest, k = f"{c.joints[j]} spring", m.qpos_spring[m.jnt_qposadr[j] :], float(m.jnt_stiffness[j])
         if c.is_scalar(j):
             out.append(JointSpring(name=name, joint=c.joints[j], stiffness=k, rest=float(rest[0])))
@@ -134,10 +134,3 @@ def weightless(c: "MjcfModel") -> dict[str, float]:
         if c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE and mass:
             out[c.add_frame(c.unique(f"{c.joints[j]} armature"), m.jnt_bodyid[j], np.zeros(3))] = mass
     return out
-
-
-def disabled(c: "MjcfModel", flag: str) -> bool:
-    """Return whether the file's option disables a term of the dynamics."""
-    bits = c.lib.mjtDisableBit
-    bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE
-    return bool(c.m.opt.disableflags & bit)

@@ -8,7 +8,7 @@ from ...closures.driver import Driver
 from ...time_functions import Constant
 
 if TYPE_CHECKING:
-    from .read import MjcfModel
+    from .compiled_model import MjcfModel
 
 
 def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:

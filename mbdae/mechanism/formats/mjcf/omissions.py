@@ -13,7 +13,7 @@ from .actuators import actuator_name
 from .states import pose
 
 if TYPE_CHECKING:
-    from .read import MjcfModel
+    from .compiled_model import MjcfModel
 
 SHOWN_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
 
