@@ -1,6 +1,6 @@
 """Backward steps from a run's last node, to states that a polynomial continues across a singular configuration."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from ..methods import Tableau, method
 from ..system import Array
 from .defaults import DEFAULTS
 from .events.jumps import Jumps
+from .events.user_events import UserEvents
 from .loop import time_loop
 from .run import RunState
 from .steppers.adaptive import Adaptive
@@ -54,10 +55,10 @@ class BackwardStepper:
         system.use_rows(run.system.in_use)
         ts, ys, rates = [run.t], [run.ys[-1]], []
         for t in times.tolist():
-            ahead = Jumps(system, (), t, -run.sign)
             control = Adaptive(tableau.error_power, self.rtol, None, None, np.inf)
             stepper = NativeStepper(control, system, tableau, True) if system.native else control
-            back = RunState(run.problem, tableau, system, stepper, ts[-1], ys[-1], ahead, True)
+            ahead = {"method": tableau, "project": True, "t0": ts[-1], "t1": t, "end": t, "jumps": (), "events": ()}
+            back = RunState(run.problem, replace(run.options, **ahead), system, stepper, ys[-1], (UserEvents, Jumps))
             back.begin()
             rates.append(back.F)
             time_loop(back, MOST)

@@ -18,9 +18,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import STATUS, InputError, StepError
-from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.formulations.projection import refuse_contradicting_accelerations
-from ..solution.solution import Problem
 from ..system import State
 from .events.source import EventError, EventSource
 from .run import RunState
@@ -35,36 +32,27 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     Raises:
         InputError: for a force that fails at the start.
     """
-    t0 = run.t
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
             run.begin()
             stopped = time_loop(run, max_steps, progress)
-            _check_drivers(run.problem, t0, run.t)
+            for source in run.sources:
+                source.finish(run)
     except StepError as e:
         if isinstance(e, EventError):
             run.drop_nodes_after(e.node)
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
             raise InputError(str(e)) from e
-        if e.status in ("step_size", "max_steps"):  # possibly caused by drivers
-            try:
-                _check_drivers(run.problem, t0, run.t1)
-                _check_accelerations(run)
-            except StepError as wrong:
-                e = wrong
-        return e.status, _failure_message(run, e)
+        for source in run.sources:
+            e = source.explain(run, e)
+        return e.status, str(e)
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     if stopped:
         return "event", f"{STATUS['event']} at t = {run.t:.17g}"
-    asked = run.settings["t_span"][1]
+    asked = run.options.t1
     words = "" if run.t == asked else next((x for d in run.problem.drivers if (x := d.outside(asked))), "")
     return ("driver", words) if words else ("finished", STATUS["finished"])
-
-
-def _failure_message(run: RunState, e: StepError) -> str:
-    """Return why a run stopped, with what the sources of events know about it."""
-    return next((words for source in run.sources if (words := source.explain(run, e))), str(e))
 
 
 def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
@@ -73,9 +61,12 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
     while run.time_left() > 0:
         before = len(run.ts)
         start = _advance(run, max_steps)
-        if len(run.ts) == before or (start and _rejected(run, start)):
+        if len(run.ts) == before:
             continue
-        if _stopped_by_event(run, start, before):
+        step = StepMap(run, start)
+        if _rejected(run, step):
+            continue
+        if _stopped_by_event(run, step, before):
             return True
         if progress:
             progress(1 - run.time_left() / total)
@@ -98,22 +89,20 @@ def _advance(run: RunState, max_steps: int | None) -> State | None:
     return start
 
 
-def _rejected(run: RunState, start: State) -> bool:
+def _rejected(run: RunState, step: StepMap) -> bool:
     """Undo the last step if a source cannot detect its events in it, and return True."""
-    step = StepMap(run, start)
-    if not any(source.rejects(step) for source in run.sources):
+    if not step.start or not any(source.rejects(step) for source in run.sources):
         return False
     run.stepper.take_back()
-    run.take_back(start)
+    run.take_back(step.start)
     run.rejected = (run.rejected or 0) + 1
     return True
 
 
-def _stopped_by_event(run: RunState, start: State | None, before: int) -> bool:
+def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
     """Let the source of the earliest event in the last step act; return whether that ends the run."""
     acting = list[EventSource]()
     for source in run.sources:
-        step = StepMap(run, start, bool(acting))
         event = source.first(step)
         if event is None:
             continue
@@ -123,16 +112,5 @@ def _stopped_by_event(run: RunState, start: State | None, before: int) -> bool:
         acting.append(source)
         if len(run.ts) == before:  # at the start of the step
             break
+        step = StepMap(run, step.start, True)
     return any(source.act(run) for source in acting)
-
-
-def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
-    """Check the derivatives of drivers against their functions."""
-    for driver in problem.drivers:
-        driver.check_run(t0, t1)
-
-
-def _check_accelerations(run: RunState) -> None:
-    """See that the drivers of a mechanism do not contradict closures or each other where a run ends early."""
-    if isinstance(run.system, Index2System):
-        refuse_contradicting_accelerations(run.system, run.t, run.ys[-1])

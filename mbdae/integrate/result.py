@@ -1,6 +1,5 @@
 """Solution of a run."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,19 +12,18 @@ from .run import RunState
 from .run_diagnostics import accuracy_warnings
 
 
-def make_solution(run: RunState, status: str, message: str, seconds: float, times: Array | None) -> Solution:
+def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
     """Make the solution of a run, at the requested times; accuracy checks are applied to a finished run."""
     stats = _statistics(run, seconds)
-    if run.stiffness and run.stiffness.found:
-        message = f"{message}; {run.stiffness.found}"
+    message = "; ".join([message, *(words for source in run.sources if (words := source.remark()))])
     settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
     n = len(run.ts)
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
-    found = _found(run, t, y.shape[1:])
+    found = _found(run)
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
     if full.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
         full.status, full.message = "doubtful", words
-    return full if times is None else _at_times(full, times, run.sign, found)
+    return full if run.options.times is None else _at_times(full, run.options.times, run.sign, found)
 
 
 def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
@@ -33,26 +31,17 @@ def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
     stats |= {"seconds": seconds, "backend": run.stepper.backend}
     if run.fallback:
         stats["fallback"] = run.fallback
-    if run.events.events:
-        stats["events"] = run.stepper.backend if run.events.by_signal else f"python: {run.events.why_python}"
-    if run.stiffness and run.stiffness.found:
-        stats["stiff"] = asdict(run.stiffness.found)
-    if run.modes:
-        stats |= {"transitions": len(run.modes.modes) - 1, "impacts": len(run.modes.impacts)}
+    for source in run.sources:
+        stats |= source.statistics(run)
     return stats
 
 
-def _found(run: RunState, t: Array, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Return events, singular configurations, rows in use, carries, modes and impacts up to the last node."""
-    n, events = len(t), []
-    for hits in run.events.found:
-        kept = [(when, point) for when, point in hits if (when - t[-1]) * run.sign <= 0]
-        points = np.array([point for _, point in kept]).reshape(-1, *shape)
-        events.append((np.array([when for when, _ in kept], float), points))
-    found: dict[str, Any] = {"events": events, "singular": run.singular.found if run.singular else []}
-    found |= {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": run.carried.of(n)}
-    if run.modes:
-        found |= {"modes": [(i, mode) for i, mode in run.modes.modes if i < n], "impacts": run.modes.impacts}
+def _found(run: RunState) -> dict[str, Any]:
+    """Return rows in use and carries up to the last node, and what the sources of events have found."""
+    n = len(run.ts)
+    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": run.carried.of(n)}
+    for source in run.sources:
+        found |= source.results(run)
     return found
 
 

@@ -1,8 +1,8 @@
 """State and record of a run."""
 
+from collections.abc import Sequence
 from contextlib import suppress
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -12,18 +12,28 @@ from ..mechanism.formulations.index2 import Index2System
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
 from .carry_record import CarryRecord
+from .events.driver_checks import DriverChecks
 from .events.hybrid import ModeChanges
 from .events.jumps import Jumps
 from .events.singularity import SingularityMonitor
 from .events.source import EventSource, Occurrence
 from .events.user_events import UserEvents
 from .growing_array import GrowingArray
+from .options import RunOptions
 from .stiffness_detection import StiffnessDetector
 
 if TYPE_CHECKING:
     from .backward_steps import BackwardStepper
     from .step_map import StepMap
+    from .steppers.adaptive import Adaptive
     from .steppers.stepper import Stepper
+
+
+SOURCES: tuple[type[EventSource], ...] = (
+    DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Jumps
+)  # fmt: skip
+"""Sources of events, in the order in which they check a step."""
+Source = TypeVar("Source", bound=EventSource)
 
 
 class RunState:
@@ -32,53 +42,49 @@ class RunState:
     def __init__(
         self,
         problem: Problem,
-        tableau: Any,
+        options: RunOptions,
         system: System,
         stepper: "Stepper",
-        t0: float,
         start: Array,
-        ahead: Jumps,
-        project: bool,
+        kinds: Sequence[type[EventSource]] = SOURCES,
     ) -> None:
-        self.problem, self.tableau, self.t, self.t1 = problem, tableau, t0, ahead.t1
-        self.ahead, self.sign, self.crossed = ahead, ahead.sign, 0
-        self.system, self.stepper, self.project = system, stepper, project
-        self.state = State(start)
+        self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
+        self.t, self.t1, self.sign, self.crossed = options.t0, options.end, options.sign, 0
+        self.system, self.stepper, self.state = system, stepper, State(start)
         self.rejected: int | None = 0
         self.taken_back: Array | None = None  # steps since one was, and what projections undid, see `projected_step`
         self.restarted = False  # the method's carry was computed again after the projection of the last step
-        self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
+        self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
         self.carried = CarryRecord()
-        self.events = UserEvents((), lambda *_: 0.0)
         self.back: BackwardStepper | None = None
-        self.singular: SingularityMonitor | None = None
-        self.stiffness: StiffnessDetector | None = None
-        self.modes: ModeChanges | None = None
-        self.settings: dict[str, Any] = {}  # recorded with the solution
+        self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
         self._record: Solution | None = None
+        self.sources = tuple(source for kind in kinds if (source := kind.of(self)))
+        self.modes, self.singular = self._source(ModeChanges), self._source(SingularityMonitor)
+        self.events, self.ahead = self._source(UserEvents), self._source(Jumps)
 
-    @cached_property
-    def sources(self) -> tuple[EventSource, ...]:
-        """Sources of events, in the order in which they check a step."""
-        sources = (self.modes, self.singular, self.stiffness, self.events, self.ahead)
-        return tuple(source for source in sources if source is not None)
+    def _source(self, kind: type[Source]) -> Source:
+        """Return the source of a kind; None if the run has none."""
+        return next((source for source in self.sources if isinstance(source, kind)), None)  # type: ignore[return-value]
+
+    @property
+    def control(self) -> "Adaptive | None":
+        """The step-size control of a run on the constraints: not of the index-1 baseline."""
+        return None if self.options.formulation == "index1" else self.stepper.control
 
     def begin(self) -> None:
         """Compute the derivative at the start; a method with an explicit first stage carries it."""
-        y = self.system.jump(self.t, self.ys[-1].copy())
+        y = self.ys[-1].copy()
+        for source in reversed(self.sources):  # states jump before a mode is chosen
+            y = source.start(self, y)
         if not self.in_use:
-            y = self._closed(self._started(y))
+            y = self._closed(y)
         self._begin_at(y)
         self.leg = self.ahead.leg(self.t)
         for source in self.sources:
             source.begin(self)
-
-    def _started(self, y: Array) -> Array:
-        for source in self.sources:
-            y = source.start(self, y)
-        return y
 
     def _closed(self, y: Array) -> Array:
         """Determine rank and rows with closed loops; the start itself is projected if the run projects."""
@@ -108,7 +114,6 @@ class RunState:
         self.ys.append(self.ys[-1])
         self.ts.append(t)
         self.t = t
-        self.ys[-1] = self._started(self.ys[-1])
         self.begin()
         self.stepper.restart()
         self.restart()

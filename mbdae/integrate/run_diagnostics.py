@@ -26,40 +26,53 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
         sol: a run of a mechanism to its end.
         system: its workspace, with records of all rows at the ends of all steps.
     """
-    ts, ys, _ = sol.nodes
-    found = _constraint_violations(sol, system) if system.ng else []
-    names = contradictions(system, ts[-1], ys[-1]) if found else ""
-    lost = relative_energy_error(sol, system)
-    if not lost <= ENERGY_TOLERANCE:
-        found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")
-    some = np.unique(np.linspace(0, len(ts) - 1, WATCHED).astype(int))
-    unfit = lost_precondition(system, ts[some], ys[some, : system.nq])
-    more = [text for text in (dependent_rows_changed(sol, system), lift_off(sol), unfit) if text]
-    if not found:
-        return "; ".join(more)
+    inaccurate, others = ([text for check in checks if (text := check(sol, system))] for checks in CHECKS)
+    if inaccurate:
+        others.insert(0, f"{'; '.join(inaccurate)}: {_remedy(sol, system)}")
+    return "; ".join(others)
+
+
+def _remedy(sol: Solution, system: Index2System) -> str:
+    """Return how a run becomes more accurate, or which rows make that impossible."""
+    if names := contradictions(system, sol.nodes[0][-1], sol.nodes[1][-1]):
+        return f"{names} contradict each other"
     fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
     kept = sol.settings["project"] or formulation == "ggl" or not system.ng
-    advice = f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
-    why = f"{names} contradict each other" if names else advice
-    return "; ".join([f"{'; '.join(found)}: {why}", *more])
+    return f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
 
 
-def _constraint_violations(sol: Solution, system: Index2System) -> list[str]:
-    """Return which closures were violated, and which rows that depended on others are not kept."""
+def violated_closures(sol: Solution, system: Index2System) -> str:
+    """Return which closure was violated by more than `POSITION_TOLERANCE`; empty if none."""
+    if system.largest_g <= POSITION_TOLERANCE:
+        return ""
+    mech, t, q = sol.mechanism, sol.nodes[0][-1], system.split(sol.nodes[1][-1])[0]
+    which = largest_error(mech, system.closures(q, t)[0])
+    size = f"{system.largest_g:.2g} rad or characteristic lengths of {mech.characteristic_length:.3g} m"
+    return f"closures were violated by {size} ({which.name!r} by {which.text} at the end)"
+
+
+def rows_not_kept(sol: Solution, system: Index2System) -> str:
+    """Return which row that depended on others was not kept at velocity level; empty if none."""
     slip = 0.0 if sol.settings["formulation"] == "index1" else _largest_slip(system)
-    if system.largest_g <= POSITION_TOLERANCE and slip <= VELOCITY_TOLERANCE:
-        return []
-    mech, found, t, (q, v) = sol.mechanism, list[str](), sol.nodes[0][-1], system.split(sol.nodes[1][-1])
-    g, G = system.closures(q, t)
-    if not system.largest_g <= POSITION_TOLERANCE:
-        which = largest_error(mech, g)
-        size = f"{system.largest_g:.2g} rad or characteristic lengths of {mech.characteristic_length:.3g} m"
-        found.append(f"closures were violated by {size} ({which.name!r} by {which.text} at the end)")
-    if not slip <= VELOCITY_TOLERANCE:
-        which = largest_error(mech, G @ v + system.g_t(t), "/s")
-        slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
-        found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
-    return found
+    if slip <= VELOCITY_TOLERANCE:
+        return ""
+    t, (q, v) = sol.nodes[0][-1], system.split(sol.nodes[1][-1])
+    which = largest_error(sol.mechanism, system.closures(q, t)[1] @ v + system.g_t(t), "/s")
+    slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
+    return f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)"
+
+
+def lost_energy(sol: Solution, system: Index2System) -> str:
+    """Return by how much the energy balance is violated, if by more than `ENERGY_TOLERANCE`."""
+    lost = relative_energy_error(sol, system)
+    return "" if lost <= ENERGY_TOLERANCE else f"the energy balance is lost: {lost:.2g} of the energy that moves"
+
+
+def lost_preconditions(sol: Solution, system: Index2System) -> str:
+    """Return which closure lost a precondition, and when; empty if none."""
+    ts, ys, _ = sol.nodes
+    some = np.unique(np.linspace(0, len(ts) - 1, WATCHED).astype(int))
+    return lost_precondition(system, ts[some], ys[some, : system.nq])
 
 
 def _largest_slip(system: Index2System) -> float:
@@ -86,7 +99,7 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
 
 
-def lift_off(sol: Solution) -> str:
+def lift_off(sol: Solution, system: Index2System) -> str:
     """Return which rolling bodies separate from their surface, and when; empty if none.
 
     The method's multipliers select candidates, those of the hidden constraint decide.
@@ -121,3 +134,9 @@ def relative_energy_error(sol: Solution, system: Index2System) -> float:
         v = some[:, system.nq : system.nq + system.nv]
         error, scale = balance(system.mechanism, v, kinetic, potential, some[:, -1])
     return float(error.max() / scale) if scale else 0.0
+
+
+CHECKS = (
+    (violated_closures, rows_not_kept, lost_energy),  # those that a higher accuracy mends
+    (dependent_rows_changed, lift_off, lost_preconditions),
+)

@@ -9,9 +9,9 @@ from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
 from .loop import Progress, run_to_end
+from .options import RunOptions
 from .result import make_solution
-from .run_setup import positive, prepare, within
-from .settings import completed
+from .run_setup import prepare
 
 
 def solve(
@@ -89,17 +89,14 @@ def solve(
         UnknownNameError: for an unknown method.
     """
     problem = problem_of(problem, "solve")
-    positive(step=step, first_step=first_step, max_step=max_step, max_steps=max_steps)
-    sizes = {"step": step, "rtol": rtol, "atol": atol, "first_step": first_step, "max_step": max_step}
-    kinds = {"method": method, "formulation": formulation, "project": project, "baumgarte": baumgarte}
-    c = completed(problem, {**sizes, **kinds, "max_steps": max_steps})
-    run = prepare(
-        problem, t_span, (q, v, s), c["method"], c["formulation"], c["project"], c["baumgarte"], c["step"],
-        (c["rtol"], c["atol"], c["first_step"], c["max_step"]), jumps, events, backend,
+    options = RunOptions.of(
+        problem, t_span, t_eval, jumps, events, backend, method=method, formulation=formulation, project=project,
+        baumgarte=baumgarte, step=step, rtol=rtol, atol=atol, first_step=first_step, max_step=max_step,
+        max_steps=max_steps,
     )  # fmt: skip
-    times = None if t_eval is None else within(t_eval, run.t, run.t1)
+    run = prepare(problem, options, (q, v, s))
     started = perf_counter()
-    status, message = run_to_end(run, c["max_steps"], progress)
-    out = make_solution(run, status, message, perf_counter() - started, times)
+    status, message = run_to_end(run, options.max_steps, progress)
+    out = make_solution(run, status, message, perf_counter() - started)
     run.release()
     return out

@@ -1,10 +1,13 @@
 """The time span of a run."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from ..mechanism import Driver
+from ..system import Array
 
 
 def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple[float, float]:
@@ -29,3 +32,37 @@ def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple
     if not np.isfinite([t0, t1]).all() or (t0 == t1 and not pair):
         raise InputError(f"t_span must be finite{'' if pair else ' and not empty'}, got {t_span!r:.60}")
     return t0, t1
+
+
+def end_of_tables(drivers: Sequence[Driver], t0: float, t1: float) -> float:
+    """Return the end of a run: t1, or the end of a driver's table without ``beyond``.
+
+    Raises:
+        InputError: if the run begins outside of it, or at its end.
+    """
+    reached = t1
+    for d in drivers:
+        words = d.outside(t1)
+        end = (d.span[1] if t1 > t0 else d.span[0]) if words else t1
+        if d.outside(t0) or (end - t0) * (t1 - t0) <= 0 < abs(t1 - t0):
+            raise InputError(f"{d.outside(t0) or words}; the run begins at t = {t0:g} s")
+        reached = min(reached, end) if t1 > t0 else max(reached, end)
+    return reached
+
+
+def within(t_eval: Array, t0: float, t1: float) -> Array:
+    """Return times to report as an array, within the span from t0 to t1, in its order.
+
+    Raises:
+        InputError: for any other times.
+    """
+    try:
+        times = np.asarray(t_eval, float)
+    except (TypeError, ValueError):
+        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
+    sign = 1.0 if t1 >= t0 else -1.0
+    inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
+    inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
+    if not inside or (np.diff(times) * sign <= 0).any():
+        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
+    return times

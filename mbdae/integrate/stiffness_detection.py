@@ -2,9 +2,9 @@
 
 import warnings
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,6 +67,18 @@ class StiffnessDetector(EventSource):
         self.system, self.tableau, self.control = system, tableau, control
         self.next = self.pause = FIRST  # the next node to check, and the interval to the one after
         self.found: Stiff | None = None
+
+    @classmethod
+    def of(cls, run: "RunState") -> "StiffnessDetector | None":  # noqa: D102
+        if not isinstance(run.system, Index2System) or not run.control or not isinstance(run.tableau, Tableau):
+            return None
+        return cls(run.system, run.tableau, run.control)
+
+    def remark(self) -> str:  # noqa: D102
+        return str(self.found or "")
+
+    def statistics(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+        return {"stiff": asdict(self.found)} if self.found else {}
 
     def restart(self, run: "RunState", switched: bool) -> None:
         """Restart the window after a jump."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.run_setup import projected
+from ..integrate.options import projected
 from ..integrate.settings import completed
 from ..integrate.steppers.scipy_ivp import SCIPY, find
 from ..mechanism import Mechanism

@@ -83,8 +83,9 @@ def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
 @pytest.mark.native
 @pytest.mark.parametrize("method", ["pherk5", "radau5"])
 def test_a_law_that_the_core_was_built_without_runs_in_python(monkeypatch, method):
-    mech = mbdae.load("four_bar", forces=[mbdae.JointDamping(joint="rocker", damping=0.3)])
-    expected = mbdae.solve(mech, (0, 0.2), method=method)
+    damping = [mbdae.JointDamping(joint="rocker", damping=0.3)]
+    expected = mbdae.solve(mbdae.load("four_bar", forces=damping), (0, 0.2), method=method)
+    mech = mbdae.load("four_bar", forces=damping)
     monkeypatch.setattr(Linear, "core_data", lambda self: {"kind": "drag", "rows": [0], "a": [1.0]})
     with pytest.raises(NotCompiled, match=r"kind 'drag': it was built before"):
         mech.system(native=backend.load())

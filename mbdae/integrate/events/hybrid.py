@@ -1,12 +1,14 @@
 """Modes of a run: guards are monitored from step to step, and the mode changes where one passes zero."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import InputError, StepError
+from ...mechanism import Mechanism
 from ...mechanism.closures.independent_rows import UNDERWAY
 from ...mechanism.formulations.friction_interface import STILL
+from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
@@ -19,7 +21,6 @@ from .singularity_crossing import KNOWN
 from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ...mechanism.formulations.index2 import Index2System
     from ...mechanism.hybrid.onset import Later
     from ...mechanism.hybrid.switches import Mode
     from ..run import RunState
@@ -45,7 +46,7 @@ class ModeChanges(EventSource):
 
     each_step = True
 
-    def __init__(self, system: "Index2System") -> None:
+    def __init__(self, system: Index2System) -> None:
         self.system, self.all_rows = system, AllRows(system)
         system.sliding.still = STILL * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
@@ -59,6 +60,19 @@ class ModeChanges(EventSource):
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
+
+    @classmethod
+    def of(cls, run: "RunState") -> "ModeChanges | None":  # noqa: D102
+        if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
+            return None
+        if not run.problem.switches:
+            return None
+        name, formulation = run.problem.switches[0].name, run.options.formulation
+        if formulation != "index2":
+            raise InputError(f"{name!r}: what opens, closes or steps needs formulation 'index2', got {formulation!r}")
+        if run.sign < 0:
+            raise InputError(f"{name!r}: modes are followed forward in time, impacts cannot be undone")
+        return cls(run.system)
 
     def _point(self, t: float, y: Array) -> ModePoint:
         return ModePoint(self.system, self.all_rows, t, y)
@@ -209,8 +223,11 @@ class ModeChanges(EventSource):
         run.turn(y)
         self._track(run.t, run.ys[-1])
 
-    def explain(self, run: "RunState", reason: StepError) -> str:
-        """Return when a run stopped and in which mode, or which contact met a singular configuration."""
+    def explain(self, run: "RunState", reason: StepError) -> StepError:
+        """Add when a run stopped and in which mode, or which contact met a singular configuration."""
+        return StepError(reason.status, self._explained(run, reason))
+
+    def _explained(self, run: "RunState", reason: StepError) -> str:
         last = run.ts[-1], run.ys[-1]
         if run.singular and run.singular.next_to(*last) and (met := self._touching(*last, KNOWN)):
             names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
@@ -220,6 +237,12 @@ class ModeChanges(EventSource):
         when = "" if "t = " in str(reason) else f", at t = {run.t:.17g}"
         mode = describe_mode(self.switches, self.system.mode)
         return f"{reason}{when} ({mode})" if reason.status in ("step_size", "singular") else f"{reason}{when}"
+
+    def results(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+        return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
+
+    def statistics(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+        return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
 
     def _count(self, t: float, fired: list[Guard]) -> None:
         most = MANY * (1 + len(self.switches))

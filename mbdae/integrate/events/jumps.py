@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...errors import InputError, StepError
-from ...system import System
+from ...mechanism import Mechanism
+from ...mechanism.formulations.index2 import Index2System
+from ...system import Array, System
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
@@ -56,6 +58,15 @@ class Jumps(EventSource):
     ) -> None:
         self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
 
+    @classmethod
+    def of(cls, run: "RunState") -> "Jumps":  # noqa: D102
+        o = run.options
+        return cls(run.system, o.jumps, o.end, o.sign, _knots(run))
+
+    def start(self, run: "RunState", y: Array) -> Array:
+        """Return y just after a time where states of sampled controllers may jump."""
+        return self.system.jump(run.t, y)
+
     def leg(self, t: float) -> SmoothInterval:
         """Return the smooth interval from t on. Jumps that differ only by rounding count as one.
 
@@ -97,6 +108,17 @@ class Jumps(EventSource):
                 return t
             t = later
         raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
+
+
+def _knots(run: "RunState") -> Sequence[float]:
+    """Return the knots of loads and motions if the run has modes: loads may have extrema between two of them."""
+    problem, system = run.problem, run.system
+    if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
+        return ()
+    laws = (signal for law, _ in system.laws.bound for signal in law.signals)
+    drives = (d.path for d in problem.drivers)
+    commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
+    return [t for signal in (*laws, *drives, *commands) for t in signal.meets(run.options.t0, run.options.end)]
 
 
 def _checked(times: Sequence[float]) -> list[float]:

@@ -66,6 +66,16 @@ class SingularityMonitor(Passages):
         self.control, self.closing, self.newest = control, closing, 1.0
         self._forget(0)
 
+    @classmethod
+    def of(cls, run: "RunState") -> "SingularityMonitor | None":  # noqa: D102
+        if not isinstance(run.system, Index2System) or not run.system.ng:
+            return None
+        formulation = run.options.formulation
+        return cls(run.system, run.project or formulation == "ggl", run.control, formulation == "index2")
+
+    def results(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+        return {"singular": self.found}
+
     def restart(self, run: "RunState", switched: bool) -> None:
         """Discard the history where forces jump; in another mode, reject fixed steps next to a singular configuration.
 

@@ -4,16 +4,17 @@ After each step the sources detect, in their order, their first event in it; one
 truncates it, so the next source checks the shorter step. The source of the earliest event acts: it ends the run, or
 continues it from another point or in another mode. In order, the sources are
 
-1. `hybrid`: guards of contacts, stops, clutches and stiction;
-2. `singularity`: singular configurations, which are crossed instead of a step;
-3. `mbdae.integrate.stiffness_detection`, which warns only;
-4. `user_events`: signals and functions, of which terminal ones end the run;
-5. `jumps`: controllers, functions of time and times given by the user.
+1. `driver_checks`, at the end of the run only;
+2. `hybrid`: guards of contacts, stops, clutches and stiction;
+3. `singularity`: singular configurations, which are crossed instead of a step;
+4. `mbdae.integrate.stiffness_detection`, which warns only;
+5. `user_events`: signals and functions, of which terminal ones end the run;
+6. `jumps`: controllers, functions of time and times given by the user.
 
 Sources read the run; those that continue it from another point do so by its methods.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from ...errors import StepError
 from ...system import Array, Step
@@ -54,6 +55,15 @@ class EventSource:
 
     each_step = False  # whether it must see every step: the stepper takes them one at a time
 
+    @classmethod
+    def of(cls, run: "RunState") -> Self | None:
+        """Return the source of a run; None if the run does not need it.
+
+        Raises:
+            InputError: for options of the run that it does not admit.
+        """
+        return cls()
+
     def start(self, run: "RunState", y: Array) -> Array:
         """Return the point from which the run continues, at its start or after a jump."""
         return y
@@ -86,9 +96,28 @@ class EventSource:
     def restart(self, run: "RunState", switched: bool) -> None:
         """Restart at the last node, after a jump or, in another mode, at the same time."""
 
+    def results(self, run: "RunState") -> dict[str, Any]:
+        """Return what was found up to the last node, as attributes of the solution."""
+        return {}
+
+    def statistics(self, run: "RunState") -> dict[str, Any]:
+        """Return entries of the solution's statistics."""
+        return {}
+
+    def remark(self) -> str:
+        """Return a warning to append to the message of the run; empty if there is none."""
+        return ""
+
     def release(self) -> None:
         """Return workspaces that the source has taken."""
 
-    def explain(self, run: "RunState", reason: StepError) -> str:
-        """Return what a source knows about a failure, with the failure; empty if nothing."""
-        return ""
+    def finish(self, run: "RunState") -> None:
+        """Check a run that has come to its end.
+
+        Raises:
+            StepError: if it cannot be trusted.
+        """
+
+    def explain(self, run: "RunState", reason: StepError) -> StepError:
+        """Return a failure with what the source knows about it."""
+        return reason

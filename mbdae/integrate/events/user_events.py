@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ...errors import StepError
+from ...errors import InputError, StepError
+from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
+from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, State, Step
-from .event import Event
+from .event import Event, event_value
 from .level_crossing import TANGENCY_TOLERANCE, SignalEvent, crossing_at_jump
 from .source import EventSource, Occurrence
 
@@ -37,21 +39,30 @@ class UserEvents(EventSource):
         events: the events.
         evaluate: evaluates a function at (t, y).
         signals: the other events, bound to a workspace, by index.
+        modes: whether the run has modes, which switch in Python.
     """
 
     def __init__(
         self,
         events: tuple[Event, ...],
         evaluate: Callable[[Event, float, Array], float],
-        signals: dict[int, SignalEvent] | None = None,
+        signals: dict[int, SignalEvent],
+        modes: bool = False,
     ) -> None:
-        self.events, self.evaluate, self.signals = events, evaluate, signals or {}
+        self.events, self.evaluate, self.signals = events, evaluate, signals
         self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
-        self.by_signal = not self.functions and all(s.signal.compiled for s in self.signals.values())  # in the core
+        compiled = all(s.signal.compiled for s in self.signals.values())
+        self.by_signal = not self.functions and compiled and not modes  # in the core
         self.looked = self.stopped = False  # the last steps were checked; a terminal event was found
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last: dict[int, float] = {}
         self._seen = np.nan  # time up to which steps were checked; nan after an impact
+
+    @classmethod
+    def of(cls, run: "RunState") -> "UserEvents":  # noqa: D102
+        system, events = run.system, run.options.events
+        modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches)
+        return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)
 
     def begin(self, run: "RunState") -> None:
         """Evaluate every event at the start of the run."""
@@ -110,6 +121,20 @@ class UserEvents(EventSource):
         limit = sign * t - SAME * max(1.0, abs(t))
         self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
         return True
+
+    def results(self, run: "RunState") -> dict[str, Any]:
+        """Return the times (k,) and points (k, ...) of the zeros of each event."""
+        out = []
+        for hits in self.found:
+            kept = [(t, y) for t, y in hits if (t - run.ts[-1]) * run.sign <= 0]
+            points = np.array([y for _, y in kept]).reshape(-1, *run.ys[-1].shape)
+            out.append((np.array([t for t, _ in kept], float), points))
+        return {"events": out}
+
+    def statistics(self, run: "RunState") -> dict[str, Any]:
+        """Return where events are detected."""
+        where = run.stepper.backend if self.by_signal else f"python: {self.why_python}"
+        return {"events": where} if self.events else {}
 
     def _terminal(self, step: "StepMap") -> tuple[float, Event] | None:
         """Check a step; return its first terminal event, preceded by the event's position in the step."""
@@ -208,3 +233,20 @@ class UserEvents(EventSource):
                 break
             derivative, theta, miss, taken = (left - miss) / (nearer - theta), nearer, left, trial
         return Occurrence(t + theta * h, taken)
+
+
+def _signals(run: "RunState") -> dict[int, SignalEvent]:
+    """Bind all textual events, by index, to one workspace.
+
+    Raises:
+        InputError: for a text with a textbook problem, or an invalid event.
+    """
+    texts = {i: (e.function, e.direction) for i, e in enumerate(run.options.events) if isinstance(e.function, str)}
+    if not texts:
+        return {}
+    if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
+        raise InputError(
+            f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
+        )
+    workspace = run.system.new_workspace()
+    return {i: SignalEvent.of(workspace, run.problem, *text) for i, text in texts.items()}

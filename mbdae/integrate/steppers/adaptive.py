@@ -41,6 +41,10 @@ class Adaptive(PythonStepper):
         self.reason = self._reason = ""  # why this or the previous step failed
         self.cut = 0.0  # size of the step before truncation at the end of an interval
 
+    @property
+    def control(self) -> "Adaptive | None":  # noqa: D102
+        return self
+
     def propose(self, run: "RunState") -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
         self.ready(run)

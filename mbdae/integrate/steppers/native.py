@@ -41,6 +41,10 @@ class NativeStepper(Stepper):
         self.run.project, self.run.seconds = project, SECONDS
         self.watched: Any = None
 
+    @property
+    def control(self) -> Adaptive | None:  # noqa: D102
+        return self.inner.control
+
     def advance(self, run: "RunState", most: int | None = None) -> None:
         """Take steps until Python is needed, for about `SECONDS`; one in Python if necessary.
 

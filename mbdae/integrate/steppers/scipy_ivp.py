@@ -118,6 +118,10 @@ class Scipy(Adaptive):
         self.backend = "native" if system.native else "python"
         self._last: tuple[float, Array, Array] | None = None
 
+    @property
+    def control(self) -> None:  # noqa: D102
+        return None
+
     def _rate(self, t: float, y: Array) -> Array:
         F, z = self.system.rate(t, y)
         self._last = t, y.copy(), z

@@ -11,6 +11,7 @@ from ..projected_step import project_end
 
 if TYPE_CHECKING:
     from ..run import RunState
+    from .adaptive import Adaptive
 
 SPACINGS = 16  # of the times of a run: a step below is too small
 SMALLEST_SCALE = 1e-100  # keeps the scale of a component positive where neither tolerance does
@@ -22,6 +23,11 @@ class Stepper(ABC):
     backend = "python"
     any_size = True  # steps of any size can be taken, to end in an event
     controls = False  # it controls the step size
+
+    @property
+    def control(self) -> "Adaptive | None":
+        """The step-size control of mbdae, if it controls the steps."""
+        return None
 
     @abstractmethod
     def advance(self, run: "RunState", most: int | None = None) -> None:

@@ -60,7 +60,6 @@ class CompiledSystem(Index2System):
         self.core.sample(samplers_of(self.laws))
         self.core.slide(self.sliding.core_data(), self.sliding.active, self.sliding.slip_directions)
         self._deactivate_rows()
-        self._seen = [0] * len(COUNTS)
         self._expanded = False
 
     def reset(self) -> None:
@@ -168,18 +167,15 @@ class CompiledSystem(Index2System):
         return super().pivot_ratio(t, y) if found is None else found
 
     def after(self) -> None:
-        """Take over the core's counters."""
-        counts = self.core.counts
-        now = [getattr(counts, name) for name in COUNTS]
-        for name, new, old in zip(COUNTS, now, self._seen, strict=True):
-            if new != old:
-                setattr(self.counts, name, getattr(self.counts, name) + new - old)
-        self._seen = now
-        self.least_pivot_ratio = min(self.least_pivot_ratio, self.core.least_pivot_ratio)
-        self.core.least_pivot_ratio = 1.0
-        self.largest_g = max(self.largest_g, self.core.largest_g)
-        self.largest_rate = max(self.largest_rate, self.core.largest_rate)
-        self.largest_speed = max(self.largest_speed, self.core.largest_speed)
+        """Take over the core's counts and extremes."""
+        *counts, least, g, rate, speed = self.core.take_record()
+        for name, n in zip(COUNTS, counts, strict=True):
+            if n:
+                setattr(self.counts, name, getattr(self.counts, name) + n)
+        self.least_pivot_ratio = min(self.least_pivot_ratio, least)
+        self.largest_g = max(self.largest_g, g)
+        self.largest_rate = max(self.largest_rate, rate)
+        self.largest_speed = max(self.largest_speed, speed)
 
     def before_python(self) -> None:
         """Pass the core's rows in use to Python."""

@@ -51,6 +51,10 @@ class Workspaces:
         self.kept = not mechanism.switches and not any(is_custom(f) for f in mechanism.forces)
         self.idle: defaultdict[tuple[str, bool], list[Any]] = defaultdict(list)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave idle workspaces out of a pickled or copied mechanism."""
+        return self.__dict__ | {"idle": defaultdict(list)}
+
     def take(
         self,
         formulation: str = "index2",

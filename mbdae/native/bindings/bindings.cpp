@@ -1,5 +1,6 @@
 // The Python module mbdae._native. No Pinocchio types are included here: this file compiles in seconds.
 #include <set>
+#include <utility>
 
 #include "bindings/py_core.hpp"
 #include "system/projection.hpp"
@@ -126,6 +127,13 @@ void leave_out(PyCore& c, const std::vector<bool>& off, bool sticks) {
   c.core->system.leave_out(off, sticks);
 }
 
+nb::tuple take_record(PyCore& c) {
+  Index2System& s = c.core->system;
+  const Counts n = std::exchange(s.counts, {});
+  return nb::make_tuple(n.f, n.M, n.G, n.solves, n.factorizations, n.projections, n.state_projections, n.newton,
+                        std::exchange(s.rows.least_pivot_ratio, 1.0), s.largest_g, s.largest_rate, s.largest_speed);
+}
+
 void change_law(PyCore& c, int k, const Numbers& a) {
   const CoreLock turn(c);
   if (!c.core->system.change_law(k, a)) refuse("a law has other numbers");
@@ -147,16 +155,6 @@ NB_MODULE(_native, m) {
   nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
   bind_limits(m), bind_tableau(m), bind_radau(m), bind_events(m), bind_run(m);
 
-  nb::class_<Counts>(m, "Counts", "Work done so far.")
-      .def_ro("f", &Counts::f)
-      .def_ro("M", &Counts::M)
-      .def_ro("G", &Counts::G)
-      .def_ro("solves", &Counts::solves)
-      .def_ro("factorizations", &Counts::factorizations)
-      .def_ro("newton", &Counts::newton)
-      .def_ro("projections", &Counts::projections)
-      .def_ro("state_projections", &Counts::state_projections);
-
   nb::class_<PyCore> core(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.");
   core.def(nb::init<nb::handle, const Tolerances&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
                     const nb::list&, int, const nb::list&, std::vector<int>, const nb::list&, std::vector<int>,
@@ -167,13 +165,9 @@ NB_MODULE(_native, m) {
            nb::arg("beta") = 0.0)
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
-      .def_prop_ro("counts", [](const PyCore& c) { return c.core->system.counts; })
-      .def_prop_rw(
-          "least_pivot_ratio", [](const PyCore& c) { return c.core->system.rows.least_pivot_ratio; },
-          [](PyCore& c, double x) { c.core->system.rows.least_pivot_ratio = x; })
-      .def_prop_ro("largest_g", [](const PyCore& c) { return c.core->system.largest_g; })
-      .def_prop_ro("largest_rate", [](const PyCore& c) { return c.core->system.largest_rate; })
-      .def_prop_ro("largest_speed", [](const PyCore& c) { return c.core->system.largest_speed; })
+      .def("take_record", take_record,
+           "Return the counts of work since the last call, in the order of mbdae.system.Counts, the smallest pivot ratio since\n"
+           "then, and the largest |g|, |G v + g_t| and |v| at the ends of steps.")
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def("reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")

@@ -80,7 +80,7 @@ class Index2System {
   // After `saddle.symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
   void probe();
   void use(const std::vector<int>& in_use, int rank, double floor, bool held);
-  void reset();  // to the state of a new system, in the same mode; counts go on
+  void reset();  // to the state of a new system, in the same mode
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void leave_out(std::vector<bool> off, bool sticks);

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mbdae
+from mbdae.mechanism.formats.template import with_start
 
 RUNS = {
     "projected": {},
@@ -68,3 +69,11 @@ def test_mechanisms_with_modes_or_bound_forces_of_others_take_new_ones():
     mech = mbdae.load("pendulum_on_stop")
     mbdae.solve(mech, t_span=(0.0, 0.1))
     assert not any(mech.workspaces.idle.values())
+
+
+def test_a_copy_with_another_start_has_workspaces_of_its_own():
+    mech = mbdae.load("four_bar")
+    run(mech, "projected")
+    other = with_start(mech, {"start.q.crank": 0.9})
+    run(other, "projected")
+    assert all(x.mechanism is m for m in (mech, other) for idle in m.workspaces.idle.values() for x in idle)

@@ -1,0 +1,37 @@
+"""Checks of drivers: derivatives that do not fit their functions, motions that contradict closures or each other."""
+
+from typing import TYPE_CHECKING
+
+from ...errors import StepError
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.formulations.projection import refuse_contradicting_accelerations
+from .source import EventSource
+
+if TYPE_CHECKING:
+    from ..run import RunState
+
+
+class DriverChecks(EventSource):
+    """Checks the drivers of a run at its end, and where it ends early for a reason that drivers may have caused."""
+
+    @classmethod
+    def of(cls, run: "RunState") -> "DriverChecks | None":  # noqa: D102
+        return cls() if run.problem.drivers else None
+
+    def finish(self, run: "RunState") -> None:  # noqa: D102
+        self._check(run, run.t)
+
+    def explain(self, run: "RunState", reason: StepError) -> StepError:  # noqa: D102
+        if reason.status not in ("step_size", "max_steps"):
+            return reason
+        try:
+            self._check(run, run.t1)
+            if isinstance(run.system, Index2System):
+                refuse_contradicting_accelerations(run.system, run.t, run.ys[-1])
+        except StepError as wrong:
+            return wrong
+        return reason
+
+    def _check(self, run: "RunState", end: float) -> None:
+        for driver in run.problem.drivers:
+            driver.check_run(run.options.t0, end)

@@ -1,0 +1,117 @@
+"""Validated options of a run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+from ..errors import InputError
+from ..mechanism import Mechanism
+from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
+from ..solution.solution import Problem
+from ..system import Array
+from .events.event import Event, as_events
+from .settings import completed
+from .span import checked_span, end_of_tables, within
+from .steppers.scipy_ivp import find
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run, see the arguments of `mbdae.solve`.
+
+    Attributes:
+        method: a tableau, or a solver of scipy.
+        t1: end of the span.
+        times: times to report, if the solution is not reported at its steps.
+        end: end of the run: t1, or the end of a driver's table without ``beyond``.
+        project: whether positions are projected after each step.
+    """
+
+    method: Any
+    formulation: str
+    project: bool
+    baumgarte: tuple[float, float] | None
+    t0: float
+    t1: float
+    end: float
+    step: float | None
+    rtol: Any
+    atol: float | Array | None
+    first_step: float | None
+    max_step: float
+    max_steps: int | None
+    jumps: Sequence[float]
+    events: tuple[Event, ...]
+    backend: str
+    times: Array | None
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        t_span: Sequence[float] | None,
+        t_eval: Array | None,
+        jumps: Sequence[float],
+        events: Any,
+        backend: str,
+        **given: Any,
+    ) -> "RunOptions":
+        """Check and complete the arguments of a run; None means not given.
+
+        Raises:
+            InputError: for wrong arguments.
+            UnknownNameError: for an unknown method.
+        """
+        positive(**{name: given[name] for name in ("step", "first_step", "max_step", "max_steps")})
+        c = completed(problem, given)
+        method = find(c["formulation"], c["method"])
+        c |= {"method": method, "project": projected(problem, c["project"], c["formulation"], method, c["step"])}
+        t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
+        end = end_of_tables(problem.drivers, t0, t1)
+        times = None if t_eval is None else within(t_eval, t0, end)
+        c |= {"jumps": jumps, "events": as_events(events), "backend": backend, "times": times}
+        return cls(**c, t0=t0, t1=t1, end=end)
+
+    @property
+    def sign(self) -> float:
+        """Direction of time, 1 or -1."""
+        return 1.0 if self.t1 >= self.t0 else -1.0
+
+    def record(self) -> dict[str, Any]:
+        """Return what a solution keeps of the options."""
+        own = isinstance(self.method, Tableau) and METHODS.get(self.method.name) is not self.method
+        return {
+            "method": self.method.name,
+            "formulation": self.formulation,
+            "project": self.project,
+            "baumgarte": self.baumgarte,
+            "t_span": [self.t0, self.t1],
+        } | ({"tableau": self.method.to_dict()} if own else {})
+
+
+def positive(**values: Any) -> None:
+    """Reject values that are not positive numbers; None means not given.
+
+    Raises:
+        InputError: naming the argument.
+    """
+    for name, value in values.items():
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
+            raise InputError(f"{name} must be a positive number, got {value!r}")
+
+
+def projected(problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None) -> bool:
+    """Return whether positions are projected after each step."""
+    if project not in (True, False, "auto"):
+        raise InputError(f"project is True, False or 'auto', got {project!r}")
+    if project == "auto":
+        return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
+    if project and not isinstance(problem, Mechanism):
+        raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
+    if project and formulation != "index2" and not isinstance(method, ExplicitMethod):
+        belongs = f"project=True belongs to formulation 'index2', and to {', '.join(EXPLICIT)} of 'index1'"
+        raise InputError(f"{belongs}; got {method.name!r} of {formulation!r}")
+    return bool(project)
