@@ -1,4 +1,4 @@
-"""The kinds of closures and the keys of every table of a mechanism file in Markdown, from the classes that check them.
+"""The kinds of closures and forces, and the keys of every table of a file in Markdown, from the classes that check them.
 
 `models/README.md` holds them between comments. After a change of a key, rewrite them:
 
@@ -16,6 +16,7 @@ from pydantic.fields import FieldInfo
 from mbdae.mechanism.checked_table import Table, tables_in
 from mbdae.mechanism.closures import KINDS, what_is_kept
 from mbdae.mechanism.closures.closure import Closure
+from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.schema import MechanismFile
 from mbdae.mechanism.time_functions import SIGNALS
 
@@ -37,6 +38,15 @@ def closures() -> str:
     return out + "\n"
 
 
+def forces() -> str:
+    """One row for each kind of force: the first sentence of its class."""
+    out = "\n| force | description |\n|---|---|\n"
+    for kind, table in sorted((c.model_fields["kind"].default, c) for c in FORCES):
+        first = (table.__doc__ or "").partition("\n")[0].rstrip(".").replace("|", r"\|")
+        out += f"| `{kind}` | {first} |\n"
+    return out + "\n"
+
+
 def keys() -> str:
     """One small table for each class: key, values, default, description."""
     found = {MechanismFile: ("The file itself", "".join(rows(MechanismFile)))}
@@ -53,7 +63,7 @@ def keys() -> str:
     )
 
 
-PARTS = {"closures": closures, "keys": keys}
+PARTS = {"closures": closures, "forces": forces, "keys": keys}
 
 
 def page(text: str) -> str:

@@ -70,6 +70,17 @@ def test_the_law_has_the_derivatives_of_its_force(tmp_path):
         np.testing.assert_allclose(by, slope, rtol=1e-15)
 
 
+def test_the_force_in_python_has_the_derivatives_of_its_formula():
+    (code,) = re.findall(r"^```python\n(.*?class JointDrag.*?)^```$", PAGE.partition("### A force")[2], re.S | re.M)
+    names = {"__name__": "contributed"}
+    exec(code, names)
+    law, v = names["DragElement"]("drag", 1, 0.7), np.array([2.0, -3.0, 5.0])
+    expected = np.zeros((4, 6))
+    expected[1, 3 + 1], expected[3, 3 + 1] = -2 * 0.7 * 3.0, 3 * 0.7 * 3.0**2
+    np.testing.assert_allclose(law.partials(0.0, np.zeros(3), v, np.empty(0)), expected, rtol=1e-15)
+    np.testing.assert_allclose(law.torque(0.0, np.zeros(3), v)[1], [0.0, 0.7 * 3.0**2, 0.0], rtol=1e-15)
+
+
 @compiler
 @pytest.mark.parametrize("kind", ["{fits, JointLaw<Drag>::add}", "{fits, JointLaw<Drag>::add, nullptr}"])
 def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):

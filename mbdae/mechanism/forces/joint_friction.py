@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from ...errors import InputError
 from ..frames import find_joints, joint_names
 from .force import Array, Force, ForceElement, Joints
+from .joint_law import Effort, JointElement
 
 VELOCITY = 0.01  # rad/s or m/s
 
@@ -31,7 +32,7 @@ class HeldJoint(NamedTuple):
 
 
 class JointFriction(Force):
-    """Coulomb friction on each coordinate of the joints.
+    """Coulomb friction on each coordinate of the joints, regularised or exact.
 
     Regularised: tau = -friction * tanh(v / velocity). A loaded joint then creeps, and the problem is stiff.
 
@@ -114,46 +115,34 @@ class JointFriction(Force):
         return d
 
 
-class FrictionElement(ForceElement):
+class FrictionElement(JointElement):
     """tau = -d * tanh(v / v0) with d (nv,)."""
 
     def __init__(self, name: str, d: Array, v0: float) -> None:
-        super().__init__(name)
+        super().__init__(name, range(len(d)))
         self.d, self.v0 = d, v0
 
     def acting_components(self, nv: int) -> list[int]:  # noqa: D102
         return np.flatnonzero(self.d).tolist()
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
+    def effort(self, q: Array, v: Array) -> Effort:  # noqa: D102
         return 0.0, -self.d * np.tanh(v / self.v0)
-
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        nv, (_, tau) = len(v), self.torque(t, q, v)
-        out, steep = np.zeros((nv + 1, 2 * nv)), self.d / self.v0 * (np.tanh(v / self.v0) ** 2 - 1)
-        out[:nv, nv:], out[-1, nv:] = np.diag(steep), steep * v + tau
-        return out
 
     def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}
 
 
-class KineticFrictionElement(ForceElement):
+class KineticFrictionElement(JointElement):
     """tau = -d * sign with d (nv,); sign (nv,): direction of slip in a mode, 0 for sticking joints."""
 
     by_state = False
 
     def __init__(self, name: str, d: Array) -> None:
-        super().__init__(name)
+        super().__init__(name, range(len(d)))
         self.d, self.sign = d, np.zeros_like(d)
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
+    def effort(self, q: Array, v: Array) -> Effort:  # noqa: D102
         return 0.0, -self.d * self.sign
-
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        nv = len(v)
-        out = np.zeros((nv + 1, 2 * nv))
-        out[-1, nv:] = -self.d * self.sign
-        return out
 
     def core_data(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "friction", "a": [*(self.d * self.sign).tolist(), 0.0]}

@@ -8,7 +8,8 @@ import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
 
 from ..piecewise_polynomial import Interpolation, PiecewisePolynomial, Point, interpolant_of_points, require_increasing
-from .force import Array, Force, ForceElement, Joints, Part, single
+from .force import Array, Force, ForceElement, Joints, single
+from .joint_law import Effort, JointElement
 from .linear import LinearElement, Spring
 
 if TYPE_CHECKING:
@@ -67,46 +68,28 @@ class JointSpring(Force):
         return LinearElement(self.name, [("tau", iv, "v", iv, -self.damping) for _, iv in at], springs=springs)
 
 
-class CurveElement(ForceElement):
+class CurveElement(JointElement):
     """The law of a `JointSpring` with a table, c a piecewise polynomial."""
 
     def __init__(self, spec: JointSpring, at: list[tuple[int, int]]) -> None:
-        super().__init__(spec.name)
+        super().__init__(spec.name, [iv for _, iv in at], [iq for iq, _ in at])
         self.c, self.rest, self.damping = spec.curve, spec.rest, spec.damping
         self.integral, self.steepness = self.c.antiderivative(), self.c.derivative()
-        self.iq, self.iv = map(list, zip(*at, strict=True))
-        self.deflections = [(iv, "") for iv in self.iv]
-
-    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
-        return self.iv
+        self.deflections = [(iv, "") for iv in self.rows]
 
     def deflection(self, q: Array) -> Array:  # noqa: D102
-        return q[self.iq] - self.rest
+        return q[self.columns] - self.rest
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
-        spring = np.zeros_like(v)
-        spring[self.iv] = -self.c(q[self.iq] - self.rest)
-        if not self.damping:
-            return spring, 0.0
-        damper = np.zeros_like(v)
-        damper[self.iv] = -self.damping * v[self.iv]
-        return spring, damper
-
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        nv, iv = len(v), np.array(self.iv)
-        out = np.zeros((nv + 1, 2 * nv))
-        out[iv, iv], out[iv, nv + iv] = -self.steepness(q[self.iq] - self.rest), -self.damping
-        out[-1, nv + iv] = -2 * self.damping * v[iv]
-        return out
+    def effort(self, q: Array, v: Array) -> Effort:  # noqa: D102
+        x = q - self.rest
+        spring = self.c(x.real) + (1j * self.steepness(x.real) * x.imag if np.iscomplexobj(x) else 0.0)
+        return -spring, -self.damping * v
 
     def potential(self, q: Array) -> float:
         """Return the integral of c from 0 to the deflection, over all coordinates, in J."""
-        return float((self.integral(q[self.iq] - self.rest) - self.integral(0.0)).sum())
+        return float((self.integral(self.deflection(q)) - self.integral(0.0)).sum())
 
     def core_data(self) -> dict[str, Any]:  # noqa: D102
-        numbers = {"rows": self.iv, "columns": self.iq, "a": [self.rest, self.damping]}
-        return {
-            "kind": "curve",
-            **numbers,
-            "signals": [PiecewisePolynomial.of(x).core_data() for x in (self.c, self.integral)],
-        }
+        signals = [PiecewisePolynomial.of(x).core_data() for x in (self.c, self.integral)]
+        numbers = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
+        return {"kind": "curve", **numbers, "signals": signals}
