@@ -33,7 +33,7 @@ def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any
     """Return members that installed packages add to a family, by entry-point name; warn of invalid ones.
 
     Args:
-        group: ``"mbdae.methods"``, ``"mbdae.forces"`` or ``"mbdae.readers"``.
+        group: ``"mbdae.methods"``, ``"mbdae.forces"``, ``"mbdae.closures"`` or ``"mbdae.readers"``.
         fits: whether a value belongs to the family.
         what: the expected kind, in words.
     """

@@ -1,4 +1,4 @@
-"""The kinds of closures and forces, and the keys of every table of a file in Markdown, from the classes that check them.
+"""The kinds of closures and forces, and all keys of mechanism files in Markdown, from the classes that check them.
 
 `models/README.md` holds them between comments. After a change of a key, rewrite them:
 

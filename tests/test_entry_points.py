@@ -41,6 +41,22 @@ class DragElement(ForceElement):
         tau[self.i] = -self.c * abs(v[self.i]) * v[self.i]
         return 0.0, tau
 '''
+CLOSURES = '''\
+from typing import Literal
+from mbdae.mechanism.closures.frame_joint import TwoAxisJoint
+from mbdae.mechanism.closures.kinds.point import PointClosure
+
+
+class PlanarClosure(TwoAxisJoint):
+    """3 rows: b moves in the plane of a that the axis is normal to."""
+
+    kind: Literal["planar"] = "planar"
+    gap, direction = "along", "axis"
+
+
+class Second(PointClosure):
+    """3 rows: a point once more."""
+'''
 READERS = """\
 import numpy as np
 import pinocchio as pin
@@ -76,6 +92,9 @@ taken = house_methods:taken
 gone = house_methods:gone
 [mbdae.forces]
 joint_drag = house_forces:JointDrag
+[mbdae.closures]
+planar = house_closures:PlanarClosure
+second = house_closures:Second
 [mbdae.readers]
 chain = house_readers:pendulums
 dumb = house_readers:dumb
@@ -94,6 +113,8 @@ print(mech.nv, sol.status, "power.joint_drag 1" in sol.signals())
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     print(mbdae.load("c.dumb").nv, said[0].message)
+planar = mbdae.Mechanism(mech.model, [mbdae.Closure(kind="planar", frames=("b1", "world"))])
+print(planar.ng, planar.row_names[0])
 for wrong in (
     lambda: mbdae.load("b.chain"),
     lambda: mbdae.solve(mech, (0, 0.1), method="radau5"),
@@ -109,7 +130,7 @@ for wrong in (
 
 @pytest.fixture
 def house(tmp_path):
-    for name, text in (("methods", METHODS), ("forces", FORCES), ("readers", READERS)):
+    for name, text in (("methods", METHODS), ("forces", FORCES), ("closures", CLOSURES), ("readers", READERS)):
         (tmp_path / f"house_{name}.py").write_text(text)
     info = tmp_path / "house-1.0.dist-info"
     info.mkdir()
@@ -129,13 +150,15 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     assert out.returncode == 0, out.stderr
     lines = out.stdout.splitlines()
     left_out = "of mbdae.{} in house is left out: {}"
-    warned = "".join(lines[:3])
+    warned = "".join(lines[:4])
     assert "entry point 'taken' " + left_out.format("methods", "expected a Tableau of a new name") in warned
     assert "entry point 'gone' " + left_out.format("methods", "AttributeError") in warned
+    assert "entry point 'second' " + left_out.format("closures", "expected a class of closures with a kind") in warned
     assert "entry point 'taken' " + left_out.format("readers", "expected a function of a path, or a Reader") in warned
-    assert lines[3] == "2 finished True"
-    assert lines[4] == "18 c: not carried over: paint"
-    assert "the reader of .chain files fails on" in lines[5]
-    assert lines[6].startswith("force 'joint_drag 1' has no partials: implicit methods")
-    assert lines[7] == "free_flyer does not belong to c.dumb"
-    assert lines[8].startswith("cannot read d.other: expected a .toml, .py, .dumb, .mjcf, ")
+    assert lines[4] == "2 finished True"
+    assert lines[5] == "18 c: not carried over: paint"
+    assert lines[6] == "3 b1-world"
+    assert "the reader of .chain files fails on" in lines[7]
+    assert lines[8].startswith("force 'joint_drag 1' has no partials: implicit methods")
+    assert lines[9] == "free_flyer does not belong to c.dumb"
+    assert lines[10].startswith("cannot read d.other: expected a .toml, .py, .dumb, .mjcf, ")
