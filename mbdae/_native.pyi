@@ -252,7 +252,7 @@ class Core:
     ) -> Parameters: ...
     def recompute(
         self,
-        tableau: Any,
+        method: Any,
         halved: bool,
         run: Run,
         t: Array,
@@ -264,7 +264,7 @@ class Core:
     def adjoint(
         self,
         parameters: Parameters,
-        tableau: Any,
+        method: Any,
         halved: bool,
         project: bool,
         t: Array,
@@ -276,7 +276,7 @@ class Core:
     def tangent(
         self,
         parameters: Parameters,
-        tableau: Any,
+        method: Any,
         halved: bool,
         project: bool,
         t: Array,
@@ -284,6 +284,10 @@ class Core:
         carries: Array,
         first: Array,
         dp: Array,
+        dh: Array | None = None,
     ) -> Array | None: ...
+    def projection(
+        self, parameters: Parameters, t: float, y: Array, positions: bool
+    ) -> tuple[Array, Array] | None: ...
 
 def partials_seconds(core: Core, q: Array, v: Array, repetitions: int) -> float: ...

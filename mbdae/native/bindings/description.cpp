@@ -58,7 +58,7 @@ Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   };
 }
 
-// A function (t, q, v, s) -> partials of (tau, s') and of the power, one row for each of them.
+// A function (t, q, v, s) -> partials of (tau, s') and of the power, one row or number for each of them.
 Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
     guarded(interrupted, [&] {
@@ -253,6 +253,9 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
   if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
   if (d.contains("call")) out.call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
   if (d.contains("partials")) out.partials = partials(callbacks.add(d, "partials"), n, out.states, &callbacks.interrupted);
+  if (d.contains("time_rate")) {
+    out.time_rate = partials(callbacks.add(d, "time_rate"), n, out.states, &callbacks.interrupted);
+  }
   if (!out.kind->fits(out, n)) refuse("the numbers of a force law do not fit its kind");
   return out;
 }

@@ -152,7 +152,8 @@ void Parameters::begin() {
 
 void Parameters::add(const LinearisationPoint& point, const double* above, const double* nu) {
   if (!count_) return;
-  const std::vector<int>& position = s_.rows.position();
+  const IndependentRows& rows = point.rows ? *point.rows : s_.rows;
+  const std::vector<int>& position = rows.position();
   pose(point);
   if (!point.still) stand(point), contract(point, above);
   meet(point, point.q, [&](const LinearisationPoint::Met& met, const Pair& pair) {
@@ -168,7 +169,7 @@ void Parameters::add(const LinearisationPoint& point, const double* above, const
   });
   for (size_t i = 0; i < changed_.size(); ++i) {
     if (!point.still) own_[i] += dot(&own_P_[i * n_], above, n_);
-    for (int k : s_.rows.in_use()) own_[i] += own_Q_[i * s_.ng + k] * nu[position[k]];
+    for (int k : rows.in_use()) own_[i] += own_Q_[i * s_.ng + k] * nu[position[k]];
   }
 }
 

@@ -135,7 +135,7 @@ void Parameters::meet(const LinearisationPoint& point, const Numbers& q, const F
   own_Q_.assign(changed_.size() * s_.ng, 0.0);
   if (!rows_move_ && !meeting_) return;
   Mechanics& m = s_.mechanics;
-  const std::vector<int>& position = s_.rows.position();
+  const std::vector<int>& position = (point.rows ? *point.rows : s_.rows).position();
   const Numbers* stands = &q;
   for (const LinearisationPoint::Met& met : point.met) {
     if (met.q != *stands) m.poses(met.q.data());

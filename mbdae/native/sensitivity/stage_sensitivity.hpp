@@ -17,6 +17,7 @@ struct LinearisationPoint {
   };
   bool loaded = true;      // with laws and gravity
   bool still = false;      // no forces and no motion: P is 0
+  const IndependentRows* rows = nullptr;  // the rows that `met` and `nu` are about; nullptr: those in use
   double t = 0;
   Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
   std::vector<ActingWrench> wrenches;  // of laws and closures, if placements or frames are parameters

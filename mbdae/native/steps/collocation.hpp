@@ -47,6 +47,9 @@ struct StageMemory {
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
 
+// The stages of a step from some point, as those of a step of size h that ends there: to guess one from there.
+std::shared_ptr<StageMemory> as_previous(const Radau& a, const StageMemory& m, double h);
+
 class CollocationStep {
  public:
   explicit CollocationStep(Index2System& system);
