@@ -1,6 +1,6 @@
 """The compiled core for type checkers; what fields mean stands in mbdae/native/*/*.hpp."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -272,6 +272,7 @@ class Core:
         carries: Array,
         extra: Array,
         bar: Array,
+        friction: Callable[..., tuple[Array, Array, Array]] | None = None,
     ) -> tuple[Array, Array] | None: ...
     def tangent(
         self,
@@ -285,6 +286,7 @@ class Core:
         first: Array,
         dp: Array,
         dh: Array | None = None,
+        friction: Callable[..., tuple[Array, Array, Array]] | None = None,
     ) -> Array | None: ...
     def projection(
         self, parameters: Parameters, t: float, y: Array, positions: bool

@@ -66,7 +66,7 @@ PerturbedRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const 
   if (x.size() != 4) refuse("rows nearby are a weight, pairs, rows and drivers");
   auto found = pairs(nb::cast<nb::list>(x[1]), n.joints);
   std::vector<Row> rows;
-  for (nb::handle h : nb::cast<nb::list>(x[2])) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(found.size())));
+  for (nb::handle h : nb::cast<nb::list>(x[2])) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(found.size()), callbacks));
   if (rows.size() != count) refuse("as many rows nearby as there are");
   std::vector<Driver> drivers;
   for (nb::handle h : nb::cast<nb::list>(x[3])) drivers.push_back(driver(nb::cast<nb::dict>(h), rows.size(), callbacks));
@@ -150,9 +150,27 @@ nb::object walk_along(PyCore& c, nb::handle a, bool halved, const Run& run, cons
   return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
 }
 
+// While it exists, the core asks a Python function for the partials of friction.
+class WithFriction {
+ public:
+  WithFriction(PyCore& c, Parameters& p, const nb::object& f) : p_(p) {
+    if (f.is_none()) return;
+    p.friction = [f = f.ptr(), interrupted = &c.callbacks->interrupted](
+                     const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D, Numbers& P) {
+      call_python(f, interrupted, {{q.data(), q.size()}, {v.data(), v.size()}, {lam.data(), lam.size()}}, {&K, &D, &P});
+    };
+  }
+  ~WithFriction() { p_.friction = nullptr; }
+  WithFriction(const WithFriction&) = delete;
+
+ private:
+  Parameters& p_;
+};
+
 nb::object go_back(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
-                   const Array& carries, const Array& extra, const Array& bar) {
+                   const Array& carries, const Array& extra, const Array& bar, const nb::object& friction) {
   const CoreLock turn(c);
+  const WithFriction sliding(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
@@ -165,8 +183,10 @@ nb::object go_back(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool p
 }
 
 nb::object go_along(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
-                    const Array& carries, const Array& first, const Array& dp, const std::optional<Array>& dh) {
+                    const Array& carries, const Array& first, const Array& dp,
+                    const std::optional<Array>& dh, const nb::object& friction) {
   const CoreLock turn(c);
+  const WithFriction sliding(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
@@ -210,11 +230,11 @@ void bind_tangents(nb::module_& m, nb::class_<PyCore>& core) {
            "Return what is carried to each node (m + 1, nc), whether it was found anew there, how many steps could be "
            "repeated, and where they end; or None.")
       .def("adjoint", go_back, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
-           nb::arg("carries"), nb::arg("extra"), nb::arg("bar"),
+           nb::arg("carries"), nb::arg("extra"), nb::arg("bar"), nb::arg("friction") = nb::none(),
            "Return the cotangents of y and carry (ny + nc,), and of parameters (k,), of those behind steps, or None.")
       .def("tangent", go_along, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
-           nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"), nb::arg("dh") = nb::none(),
-           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step sizes.")
+           nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"), nb::arg("dh") = nb::none(), nb::arg("friction") = nb::none(),
+           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
       .def("projection", project_along, nb::arg("parameters"), nb::arg("t"), nb::arg("y"), nb::arg("positions"),
            "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and the "
            "parameters, transposed, (ny + k, ny); or None.");

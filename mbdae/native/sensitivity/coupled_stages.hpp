@@ -1,7 +1,7 @@
 // Tangent and adjoint of steps by all equations of their stages (stage_equations.hpp): half-explicit steps stage by stage,
 // collocation steps as one system.
 //
-//   F_i, z_i by the equations of stage i,   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j,   Xhat_i likewise by ahat_ij
+//   F_i, z_i by the equations of stage i,   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j,   Xhat_i by ahat_ij
 //   dy_1 = Y dy + X (h sum b_i dF_i + dh sum b_i F_i)
 //
 // Collocation steps are solved to rounding, so that the implicit function theorem applies: guess and iteration have no

@@ -146,6 +146,7 @@ void Parameters::meet_changed(const LinearisationPoint::Met& met) {
 }
 
 void Parameters::begin() {
+  extra_.assign(count_, 0.0);
   for (Numbers& x : sums_) std::fill(x.begin(), x.end(), 0.0);
   std::fill(own_.begin(), own_.end(), 0.0);
 }
@@ -173,7 +174,12 @@ void Parameters::add(const LinearisationPoint& point, const double* above, const
   }
 }
 
+void Parameters::add_columns(const Numbers& P, const double* above) {
+  for (size_t l = 0; l < count_; ++l) extra_[l] += dot(&P[l * n_], above, n_);
+}
+
 void Parameters::end(double* p) {
+  for (size_t l = 0; l < count_; ++l) p[l] += extra_[l];
   for (const Direction& d : directions_)
     p[d.parameter] += dot(d.x.data(), sums_[d.stuff].data(), static_cast<int>(d.x.size()));
   for (size_t i = 0; i < changed_.size(); ++i) p[changed_[i].parameter] += own_[i];

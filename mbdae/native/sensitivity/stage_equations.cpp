@@ -113,13 +113,32 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
     own.block(nv, ny + i, nv, 1) = -RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
     own(ny - 1, ny + i) = at_.g_t[i];
   }
+  if (s_.sliding) friction();
   y.topRows(ny) = x.topRows(ny);
   Numbers by_t(n_);
   s_.time_partials(at.t, o.q.data(), o.u.data(), o.lam.data(), by_t.data());
   t.segment(nv, n_) = -Eigen::Map<const Vector<double>>(by_t.data(), n_);
   if (!forward_) return;
   parameters_.forces(o, P_);
-  p.middleRows(nv, n_) = -RowsIn(P_.data(), p.cols(), n_).transpose();
+  p.middleRows(nv, n_) -= RowsIn(P_.data(), p.cols(), n_).transpose();
+}
+
+void StageEquations::friction() {
+  const int nv = s_.nv, ny = s_.ny;
+  const size_t n = n_;
+  if (!parameters_.friction) throw FallBackToPython();
+  s_.sliding.slips(point_.u.data());
+  s_.sliding.partials(G_.data(), point_.lam.data(), at_.friction);
+  for (int i = 0; i < r_; ++i) {
+    const RowsIn by_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
+    own.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();
+    own(ny - 1, ny + i) -= by_lam(0, nv);
+  }
+  Numbers K(n * nv), D(n * n);
+  slid_.resize(parameters_.count() * n);
+  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, slid_);
+  x.block(nv, 0, n_, nv) -= RowsIn(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= RowsIn(D.data(), n_, n_);
+  if (forward_) p.middleRows(nv, n_) -= RowsIn(slid_.data(), p.cols(), n_).transpose();
 }
 
 void StageEquations::positions(const StageValues& at) {
@@ -149,6 +168,7 @@ void StageEquations::add_parameters(const double* mu) {
   Numbers above(mu + nv, mu + ny), below(mu + ny, mu + ny + r_);
   for (double& w : below) w = -w;
   parameters_.add(point_, above.data(), below.data());
+  if (!slid_.empty()) parameters_.add_columns(slid_, above.data());
   if (!kept_) return;
   above.assign(n_, 0.0), std::copy_n(mu + ny + r_, nv, above.begin());
   below.assign(mu + ny + r_ + nv, mu + m_);

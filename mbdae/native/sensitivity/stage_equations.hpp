@@ -13,7 +13,7 @@ struct StageValues {
   Numbers lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
 };
 
-// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat likewise by xhat, in the unknowns (x', u', lam, slip, mu):
+// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat by xhat, in the unknowns (x', u', lam, slip, mu):
 //
 //   dx' - J (dv + dslip) - T dx = 0                        M dslip - P^T dmu - W dq = (P^T mu - M slip)_p dp
 //   E du' - K dq - D du - L dlam = P dp + f_t dt           Phat dqhat = -g_p dp - g_t dthat
@@ -37,6 +37,7 @@ class StageEquations {
   void constraints(const double* y0, const StageValues& at);
   void motion(const double* y0, const StageValues& at);
   void positions(const StageValues& at);
+  void friction();
 
   Index2System& s_;
   Parameters& parameters_;
@@ -45,7 +46,7 @@ class StageEquations {
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
   LinearisationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
-  Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_;
+  Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_, slid_;
   std::vector<IntegratePartialsBlock> turn_, hat_;
 };
 

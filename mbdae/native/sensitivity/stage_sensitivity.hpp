@@ -1,5 +1,11 @@
-// Tangent and adjoint of a stage, by its saddle-point system
-// (mbdae/mechanism/discrete_sensitivity/stage_sensitivity.py).
+// Tangent and adjoint of a stage of index 2, by its saddle-point system. In coordinates x of a step, q = q_n (+) x, with
+// A, R, J, T of `IntegratePartialsBlock` and the partials K, D, B of `EquationPartials`,
+//
+//   dq = A dq_n + R dx,   dx' = J dv + T dx,   dqhat = Ahat dq_n + Rhat (dxhat + factor dx')
+//   [M  -G^T] [dv' ]   [K dq + D du + P dp                                            ]
+//   [Ghat  0] [dlam] = [-(Bhat dqhat + Ghat (dv_n + dvhat) + Q dp) / factor           ]
+//
+// with the matrix of the stage itself; cotangents use its transpose.
 #pragma once
 
 #include "system/index2.hpp"
