@@ -89,7 +89,7 @@ class Trajectory:
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        self._reject_friction(isinstance(self.tableau, Tableau) and settings["formulation"] == "index2")
+        self._reject_friction(isinstance(self.tableau, Tableau))
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -126,6 +126,7 @@ class Trajectory:
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
+        self.system.begin(float(self.ts[i]), self.ys[i])
 
     def _enter(self, parameters: Parameters) -> None:
         """Enter the mode of the run in the workspaces."""

@@ -100,6 +100,14 @@ def test_adjoint(model, T, form):
     compare(sol, ["gravity.2"], ["energy", "work", f"lam.{mech.row_names[0]}.1"], start=True)
 
 
+def test_a_mode_without_rows():
+    """A chain whirls freely above a floor."""
+    mech = mbdae.load("bouncing_chain")
+    sol = mbdae.solve(mech, (0.0, 0.05), step=0.025, method="radau5")
+    assert sol.modes == [(0, (0,) * len(mech.switches))]
+    compare(sol, ["gravity.2"], ["energy", f"v.{mech.joint_names[-1]}"], start=True)
+
+
 def test_terminal_events():
     event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
     sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2.0), method="radau5", rtol=1e-5, events=event)

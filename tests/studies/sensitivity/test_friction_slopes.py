@@ -91,6 +91,19 @@ def test_every_kind_of_friction_interface(kind):
     compare(sol, values, ["v.x", "work", f"force.{closure}.x"], model=lambda **x: MADE[kind](**x)[0])
 
 
+@pytest.mark.parametrize("kind", ["bead", "in_plane", "revolute"])
+def test_the_ggl_form(kind):
+    @cache
+    def run(x):
+        mech, q, v = MADE[kind](coefficient=x)
+        return mbdae.solve(mech, (0, 0.3), q, v, step=0.03, method="pherk5", formulation="ggl")
+
+    model = {"model": lambda **x: MADE[kind](**x)[0]}
+    found = mbdae.sensitivity(run(0.3), {"coefficient": 0.3}, **model)
+    assert best(found.dy[..., 0], lambda x: run(x).y, 0.3, mech=run(0.3).mechanism) < 1e-10
+    compare(run(0.3), {"coefficient": 0.3}, ["v.x", "work"], **model)
+
+
 NAMES = ("force.coulomb_friction 1.coefficient", "force.coulomb_friction 1.radius", "joint.coupler.mass",
          "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.q.crank")  # fmt: skip
 
