@@ -14,7 +14,7 @@ from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
-from ..methods import Method, Tableau, method_of
+from ..methods import Method, method_of
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from .carry_record import RecordedStates
@@ -89,7 +89,8 @@ class Trajectory:
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        self._reject_friction(isinstance(self.tableau, Tableau))
+        if self.system.sliding.can_stick:
+            self.system.sliding.reject("a gradient of wheels that slide")
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -111,14 +112,6 @@ class Trajectory:
             self.checkpoints = Checkpoints(
                 len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._recompute
             )
-
-    def _reject_friction(self, supported: bool) -> None:
-        """Reject friction in closures if the method does not support it, and wheels that slide in any case."""
-        friction, settings = self.system.sliding, self.sol.settings
-        if friction and not supported:
-            friction.reject(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
-        if friction.can_stick:
-            friction.reject("a gradient of wheels that slide")
 
     def enter_node(self, i: int) -> None:
         """Use the rows that were in use at node i."""

@@ -1,8 +1,16 @@
 #include "sensitivity/coupled_stages.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace mbdae {
+
+namespace {
+
+constexpr int iterations = 20, halvings = 6;  // of Newton's iteration, and of the step, to obtain a guess
+constexpr double converged = 1e-12;           // of 1 + |x|: the last change, whose square is left
+
+}  // namespace
 
 StepCoefficients::StepCoefficients(const Tableau& a)
     : n(a.n), first(a.first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
@@ -49,9 +57,46 @@ void CoupledStages::couple(Rows<double>& to, int i, int j) const {
 
 void CoupledStages::repeat(double t, double h, const State& in, State& out) {
   h_ = h, r_ = static_cast<int>(s_.rows.in_use().size());
-  steps_->take(t, h, in, out);
+  try {
+    steps_->take(t, h, in, out);
+  } catch (const StepTooLong&) {
+    newton(t, h, in, halvings);
+    steps_->finish(in, out);
+  }
+  linearize(in.y);
+  Vector<double> x = Vector<double>::Zero(s_.ny);
+  for (int i = 0; i < a_.n; ++i) x += h * a_.b[i] * steps_->F.row(i).transpose();
+  s_.manifold.turned(x.data(), x.data(), end_);
+}
+
+void CoupledStages::newton(double t, double h, const State& in, int left) {
+  for (bool again : {false, true}) {
+    if (again) {
+      if (!left) break;
+      newton(t, h / 2, in, left - 1), steps_->extend(h);
+    } else {
+      steps_->guess(t, h, in);
+    }
+    h_ = h;
+    for (int k = 0; k < iterations; ++k) {
+      linearize(in.y);
+      const int n = a_.n, m = stages_[0]->size();
+      Vector<double> right(n * m);
+      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->miss(i);
+      const Matrix change = systems_[0].solve(right);
+      if (!change.allFinite()) break;
+      const Rows<double> moves = RowsIn(change.data(), n, m);
+      const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
+      steps_->move(moves);
+      if (size <= converged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+    }
+  }
+  throw StepTooLong();
+}
+
+void CoupledStages::linearize(const Numbers& y) {
   const int n = static_cast<int>(stages_.size());
-  for (int i = 0; i < n; ++i) stages_[i]->take(in.y.data(), steps_->stages[i], steps_->positions);
+  for (int i = 0; i < n; ++i) stages_[i]->take(y.data(), steps_->stages[i], steps_->positions);
   if (a_.coupled) {
     const int m = n ? stages_[0]->size() : 0;
     Matrix all = Matrix::Zero(n * m, n * m);
@@ -70,9 +115,6 @@ void CoupledStages::repeat(double t, double h, const State& in, State& out) {
       systems_[i].factorize(one);
     }
   }
-  Vector<double> x = Vector<double>::Zero(s_.ny);
-  for (int i = 0; i < a_.n; ++i) x += h * a_.b[i] * steps_->F.row(i).transpose();
-  s_.manifold.turned(x.data(), x.data(), end_);
 }
 
 void CoupledStages::forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) {

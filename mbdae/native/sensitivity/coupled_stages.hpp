@@ -31,6 +31,14 @@ class StageRecorder {
  public:
   virtual ~StageRecorder() = default;
   virtual void take(double t, double h, const State& in, State& out) = 0;
+  // For Newton's iteration with the partials of all stages, of collocation steps that fail otherwise: a guess from y'_n,
+  // or the polynomial of the step of half the size; the negative equations of a stage, (m,); a change of all stages; and
+  // the end. Each sets `stages` and `F`.
+  virtual void guess(double, double, const State&) { throw StepTooLong(); }
+  virtual void extend(double) {}
+  virtual Vector<double> miss(int) { return {}; }
+  virtual void move(const Rows<double>&) {}  // (n, m)
+  virtual void finish(const State&, State&) {}
   std::vector<StageValues> stages;
   Rows<double> F;                               // (n, ny)
   const IndependentRows* positions = nullptr;  // those of mu
@@ -59,6 +67,8 @@ class CoupledStages final : public StepMap {
     Matrix solve_transposed(const Matrix& b) const;
   };
 
+  void linearize(const Numbers& y);
+  void newton(double t, double h, const State& in, int halvings);
   void couple(Rows<double>& to, int i, int j) const;  // adds the effect of F_j on stage i
   int slip() const { return steps_->positions ? s_.ny + r_ : -1; }
 

@@ -9,8 +9,6 @@ namespace mbdae {
 
 namespace {
 
-constexpr int halvings = 6;  // of a step that is repeated, to obtain a guess
-
 template <class Step>
 class Recording final : public Step, public StageRecorder {
  public:
@@ -50,36 +48,79 @@ class RecordingCollocation final : public Step, public StageRecorder {
 
   void take(double t, double h, const State& in, State& out) override {
     State start;
-    start.y = in.y;
-    solve(t, h, start, out, halvings);
-    const StageMemory& m = *out.memory;
-    F = RowsIn(m.K.data(), a_.s, this->ny_);
-    const Rows<double> X = h * (RowsIn(a_.A.data(), a_.s, a_.s) * F);
-    if constexpr (is_ggl) positions = &this->positions_.rows();
-    stages.clear();
+    start.y = in.y, t_ = t;
+    Step::take(a_, false, t, h, start, out, z_.data(), errors_);
+    memory_ = out.memory;
+    record();
+  }
+
+  void guess(double t, double h, const State& in) override {
+    Index2System& s = this->s_;
+    this->y0_ = in.y, t_ = t;
+    this->open(in.y.data());
+    auto m = std::make_shared<StageMemory>();
+    m->unknowns = this->unknowns(), m->h = h;
+    Numbers rate(s.ny), lam(s.ng);
+    s.derivative(t, in.y.data(), rate.data(), lam.data());
     for (int i = 0; i < a_.s; ++i) {
-      const double *x = X.row(i).data(), *K = F.row(i).data(), at = t + a_.c[i] * h;
-      stages.push_back({at, at, Numbers(x, x + this->ny_), Numbers(x, x + 2 * this->nv_), Numbers(K, K + this->ny_),
-                        Numbers(this->s_.ng, 0.0), {}, {}});
-      const auto r = static_cast<int>(m.unknowns.size());
-      multipliers(stages.back(), &m.Z[static_cast<size_t>(i) * r], r);
+      m->K.insert(m->K.end(), rate.begin(), rate.end());
+      for (size_t k = 0; k < m->unknowns.size(); ++k)
+        m->Z.push_back(k < used() ? s.multipliers()[m->unknowns[k]] : 0);
     }
+    memory_ = m, record();
+  }
+
+  void extend(double h) override { memory_ = resampled(a_, *memory_, 0, h), record(); }
+
+  Vector<double> miss(int i) override {
+    const StageValues& v = stages[i];
+    const int nv = this->nv_, ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
+    Numbers R(ny), C(all);
+    Step::residual(v.t, v.x.data(), v.F.data(), &memory_->Z[static_cast<size_t>(i) * all], R.data(), C.data());
+    Vector<double> out = Vector<double>::Zero(ny + all + (is_ggl ? nv : 0));
+    std::copy(R.begin(), R.end(), out.data()), std::copy(C.begin(), C.begin() + r, out.data() + ny);
+    std::copy(C.begin() + r, C.end(), out.data() + out.size() - (all - r));
+    return out;
+  }
+
+  void move(const Rows<double>& change) override {
+    const int ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
+    auto m = std::make_shared<StageMemory>(*memory_);
+    for (int i = 0; i < a_.s; ++i) {
+      for (int k = 0; k < ny; ++k) m->K[i * ny + k] += change(i, k);
+      for (int k = 0; k < all; ++k)
+        m->Z[i * all + k] += change(i, k < r ? ny + k : static_cast<int>(change.cols()) - all + k);
+    }
+    memory_ = m, record();
+  }
+
+  void finish(const State& in, State& out) override {
+    State start;
+    start.y = in.y, start.memory = resampled(a_, *memory_, -memory_->h, memory_->h);
+    const double h = memory_->h;
+    Step::take(a_, false, t_, h, start, out, z_.data(), errors_);
+    memory_ = out.memory;
+    record();
   }
 
  private:
   static constexpr bool is_ggl = std::is_same_v<Step, GGLCollocation>;
 
-  // From y alone; the guess is the polynomial of the step of half the size if the iteration does not converge otherwise.
-  void solve(double t, double h, const State& in, State& out, int left) {
-    try {
-      return Step::take(a_, false, t, h, in, out, z_.data(), errors_);
-    } catch (const StepTooLong&) {
-      if (!left || in.memory) throw;
+  size_t used() const { return this->s_.rows.in_use().size(); }
+  int unknown_count() const { return static_cast<int>(memory_->unknowns.size()); }
+
+  void record() {
+    const StageMemory& m = *memory_;
+    F = RowsIn(m.K.data(), a_.s, this->ny_);
+    const Rows<double> X = m.h * (RowsIn(a_.A.data(), a_.s, a_.s) * F);
+    if constexpr (is_ggl) positions = &this->positions_.rows();
+    stages.clear();
+    for (int i = 0; i < a_.s; ++i) {
+      const double *x = X.row(i).data(), *K = F.row(i).data(), at = t_ + a_.c[i] * m.h;
+      stages.push_back({at, at, Numbers(x, x + this->ny_), Numbers(x, x + 2 * this->nv_), Numbers(K, K + this->ny_),
+                        Numbers(this->s_.ng, 0.0), {}, {}});
+      multipliers(stages.back(), &m.Z[static_cast<size_t>(i) * unknown_count()], unknown_count());
     }
-    State half, guessed(in);
-    solve(t, h / 2, in, half, left - 1);
-    guessed.memory = as_previous(a_, *half.memory, h);
-    Step::take(a_, false, t, h, guessed, out, z_.data(), errors_);
   }
 
   // The iteration leaves a larger error in multipliers than in x and x': they are those that belong to these.
@@ -106,6 +147,8 @@ class RecordingCollocation final : public Step, public StageRecorder {
   }
 
   const Radau& a_;
+  double t_ = 0;
+  std::shared_ptr<const StageMemory> memory_;
   Numbers z_, errors_;
 };
 

@@ -47,8 +47,8 @@ struct StageMemory {
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
 
-// The stages of a step from some point, as those of a step of size h that ends there: to guess one from there.
-std::shared_ptr<StageMemory> as_previous(const Radau& a, const StageMemory& m, double h);
+// The polynomial of a step at the nodes of one of size h that starts `later`: to guess one.
+std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, double later, double h);
 
 class CollocationStep {
  public:

@@ -9,7 +9,6 @@ from frozen import best, compare
 
 import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
-from mbdae.errors import InputError
 from mbdae.mechanism.closures.profiles import CircleProfile
 from mbdae.studies.sensitivity.run_parameters import mechanism_factory
 
@@ -92,11 +91,15 @@ def test_every_kind_of_friction_interface(kind):
 
 
 @pytest.mark.parametrize("kind", ["bead", "in_plane", "revolute"])
-def test_the_ggl_form(kind):
+@pytest.mark.parametrize(
+    "options",
+    [{"method": "pherk5", "formulation": "ggl"}, {"method": "radau5"}, {"method": "radau5", "formulation": "ggl"}],
+)
+def test_other_methods_and_the_ggl_form(kind, options):
     @cache
     def run(x):
         mech, q, v = MADE[kind](coefficient=x)
-        return mbdae.solve(mech, (0, 0.3), q, v, step=0.03, method="pherk5", formulation="ggl")
+        return mbdae.solve(mech, (0, 0.3), q, v, step=0.03, **options)
 
     model = {"model": lambda **x: MADE[kind](**x)[0]}
     found = mbdae.sensitivity(run(0.3), {"coefficient": 0.3}, **model)
@@ -128,10 +131,3 @@ def test_closures_that_depend_on_each_other(name):
     loads = np.array([found.signal(signal)[:, 0] for signal in signals])
     assert best(loads, lambda x: columns(run(x), signals), value) < 1e-8
     compare(sol, [name], ["q.crank", "lam.pin.1", "work", "torque.pin.y"])
-
-
-def test_where_there_is_none():
-    friction = CoulombFriction(closure="pin", coefficient=0.4, radius=0.3, velocity=0.5)
-    sol = mbdae.solve(mbdae.load("four_bar", forces=[friction]), (0.0, 0.1), method="radau5")
-    with pytest.raises(InputError, match="a gradient of 'radau5' in 'index2' does not know coulomb_friction, of"):
-        mbdae.sensitivity(sol, ["gravity.2"])
