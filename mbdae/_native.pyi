@@ -1,6 +1,6 @@
 """The compiled core for type checkers; what fields mean stands in mbdae/native/*/*.hpp."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -252,7 +252,7 @@ class Core:
     ) -> Parameters: ...
     def recompute(
         self,
-        tableau: Any,
+        method: Any,
         halved: bool,
         run: Run,
         t: Array,
@@ -264,7 +264,7 @@ class Core:
     def adjoint(
         self,
         parameters: Parameters,
-        tableau: Any,
+        method: Any,
         halved: bool,
         project: bool,
         t: Array,
@@ -272,11 +272,12 @@ class Core:
         carries: Array,
         extra: Array,
         bar: Array,
+        friction: Callable[..., tuple[Array, Array, Array]] | None = None,
     ) -> tuple[Array, Array] | None: ...
     def tangent(
         self,
         parameters: Parameters,
-        tableau: Any,
+        method: Any,
         halved: bool,
         project: bool,
         t: Array,
@@ -284,6 +285,11 @@ class Core:
         carries: Array,
         first: Array,
         dp: Array,
+        dh: Array | None = None,
+        friction: Callable[..., tuple[Array, Array, Array]] | None = None,
     ) -> Array | None: ...
+    def projection(
+        self, parameters: Parameters, t: float, y: Array, positions: bool
+    ) -> tuple[Array, Array] | None: ...
 
 def partials_seconds(core: Core, q: Array, v: Array, repetitions: int) -> float: ...

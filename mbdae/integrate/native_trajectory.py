@@ -1,13 +1,14 @@
-"""Many steps of a trajectory at once, in the compiled core: carries, tangents and adjoints."""
+"""Steps of a trajectory in the compiled core, many at once: carries, tangents and adjoints."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import NotCompiled
+from .. import backend
+from ..errors import InputError, NotCompiled
 from ..mechanism.discrete_sensitivity.core_parameters import bind_parameters
+from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.formulations.compiled_systems import CompiledSystem
-from ..methods import Tableau
 from ..system import Array, State
 from .steppers.adaptive import SMALLEST_SCALE
 from .steppers.fixed import TOLERATED
@@ -39,15 +40,28 @@ class NativeTrajectory:
     """Steps of a trajectory in the compiled core, from node i to node j > i without other maps between.
 
     Args:
-        trace: trajectory of a run in a workspace of the core.
+        trace: trajectory of a run.
+        parameters: the varied parameters of its mechanism.
+
+    Attributes:
+        of: the same.
+        parameters: those of the core.
 
     Raises:
-        NotCompiled: for features that the core does not support.
+        InputError: without the core, and for features that it does not support.
     """
 
-    def __init__(self, trace: "Trajectory", system: CompiledSystem) -> None:
-        self.trace, self.core = trace, system.core
-        self.parameters = bind_parameters(system, trace.sensitivity.parameters)
+    def __init__(self, trace: "Trajectory", parameters: Parameters) -> None:
+        system = trace.system
+        if backend.load() is None:
+            raise InputError(f"derivatives of runs need the compiled core of mbdae; {backend.status()}")
+        try:
+            if not isinstance(system, CompiledSystem):  # which raises the reason
+                system = system.mechanism.system(system.formulation, native=backend.load())
+            self.parameters = bind_parameters(system, parameters)
+        except NotCompiled as e:
+            raise InputError(f"derivatives of runs need the compiled core, which does not compute {e}") from None
+        self.trace, self.core, self.of = trace, system.core, parameters
         self.method = system.method(trace.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED
@@ -56,7 +70,7 @@ class NativeTrajectory:
             control = self.run.control
             control.rtol, control.atol = trace.stepper.rtol, np.atleast_1d(trace.stepper.atol).tolist()
             control.nothing = SMALLEST_SCALE
-        self.blocked: set[int] = set()  # steps that the core could not repeat
+        self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
 
     def after(self, i: int, ends: bool = False) -> int:
         """Return the last node reached from node i by steps only; i itself where the core cannot continue.
@@ -110,15 +124,15 @@ class NativeTrajectory:
         ts, ys = np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1])
         ys[0] = state.y
         found = self.core.recompute(self.method, trace.halved, self.run, ts, ys, state.carry, *near)
-        found = self._tried(range(i, j), found)
         if found is None:
+            self.blocked |= set(range(i, j))
             return None
         carries, renewed, steps, end = found
         points = [*ys[1:steps], end] if steps else []
         states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
         return RecomputedStates(states, renewed[1 : steps + 1], i + steps == j)
 
-    def adjoint(self, nodes: NodeRange, extra: Array, bar: Array) -> tuple[Array, Array] | None:
+    def adjoint(self, nodes: NodeRange, extra: Array, bar: Array) -> tuple[Array, Array]:
         """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
 
         Args:
@@ -127,34 +141,53 @@ class NativeTrajectory:
             bar: the cotangents at the last.
         """
         given = self.parameters, self.method, self.trace.halved, self.trace.project
-        found = self.core.adjoint(*given, *nodes[1:], extra, bar)
-        return self._tried(nodes.steps, found)
+        along = np.ascontiguousarray(extra), np.ascontiguousarray(bar)
+        return self._repeated(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
 
-    def tangent(self, nodes: NodeRange, first: Array, dp: Array) -> Array | None:
+    def tangent(self, nodes: NodeRange, first: Array, dp: Array, dh: Array | None = None) -> Array:
         """Return the variations of y and carry at the nodes, (m + 1, d, ny + nc).
 
         Args:
             nodes: connected by steps only.
             first: variations at the first of them, (d, ny + nc).
             dp: of the parameters, (d, k).
+            dh: of the size of each step, (d,).
         """
         given = self.parameters, self.method, self.trace.halved, self.trace.project
-        found = self.core.tangent(*given, *nodes[1:], np.ascontiguousarray(first), np.ascontiguousarray(dp))
-        return self._tried(nodes.steps, found)
+        along = np.ascontiguousarray(first), np.ascontiguousarray(dp)
+        return self._repeated(nodes, self.core.tangent(*given, *nodes[1:], *along, dh, self._friction))
 
-    def _tried(self, steps: range, found: Any) -> Any:
-        if found is None:  # Python takes over, or reports the error
-            self.blocked |= set(steps)
+    @property
+    def _friction(self) -> Any:
+        """Partials of friction that depends on multipliers, which the core takes from Python."""
+        return self.trace.sensitivity.friction if self.trace.system.sliding else None
+
+    def _repeated(self, nodes: NodeRange, found: Any) -> Any:
+        """Return what the core found.
+
+        Raises:
+            InputError: if it could not repeat the steps.
+        """
+        if found is None:
+            t0, t1 = nodes.ts[[0, -1]]
+            raise InputError(f"the steps from t = {t0:.9g} s to {t1:.9g} s cannot be repeated in the compiled core")
         return found
 
 
-def native_trajectory(trace: "Trajectory") -> NativeTrajectory | None:
-    """Return the steps of a trajectory in the core; None where Python computes them."""
-    if not isinstance(trace.system, CompiledSystem) or not isinstance(trace.tableau, Tableau):
-        return None
-    if trace.system.sliding:  # the core has no partials of friction that depends on multipliers
-        return None
-    try:
-        return NativeTrajectory(trace, trace.system)
-    except NotCompiled:
-        return None
+class NativeStep(NamedTuple):
+    """The step from node i to the next one, with the projection of its end; variations are columns."""
+
+    core: NativeTrajectory
+    i: int
+
+    def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
+        """Return the variations of y and of the carry, for dp (k, m) and dh (m,) of the step size."""
+        nodes, ny = self.core.nodes(self.i, self.i + 1), len(dy)
+        found = self.core.tangent(nodes, np.concatenate([dy, carry]).T, dp.T, dh)[-1].T
+        return found[:ny], found[ny:]
+
+    def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
+        """Return the cotangents of y, of the carry and of the parameters, (..., 1)."""
+        bar = np.concatenate([y, carry])[:, 0]
+        at, p = self.core.adjoint(self.core.nodes(self.i, self.i + 1), np.zeros((2, len(bar))), bar)
+        return at[: len(y), None], at[len(y) :, None], p[:, None]

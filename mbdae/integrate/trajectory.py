@@ -12,19 +12,16 @@ import numpy as np
 
 from .. import backend
 from ..errors import InputError, StepError
-from ..mechanism.discrete_sensitivity.ggl_sensitivity import GGLSensitivity
-from ..mechanism.discrete_sensitivity.index2_sensitivity import Index2Sensitivity
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ..methods import Method, Tableau, method_of
-from ..methods.collocation_sensitivity import CollocationSensitivity
-from ..methods.step_sensitivity import StepSensitivity
+from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
+from ..methods import Method, method_of
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from .carry_record import RecordedStates
 from .checkpoints import Checkpoints
 from .differentiable_runs import require_differentiable
 from .events.jumps import MARGIN
-from .native_trajectory import native_trajectory
+from .native_trajectory import NativeStep, NativeTrajectory
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 
@@ -58,8 +55,7 @@ class LinearMap(NamedTuple):
         return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.maps_carry else (back[:ny], carry, back[ny:])
 
 
-StepSensitivityPart = StepSensitivity | CollocationSensitivity
-TrajectoryPart = StepSensitivityPart | LinearMap
+TrajectoryPart = NativeStep | LinearMap
 
 
 class Trajectory:
@@ -76,10 +72,10 @@ class Trajectory:
         system: a workspace, shared by runs with the same parameters: each `enter_node` prepares it for this run.
         sensitivity: discrete sensitivity of the maps.
         n_carry: length of the carry.
-        core: many steps at once in the compiled core, if supported.
+        core: its steps in the compiled core.
 
     Raises:
-        InputError: for an unsupported run, or one whose steps cannot be repeated.
+        InputError: for an unsupported run, one whose steps cannot be repeated, and without the core.
     """
 
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
@@ -90,13 +86,11 @@ class Trajectory:
         q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
         own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not specify them
         self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
-        formulation = settings["formulation"]
-        stabilised, half_explicit = formulation == "ggl", isinstance(self.tableau, Tableau)
-        self.system: Any = parameters.workspace(formulation, None if stabilised and half_explicit else backend.load())
+        self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        self._reject_friction(half_explicit and not stabilised)
-        self.sensitivity = (GGLSensitivity if stabilised else Index2Sensitivity)(self.system, parameters)
+        if self.system.sliding.can_stick:
+            self.system.sliding.reject("a gradient of wheels that slide")
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -105,10 +99,11 @@ class Trajectory:
         self.changes = {i: rows for i, rows in sol.in_use}
         self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
-        self.n_carry = self.sensitivity.width - self.system.nv if self.tableau.carries else 0
+        self.core = NativeTrajectory(self, parameters)
+        self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
+        self.n_carry = self.sensitivity.n_carry if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
         self.checkpoints: Checkpoints | RecordedStates | None = None
-        self.core = native_trajectory(self)
         if self.n_carry and sol.carried:
             self.checkpoints = RecordedStates(self.ys, sol.carried[0])
             self.renewed[sol.carried[1]] = True
@@ -118,20 +113,13 @@ class Trajectory:
                 len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._recompute
             )
 
-    def _reject_friction(self, supported: bool) -> None:
-        """Reject friction in closures if the method does not support it, and wheels that slide in any case."""
-        friction, settings = self.system.sliding, self.sol.settings
-        if friction and not supported:
-            friction.reject(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
-        if friction.can_stick:
-            friction.reject("a gradient of wheels that slide")
-
     def enter_node(self, i: int) -> None:
         """Use the rows that were in use at node i."""
-        self._enter(self.sensitivity.parameters)
+        self._enter(self.core.of)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
+        self.system.begin(float(self.ts[i]), self.ys[i])
 
     def _enter(self, parameters: Parameters) -> None:
         """Enter the mode of the run in the workspaces."""
@@ -167,25 +155,18 @@ class Trajectory:
         return self.sensitivity.parameters.once(name, key, find)
 
     def step_parts(self, i: int) -> Iterator[TrajectoryPart]:
-        """Yield the maps from node i to the next one, each with its partial derivatives."""
+        """Yield the maps from node i to the next one."""
         self.enter_node(i)
-        t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
+        t1, y1, changed = float(self.ts[i + 1]), self.ys[i + 1], i + 1 in self.changes
         if self.jumped[i]:
-            yield LinearMap(self.sensitivity.jumped(t1, y), False)
-            y = self.system.jump(t1, y)
+            yield LinearMap(self.sensitivity.jumped(t1, self.ys[i]), False)
         else:
-            for part in self.steps(i, t1 - t):
-                yield part
-                y = part.state.y
-            if self.project:
-                yield LinearMap(self.sensitivity.restored(t1, y), False)
-                y = self.system.restore(t1, y)
-                if self.renewed[i + 1]:
-                    yield from self._renewal(t1, y)
-        if i + 1 in self.changes:
+            yield NativeStep(self.core, i)
+        if changed:
+            y = self.system.jump(t1, self.ys[i]) if self.jumped[i] else self.between(i, t1)
             self.enter_node(i + 1)
             yield LinearMap(self.sensitivity.row_update(t1, y), False)
-        if i + 1 in self.changes or self.jumped[i]:
+        if changed or self.jumped[i] or self.renewed[i + 1]:
             yield from self._renewal(t1, y1)
 
     def carry_restart_parts(self, i: int) -> Iterator[TrajectoryPart]:
@@ -193,27 +174,6 @@ class Trajectory:
         if self.renewed[i]:
             self.enter_node(i)
             yield from self._renewal(float(self.ts[i]), self.ys[i])
-
-    def steps(self, i: int, h: float) -> list[StepSensitivityPart]:
-        """Return the step of size h from node i; two half steps if the method has no error estimate."""
-        t, state = float(self.ts[i]), self.state(i)
-        at = self.system, self.sensitivity
-        self.enter_node(i)  # recomputing a segment may have changed them
-        try:
-            if not self.halved:
-                return [self.tableau.sensitivity(*at, t, h, state)]
-            first = self.tableau.sensitivity(*at, t, h / 2, state)
-            return [first, self.tableau.sensitivity(*at, t + h / 2, h / 2, first.state)]
-        except StepError as e:
-            raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
-
-    def short(self, i: int, h: float) -> tuple[Array, list[TrajectoryPart]]:
-        """Return the point (n,) after a step of size h from node i, projected if the run projects, and its parts."""
-        steps = self.steps(i, h)
-        y, t = steps[-1].state.y, float(self.ts[i]) + h
-        if not self.project:
-            return y, list(steps)
-        return self.system.restore(t, y), [*steps, LinearMap(self.sensitivity.restored(t, y), False)]
 
     def between(self, i: int, t: float) -> Array:
         """Return the point (n,) after a shorter step from node i."""

@@ -13,7 +13,6 @@ two points (cos, sin) of a circle: it treats them as equal where rounding gives 
 
 from collections.abc import Callable
 from math import atan2, cos, sin
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -54,18 +53,6 @@ BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation's place
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),
 }
-
-
-class IntegratePartials(NamedTuple):
-    """Partials of integration in coordinates x: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (nv, nv) each.
-
-    A = Ad(exp -x) and R = J^-1 is the right Jacobian of exp.
-    """
-
-    A: np.ndarray
-    R: np.ndarray
-    J: np.ndarray
-    T: np.ndarray
 
 
 class Manifold:
@@ -179,28 +166,6 @@ class Manifold:
                 out[s] += b * dterm
         return out
 
-    def turned(self, x: np.ndarray, v: np.ndarray) -> IntegratePartials:
-        """Return the partial derivatives of q (+) x and of J(x) v."""
-        unit = np.eye(len(v))
-        if not self.blocks:
-            return IntegratePartials(unit, unit, unit, np.zeros_like(unit))
-        out = IntegratePartials(unit.copy(), unit.copy(), unit.copy(), np.zeros_like(unit))
-        for _, s, ad, _ in self.blocks:
-            X, one = ad(x[s]), unit[s, s]
-            out.R[s, s] = right_jacobian(X)
-            out.A[s, s] -= X @ out.R[s, s]
-            out.J[s, s] = inverse_jacobian(X, one)
-            dX = np.array([ad(e) for e in one])
-            square, dsquare = X @ X, dX @ X + X @ dX
-            T, term, dterm = 0.5 * dX @ v[s], v[s], np.zeros_like(one)
-            for b in SERIES:
-                term, dterm = square @ term, dsquare @ term + dterm @ square.T
-                T += b * dterm
-                if np.abs(dterm).max() * abs(b) <= SERIES_END * np.abs(T).max():
-                    break
-            out.T[s, s] = T.T
-        return out
-
     def coordinate_partials(self, q: np.ndarray) -> np.ndarray:
         """Return the partial derivatives of the components of q (+) x with respect to x at x = 0, (nq, nv)."""
         if self.flat:
@@ -233,18 +198,6 @@ def chord(heading: np.ndarray, turn: float) -> tuple[np.ndarray, float]:
     c, s = cos(half), sin(half)
     c, s = heading[0] * c - heading[1] * s, heading[1] * c + heading[0] * s
     return np.array([[c, -s], [s, c]]), sin(half) / half if half else 1.0
-
-
-def right_jacobian(X: np.ndarray) -> np.ndarray:
-    """Return sum_k (-X)^k/(k + 1)!, the right Jacobian of exp for X = ad_x."""
-    term = np.eye(len(X))
-    out = term.copy()
-    for k in range(1, 2 * TERMS):
-        term = term @ X / -(k + 1)
-        out += term
-        if np.abs(term).max() <= SERIES_END:
-            break
-    return out
 
 
 def inverse_jacobian(X: np.ndarray, v: np.ndarray) -> np.ndarray:

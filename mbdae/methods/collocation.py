@@ -35,7 +35,6 @@ SHARE = 1e-3  # of the largest component: lower bound of the scale
 REUSE = 0.03  # partial derivatives and factors are reused for the same h while the rate is below this
 ANDERSON_DEPTH = 10  # changes combined where the simplified Newton iteration does not converge
 FAR = 0.5  # of the size of y and its displacement: larger first changes make the guess unreliable
-HALVINGS = 6  # of a step that is repeated, to obtain a guess
 
 
 class StageMemory(NamedTuple):
@@ -96,29 +95,6 @@ def collocation_step(
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
     return Step(State(y, found, system.rounding_loss(state.y, x, y)), own, errors)
-
-
-def repeated_step(
-    system: System, a: RadauArrays, t: float, h: float, y: Array, patience: int, halvings: int = HALVINGS
-) -> tuple[Chart, StageMemory]:
-    """Solve the stages of a step again, from y alone.
-
-    If the iteration does not converge from x' = y'_n, the guess is the polynomial of the step of half the size.
-
-    Raises:
-        StepError: if the iteration does not converge, or if the problem raises it.
-    """
-    chart, s = system.chart(t, y), len(a.c)
-    stages = _Stages(system, chart, a, t, h, system.size(y), patience)
-    F, z = chart.start()
-    try:
-        return chart, stages.found(np.tile(F, (s, 1)), np.tile(z, (s, 1)))
-    except StepError:
-        if not halvings:
-            raise
-    half = repeated_step(system, a, t, h / 2, y, patience, halvings - 1)[1]
-    onward = lagrange(a.c, 2 * a.c)
-    return chart, stages.found(onward @ half.K, onward @ half.Z)
 
 
 def _factorize(partials: Linearization, a: RadauArrays, h: float) -> list[Solver]:

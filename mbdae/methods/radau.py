@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ..system import DiscreteSensitivity, State, Step, System
+from ..system import State, Step, System
 from . import collocation
 from .collocation import collocation_step
-from .collocation_sensitivity import CollocationSensitivity
 from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
@@ -166,12 +165,6 @@ class RadauIIA:
         return system.compiled_step(self, t, h, state) or collocation_step(
             system, self.arrays, t, h, state, PATIENCE, estimate=False
         )
-
-    def sensitivity(
-        self, system: System, sensitivity: DiscreteSensitivity, t: float, h: float, state: State
-    ) -> CollocationSensitivity:
-        """The partial derivatives of a step."""
-        return CollocationSensitivity(system, sensitivity, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate; fail if the iteration converges slowly."""

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..system import DiscreteSensitivity, State, Step, System
+from ..system import State, Step, System
 from .controller import PI
 from .exact_numbers import Number, exact
 from .half_explicit_step import half_explicit_step, step_doubling
-from .step_sensitivity import StepSensitivity
 
 Row = list[Number]
 Text = tuple[str, ...]
@@ -178,12 +177,6 @@ class Tableau:
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.half_explicit_step.half_explicit_step`."""
         return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
-
-    def sensitivity(
-        self, system: System, sensitivity: DiscreteSensitivity, t: float, h: float, state: State
-    ) -> StepSensitivity:
-        """The partial derivatives of a step, see `mbdae.methods.step_sensitivity`."""
-        return StepSensitivity(system, sensitivity, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate: from the embedded formula, or from two half steps."""

@@ -2,11 +2,9 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ...errors import NotCompiled
 from ...finite_differences import weights
 from ..forces.force import PairElement
 from ..formulations.core_description import constraints_of, laws_of
-from ..formulations.inertial_forces import LARGEST
 from ..frames import Pair, find_frame
 from .parameter_direction import Parameter
 from .parameter_partials import Parameters
@@ -24,10 +22,8 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     """Bind parameters to the core of the corresponding mechanism.
 
     Raises:
-        NotCompiled: for laws or rows that the core does not support, or trees too large for its partial derivatives.
+        NotCompiled: for laws or rows that the core does not support.
     """
-    if system.nv > LARGEST:
-        raise NotCompiled(f"partials of {system.nv} degrees of freedom")
     system.expand()
     data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
     return system.core.vary(len(parameters), *data)

@@ -17,7 +17,6 @@ import numpy as np
 
 from ...finite_differences import numerical_jacobian
 from ...system import Array
-from ..formulations.equation_partials import EquationPartials
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -26,10 +25,11 @@ WIDTH = 2e-3  # rad and m, of finite differences
 SMALL = 0.03  # of the width: below, series
 
 
-def add_friction_partials(
-    s: "Index2System", at: EquationPartials, q: Array, v: Array, lam: Array, rows: Array
-) -> EquationPartials:
-    """Add the partial derivatives of closure friction by q and v; lam (r,) of the rows in use."""
+def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> tuple[Array, Array]:
+    """Return the partials of closure friction and its power by q, (n, nv), and by (v, s, w), (n, n), n = nv + ns + 1.
+
+    lam (r,) are the multipliers of the rows in use.
+    """
     levers, size = _terms(s, q, lam, rows)
     shapes = [len(S) for S in levers]
     ends = np.cumsum(shapes) * s.nv
@@ -51,12 +51,11 @@ def add_friction_partials(
         by_load[:, k], pull = c * phi * along, pull + T * phi * along
     by_q += by_load @ moved[ends[-1] :]
     s.jacobian(q)  # restores the kinematics
-    K, D, nv = at.K.copy(), at.D.copy(), s.nv
-    K[:nv] += by_q
-    K[-1] += v @ by_q
-    D[:nv, :nv] += by_v
-    D[-1, :nv] += v @ by_v + pull
-    return at._replace(K=K, D=D)
+    nv, n = s.nv, s.ny - s.nv
+    K, D = np.zeros((n, nv)), np.zeros((n, n))
+    K[:nv], K[-1] = by_q, v @ by_q
+    D[:nv, :nv], D[-1, :nv] = by_v, v @ by_v + pull
+    return K, D
 
 
 def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> Array:

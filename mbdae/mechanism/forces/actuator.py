@@ -79,4 +79,5 @@ class ActuatorElement(ForceElement):
         return law_partials(law, self.spec.partials, f"actuator {self.name!r}", self.model, t, q, v, s)
 
     def core_data(self) -> dict[str, Any]:  # noqa: D102
-        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "partials": self.partials}
+        law: dict[str, Any] = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
+        return law | {"partials": self.partials, "time_rate": self.by_time}

@@ -36,4 +36,5 @@ class TorqueElement(ForceElement):
         return by_time(lambda t: self.torque(t, q, v)[1], t, v)
 
     def core_data(self) -> dict[str, Any]:  # noqa: D102
-        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "partials": self.partials}
+        law: dict[str, Any] = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
+        return law | {"partials": self.partials, "time_rate": self.by_time}

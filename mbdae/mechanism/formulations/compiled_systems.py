@@ -84,6 +84,11 @@ class CompiledSystem(Index2System):
             self.core.expand(self.inertial.model)
             self._expanded = True
 
+    def begin(self, t: float, y: Array) -> None:
+        """Determine the rank and the rows in use at a point, unless they are known."""
+        if not self._begun:
+            self.derivative(t, y)
+
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first call, which determines the rank, is computed in Python."""
         found = self.core.derivative(t, y) if self._begun else None
@@ -97,8 +102,7 @@ class CompiledSystem(Index2System):
 
     def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
         """See `mbdae.system.System`; None where the core cannot take the step."""
-        if not self._begun:
-            self.derivative(t, state.y)
+        self.begin(t, state.y)
         a, carry = self.method(method), self.carried(state)
         implicit = (controlled,) if isinstance(a, self.native.Radau) else ()
         found = self.core.step(a, t, h, state.y, carry, state.compensation, *implicit)
@@ -124,8 +128,8 @@ class CompiledSystem(Index2System):
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
         """See `mbdae.system.System`."""
-        if len(t) and not self._begun:
-            self.derivative(float(t[0]), y[0])
+        if len(t):
+            self.begin(float(t[0]), y[0])
         F, lam = self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
         left = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
         F[left], lam[left] = super().derivatives(t[left], y[left], near[left])

@@ -1,4 +1,6 @@
 // Tangents and adjoints of steps, and their parameters; for type checkers: mbdae/_native.pyi.
+#include <nanobind/stl/optional.h>
+
 #include "bindings/py_core.hpp"
 #include "sensitivity/trajectory_segment.hpp"
 
@@ -64,7 +66,7 @@ PerturbedRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const 
   if (x.size() != 4) refuse("rows nearby are a weight, pairs, rows and drivers");
   auto found = pairs(nb::cast<nb::list>(x[1]), n.joints);
   std::vector<Row> rows;
-  for (nb::handle h : nb::cast<nb::list>(x[2])) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(found.size())));
+  for (nb::handle h : nb::cast<nb::list>(x[2])) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(found.size()), callbacks));
   if (rows.size() != count) refuse("as many rows nearby as there are");
   std::vector<Driver> drivers;
   for (nb::handle h : nb::cast<nb::list>(x[3])) drivers.push_back(driver(nb::cast<nb::dict>(h), rows.size(), callbacks));
@@ -76,7 +78,7 @@ PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::li
                   const nb::list& changed_list) {
   const CoreLock turn(c);
   Index2System& s = c.core->system;
-  if (s.formulation != Formulation::index2) refuse("tangents are those of index 2");
+  if (s.formulation == Formulation::index1) refuse("tangents are those of index 2 and GGL");
   if (count < 0) refuse("how many parameters there are is not negative");
   const Sizes n{s.nq, s.nv, s.mechanics.joints};
   auto made_of = stuff(stuff_list, s);
@@ -100,18 +102,23 @@ PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::li
 
 // Steps and their data, checked; arrays live as long as the call.
 struct Nodes {
-  Nodes(PyCore& c, const Tableau& a, bool halved, bool project, const Array& t, const Array& y, const PyParameters* p = nullptr)
-      : ny(c.core->system.ny), nc(a.first ? ny - c.core->system.nv : 0), nodes(t.size()),
-        ts(t.data(), t.data() + nodes), ys(numbers(y, nodes * c.core->system.length, "y")),
-        segment{a, halved, project, nodes - 1, ts.data(), ys.data()} {
+  Nodes(PyCore& c, nb::handle method, bool halved, bool project, const Array& t, const Array& y, const PyParameters* p = nullptr)
+      : ny(c.core->system.ny), nodes(t.size()), ts(t.data(), t.data() + nodes),
+        ys(numbers(y, nodes * c.core->system.length, "y")),
+        segment{nb::isinstance<Tableau>(method) ? nb::cast<const Tableau*>(method) : nullptr,
+                nb::isinstance<Radau>(method) ? nb::cast<const Radau*>(method) : nullptr,
+                halved, project, nodes - 1, ts.data(), ys.data()},
+        nc(carry_size(c.core->system, segment)) {
     if (!nodes) refuse("a segment has a node");
-    if (c.core->system.formulation != Formulation::index2) refuse("tangents are those of index 2");
+    if (!segment.tableau && !segment.radau) refuse("a method is a tableau or Radau");
+    if (c.core->system.formulation == Formulation::index1) refuse("tangents are those of index 2 and GGL");
     if (p && p->core != &c) refuse("the parameters are those of another core");
-    if ((p || project) && !c.core->system.mechanics.expanded()) refuse("partials need the expanded tree");
+    if ((p || project || segment.radau) && !c.core->system.mechanics.expanded()) refuse("partials need the expanded tree");
   }
-  const size_t ny, nc, nodes;
+  const size_t ny, nodes;
   const Numbers ts, ys;
   const TrajectorySegment segment;
+  const size_t nc;
 };
 
 template <class F>
@@ -128,10 +135,11 @@ bool done(PyCore& c, F&& compute) {
   return !failed;
 }
 
-nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, const Array& t, const Array& y,
+nb::object walk_along(PyCore& c, nb::handle a, bool halved, const Run& run, const Array& t, const Array& y,
                       const Array& carry, double repeated, double synchronous) {
   const CoreLock turn(c);
   const Nodes x(c, a, halved, run.project, t, y);
+  if (x.segment.radau) refuse("a collocation method carries nothing");
   const RepeatTolerances like{run.adaptive, run.control, run.tolerated, run.nothing, repeated, synchronous};
   const size_t sizes = like.control.atol.size();
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.measured()))
@@ -142,9 +150,27 @@ nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, 
   return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
 }
 
-nb::object go_back(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bool project, const Array& t, const Array& y,
-                   const Array& carries, const Array& extra, const Array& bar) {
+// While it exists, the core asks a Python function for the partials of friction.
+class WithFriction {
+ public:
+  WithFriction(PyCore& c, Parameters& p, const nb::object& f) : p_(p) {
+    if (f.is_none()) return;
+    p.friction = [f = f.ptr(), interrupted = &c.callbacks->interrupted](
+                     const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D, Numbers& P) {
+      call_python(f, interrupted, {{q.data(), q.size()}, {v.data(), v.size()}, {lam.data(), lam.size()}}, {&K, &D, &P});
+    };
+  }
+  ~WithFriction() { p_.friction = nullptr; }
+  WithFriction(const WithFriction&) = delete;
+
+ private:
+  Parameters& p_;
+};
+
+nb::object go_back(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
+                   const Array& carries, const Array& extra, const Array& bar, const nb::object& friction) {
   const CoreLock turn(c);
+  const WithFriction sliding(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
@@ -156,19 +182,41 @@ nb::object go_back(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bo
   return nb::make_tuple(vector(by_start), vector(by_p));
 }
 
-nb::object go_along(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bool project, const Array& t, const Array& y,
-                    const Array& carries, const Array& first, const Array& dp) {
+nb::object go_along(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
+                    const Array& carries, const Array& first, const Array& dp,
+                    const std::optional<Array>& dh, const nb::object& friction) {
   const CoreLock turn(c);
+  const WithFriction sliding(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
   const Numbers start = numbers(first, d * width, "first");
+  const Numbers late = dh ? numbers(*dh, d, "dh") : Numbers();
   Numbers along(x.nodes * d * width);
   if (!done(c, [&](Index2System& s) {
-        tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(), start.data(), along.data());
+        tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(),
+                dh ? late.data() : nullptr, start.data(), along.data());
       }))
     return nb::none();
   return array(along, {x.nodes, d, width});
+}
+
+// The nearest point on the closures, or with v alone the nearest that they allow; and its partials (ny, ny + k).
+nb::object project_along(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
+  const CoreLock turn(c);
+  Index2System& s = c.core->system;
+  if (p.core != &c) refuse("the parameters are those of another core");
+  if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
+  const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
+  Numbers at = numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
+  for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;
+  for (size_t i = 0; i < k; ++i) dp[(ny + i) * k + i] = 1;
+  if (!done(c, [&](Index2System&) {
+        ProjectionSensitivity end(s, *p.partials, true);
+        end.take(t, at.data(), positions), end.forward(static_cast<int>(d), moved.data(), ny, dp.data(), nullptr);
+      }))
+    return nb::none();
+  return nb::make_tuple(vector(at), array(moved, {d, ny}));
 }
 
 }  // namespace
@@ -177,16 +225,19 @@ void bind_tangents(nb::module_& m, nb::class_<PyCore>& core) {
   nb::class_<PyParameters>(m, "Parameters", "Numbers of a mechanism that vary.");
   core.def("vary", vary, nb::keep_alive<0, 1>(), nb::arg("count"), nb::arg("stuff"), nb::arg("directions"),
            nb::arg("changed"), "Say how parameters change what the mechanism is made of, its laws and its rows.")
-      .def("recompute", walk_along, nb::arg("tableau"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
+      .def("recompute", walk_along, nb::arg("method"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
            nb::arg("carry"), nb::arg("repeated"), nb::arg("synchronous"),
            "Return what is carried to each node (m + 1, nc), whether it was found anew there, how many steps could be "
            "repeated, and where they end; or None.")
-      .def("adjoint", go_back, nb::arg("parameters"), nb::arg("tableau"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
-           nb::arg("carries"), nb::arg("extra"), nb::arg("bar"),
+      .def("adjoint", go_back, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
+           nb::arg("carries"), nb::arg("extra"), nb::arg("bar"), nb::arg("friction") = nb::none(),
            "Return the cotangents of y and carry (ny + nc,), and of parameters (k,), of those behind steps, or None.")
-      .def("tangent", go_along, nb::arg("parameters"), nb::arg("tableau"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
-           nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"),
-           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None.");
+      .def("tangent", go_along, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
+           nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"), nb::arg("dh") = nb::none(), nb::arg("friction") = nb::none(),
+           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
+      .def("projection", project_along, nb::arg("parameters"), nb::arg("t"), nb::arg("y"), nb::arg("positions"),
+           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and the "
+           "parameters, transposed, (ny + k, ny); or None.");
 }
 
 }  // namespace mbdae

@@ -58,7 +58,7 @@ Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   };
 }
 
-// A function (t, q, v, s) -> partials of (tau, s') and of the power, one row for each of them.
+// A function (t, q, v, s) -> partials of (tau, s') and of the power, one row or number for each of them.
 Law::EquationPartials partials(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
     guarded(interrupted, [&] {
@@ -124,10 +124,54 @@ std::shared_ptr<const Profile> profile(const nb::dict& d) {
   return p;
 }
 
-Row row(const nb::dict& d, const Sizes& n, int pair_count) {
+void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
+                 const std::vector<Numbers*>& out) {
+  guarded(interrupted, [&] {
+    nb::list given;
+    for (const auto& [x, n] : in) given.append(argument(x, n));
+    const nb::object found = f(*nb::tuple(given));
+    for (size_t i = 0; i < out.size(); ++i) {
+      const auto known = nb::cast<Array>(out.size() > 1 ? nb::object(found[i]) : found);
+      if (known.size() != out[i]->size()) throw FallBackToPython();
+      std::copy(known.data(), known.data() + known.size(), out[i]->begin());
+    }
+  });
+}
+
+static std::shared_ptr<const RowFunction> row_function(const nb::dict& d, const Sizes& n, Callbacks& callbacks) {
+  auto out = std::make_shared<RowFunction>();
+  out->iq = get<std::vector<int>>(d, "coordinates"), out->iv = get<std::vector<int>>(d, "velocities");
+  within(out->iq, n.nq, "coordinate"), within(out->iv, n.nv, "velocity");
+  const auto pick = [](const double* x, const std::vector<int>& at) {
+    Numbers own;
+    for (int i : at) own.push_back(x[i]);
+    return own;
+  };
+  const auto of_q = [&](const char* key) {
+    return [=, f = callbacks.add(d, key), iq = out->iq, interrupted = &callbacks.interrupted](const double* q, Numbers& to) {
+      const Numbers own = pick(q, iq);
+      call_python(f, interrupted, {{own.data(), own.size()}}, {&to});
+    };
+  };
+  out->value = of_q("value"), out->partials = of_q("partials");
+  out->bias = [=, f = callbacks.add(d, "bias"), iq = out->iq, iv = out->iv,
+               interrupted = &callbacks.interrupted](const double* q, const double* v) {
+    const Numbers own = pick(q, iq), rates = pick(v, iv);
+    Numbers to(1);
+    call_python(f, interrupted, {{own.data(), own.size()}, {rates.data(), rates.size()}}, {&to});
+    return to[0];
+  };
+  return out;
+}
+
+Row row(const nb::dict& d, const Sizes& n, int pair_count, Callbacks& callbacks) {
   Row r;
   const RowKind k = kind(ROW_KINDS, get<std::string>(d, "kind"));
   r.kind = k.kind, r.has_a = k.a, r.has_b = k.b, r.positional = k.positional;
+  if (r.kind == Row::function) {
+    r.python = row_function(d, n, callbacks), r.positional = get<bool>(d, "positional");
+    return r;
+  }
   if (r.between_joints()) {
     const auto joints = get<std::vector<std::vector<int>>>(d, "joints");
     const size_t few = r.kind == Row::coordinate || r.kind == Row::ratio ? 1 : 2;
@@ -253,6 +297,9 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
   if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
   if (d.contains("call")) out.call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
   if (d.contains("partials")) out.partials = partials(callbacks.add(d, "partials"), n, out.states, &callbacks.interrupted);
+  if (d.contains("time_rate")) {
+    out.time_rate = partials(callbacks.add(d, "time_rate"), n, out.states, &callbacks.interrupted);
+  }
   if (!out.kind->fits(out, n)) refuse("the numbers of a force law do not fit its kind");
   return out;
 }

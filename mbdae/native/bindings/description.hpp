@@ -63,7 +63,10 @@ inline void within(const std::vector<int>& x, int n, const char* what) {
 
 TimeFunction signal(const nb::dict& d, Callbacks& callbacks);
 std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints);
-Row row(const nb::dict& d, const Sizes& n, int pair_count);
+Row row(const nb::dict& d, const Sizes& n, int pair_count, Callbacks& callbacks);
+// Call Python with arrays, for arrays of these sizes, or a number: see `Callbacks`.
+void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
+                 const std::vector<Numbers*>& out);
 Driver driver(const nb::dict& d, size_t row_count, Callbacks& callbacks);
 SampledController sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks);
 FrictionInterface sliding_place(const nb::dict& d, const Constraints& constraints);

@@ -52,7 +52,7 @@ struct PyCore {
     if (place.size() != row_list.size()) refuse("as many places as rows");
     out.place = std::move(place);
     out.pairs = pairs(pair_list, n.joints), out.law_pairs = pairs(law_pair_list, n.joints);
-    for (nb::handle h : row_list) out.rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(out.pairs.size())));
+    for (nb::handle h : row_list) out.rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(out.pairs.size()), *callbacks));
     for (nb::handle h : driver_list) out.drivers.push_back(driver(nb::cast<nb::dict>(h), out.rows.size(), *callbacks));
     for (nb::handle h : law_list) {
       int pair;

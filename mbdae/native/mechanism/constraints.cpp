@@ -25,6 +25,8 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
       std::set<int> columns;
       for (int i : r.iv)
         if (i >= 0) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
+      for (int i : r.python ? r.python->iv : std::vector<int>())
+        columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
       for (const auto& x : r.others) columns.insert(x[2]), columns.insert(m.ancestors[x[2]].begin(), m.ancestors[x[2]].end());
       r.columns.assign(columns.begin(), columns.end());
       continue;
@@ -49,6 +51,14 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
     if (!off.empty() && off[r]) {
       for (int c : row.columns) out[c] = 0;
       if (g) g[r] = 0;
+      continue;
+    }
+    if (row.python) {
+      Numbers known(1 + row.python->iv.size());
+      row.python->value(q, known);
+      if (g) g[r] = row.positional ? known[0] : 0;
+      for (int c : row.columns) out[c] = 0;
+      for (size_t k = 1; k < known.size(); ++k) out[row.python->iv[k - 1]] = known[k];
       continue;
     }
     if (row.between_joints()) {

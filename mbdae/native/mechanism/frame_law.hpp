@@ -6,8 +6,9 @@
 
 namespace mbdae {
 
+template <class S>
 struct Context {  // other arguments of a law
-  double t;
+  S t;
   const Tolerances& limits;
 };
 
@@ -22,12 +23,17 @@ struct Wrenches {
 // F::potential(law, frames) is in J.
 template <class F>
 struct FrameLaw {
+  template <class S>
+  static Context<S> now(const ForcePoint& p, const S& t) {
+    return {t, p.m.limits};
+  }
+
   static void add(const Law& law, const ForcePoint& p, const Forces& f) {
     Pair& pair = *law.pair;
     double V[6] = {0, 0, 0, 0, 0, 0}, w[6];
     pair.locate(p.m);
     if (F::damped(law)) pair.relative(p.m, p.v, V);
-    const auto all = F::wrenches(law, {p.t, p.m.limits}, frames_of(pair), velocity_of(V));
+    const auto all = F::wrenches(law, now(p, p.t), frames_of(pair), velocity_of(V));
     read(all.conservative, w, nullptr), pair.torque(p.m, w, 1, f.conservative);
     read(all.other, w, nullptr);
     if (largest(w, 6) != 0) pair.torque(p.m, w, 1, f.other);
@@ -38,15 +44,28 @@ struct FrameLaw {
     pair.locate(p.m);
     const PairPartials here(p.m, pair, p.v);
     WrenchPartials conservative, other;
-    const auto all = F::wrenches(law, {p.t, p.m.limits}, moving_frames(pair), velocity_of(here.V));
+    const auto all = F::wrenches(law, now(p, p.t), moving_frames(pair), velocity_of(here.V));
     read(all.conservative, conservative.F, conservative.Db), read(all.other, other.F, other.Db);
     if (F::damped(law)) {
       other.damp();
-      read(F::wrenches(law, {p.t, p.m.limits}, frames_of(pair), moving_velocity(here.V)).other, other.F, other.C);
+      read(F::wrenches(law, now(p, p.t), frames_of(pair), moving_velocity(here.V)).other, other.F, other.C);
     }
     conservative.complete(), out.add(here, conservative, true);
     if (!other.damped && largest(other.F, 6) == 0 && largest(other.Db, 36) == 0) return;
     other.complete(here.V), out.add(here, other, false);
+  }
+
+  static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
+    static const double still[6] = {0, 0, 0, 0, 0, 0};
+    Pair& pair = *law.pair;
+    double V[6] = {0, 0, 0, 0, 0, 0}, w[6], rate[6];
+    pair.locate(p.m);
+    if (F::damped(law)) pair.relative(p.m, p.v, V);
+    Dual<1> t(p.t);
+    t.d[0] = 1;
+    const auto all = F::wrenches(law, now(p, t), moving_frames(pair, still), velocity_of(V));
+    read(all.conservative, w, rate), pair.torque(p.m, rate, 1, f.conservative);
+    read(all.other, w, rate), pair.torque(p.m, rate, 1, f.other);
   }
 
   static double potential(const Law& law, const ForcePoint& p) {
@@ -57,7 +76,7 @@ struct FrameLaw {
 
 template <class F>
 constexpr LawKind frame_law(LawKind::Fits fits) {
-  return {fits, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential};
+  return {fits, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential, FrameLaw<F>::time_rate};
 }
 
 }  // namespace mbdae

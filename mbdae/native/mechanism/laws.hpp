@@ -56,8 +56,9 @@ struct LawKind {
   using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the partials of `add`
   using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
 
-  constexpr LawKind(Fits fits, Add add, EquationPartials partials, Potential potential = nullptr)
-      : fits(fits), add(add), partials(partials), potential(potential) {}
+  constexpr LawKind(Fits fits, Add add, EquationPartials partials, Potential potential = nullptr,
+                    Add time_rate = nullptr)
+      : fits(fits), add(add), partials(partials), potential(potential), time_rate(time_rate) {}
   LawKind(Fits, Add) = delete;
   LawKind(Fits, Add, std::nullptr_t, Potential = nullptr) = delete;
 
@@ -65,6 +66,7 @@ struct LawKind {
   Add add;
   EquationPartials partials;
   Potential potential;
+  Add time_rate;  // the derivative of `add` by t; nullptr: does not depend on t
 };
 
 // A kind defined in a file of laws/, by the name of the file; nullptr for another name.
@@ -93,6 +95,7 @@ struct Law {
   bool steady = false;            // it has a potential
   Call call;                      // Python
   EquationPartials partials;                  // by Python, too
+  EquationPartials time_rate;                 // of (tau, s'), (nv + states,)
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 

@@ -219,6 +219,7 @@ double Row::coordinate_value(const double* q, double* first) const {
 }
 
 double Row::coordinate_bias(const double* q, const double* v) const {
+  if (python) return python->bias(q, v);
   const int k = kind == ratio ? iv[2] : iv[1];
   return k < 0 ? 0 : -curvature(q) * v[iv[1]] * v[k];
 }
@@ -241,6 +242,18 @@ double Row::curvature(const double* q) const {
 }
 
 void Row::coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const {
+  if (python) {
+    const std::vector<int>& at = python->iv;
+    const size_t n = at.size();
+    Numbers D(n * n);
+    python->partials(q, D);
+    for (size_t i = 0; i < n; ++i)
+      for (size_t j = 0; j < n; ++j) {
+        if (K) K[at[i] * width + at[j]] += lam * D[i * n + j];
+        if (B) B[at[j]] += v[at[i]] * D[i * n + j];
+      }
+    return;
+  }
   const int j = iv[1], k = kind == ratio ? iv[2] : j;
   if (k < 0) return;
   const double curve = curvature(q);

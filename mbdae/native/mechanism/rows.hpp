@@ -3,6 +3,7 @@
 
 #include <array>
 #include <map>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -54,9 +55,15 @@ struct WrenchPartials;
 
 double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b
 
+struct RowFunction {  // Python, of the coordinates of some joints with n velocities
+  std::vector<int> iq, iv;
+  std::function<void(const double* q, Numbers& out)> value, partials;  // g and G (n,), and dG/dq (n, n)
+  std::function<double(const double* q, const double* v)> bias;        // Gdot v
+};
+
 struct Row {
   enum Kind {
-    dot_product_1, dot_product_2, distance, coordinate, curved, sum, ratio,
+    dot_product_1, dot_product_2, distance, coordinate, curved, sum, function, ratio,
     height, grip, knife_edge, gear, bevel, screw, roller, flat_face
   } kind = distance;
   bool positional = true;  // has a g; otherwise g = 0
@@ -72,6 +79,7 @@ struct Row {
   std::vector<double> c;                                              // its polynomial
   std::vector<std::array<int, 3>> others;  // iq, nq, iv of the joints of a sum after the first
   TimeFunction law;                              // of a motion-law row
+  std::shared_ptr<const RowFunction> python;  // of a function
   double fold[3] = {0, 0, 0};              // start, length and rise of its period; length 0 without one
   double period = 0;
   std::vector<int> columns;  // where G can be nonzero, with all their ancestors, in increasing order
@@ -102,6 +110,7 @@ inline const std::map<std::string, RowKind> ROW_KINDS = {
     {"coordinate", {Row::coordinate, false, false, false}},
     {"curved", {Row::curved, false, false, false}},
     {"sum", {Row::sum, false, false, false}},
+    {"function", {Row::function, false, false, false}},
     {"ratio", {Row::ratio, false, false, false, false}},
     {"height", {Row::height, false, false, false}},
     {"grip", {Row::grip, false, false, false, false}},

@@ -9,7 +9,7 @@ double TimeFunction::at(double t, int k) const {
   if (kind == python) return call(t, k);
   if (kind == harmonic) {  // amplitude, omega, phase, offset
     const double value = a[0] * std::sin(a[1] * t + a[2] + k * M_PI_2);
-    return k ? value * (k == 1 ? a[1] : a[1] * a[1]) : value + a[3];
+    return k ? value * std::pow(a[1], k) : value + a[3];
   }
   size_t i = 0;
   double turns = 0;

@@ -36,12 +36,13 @@ void Parameters::forces(const LinearisationPoint& point, Numbers& P) {
 }
 
 void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q) {
-  const std::vector<int>& position = s_.rows.position();
-  const size_t r = s_.rows.in_use().size();
+  const IndependentRows& which = point.rows ? *point.rows : s_.rows;
+  const std::vector<int>& position = which.position();
+  const size_t r = which.in_use().size();
   Q.assign(count_ * r, 0.0);
   meet(point, q, [&](const LinearisationPoint::Met& met, const Pair& pair) { row_columns(met, pair, r, Q); });
   for (size_t i = 0; i < changed_.size(); ++i)
-    for (int row : s_.rows.in_use()) Q[changed_[i].parameter * r + position[row]] += own_Q_[i * s_.ng + row];
+    for (int row : which.in_use()) Q[changed_[i].parameter * r + position[row]] += own_Q_[i * s_.ng + row];
 }
 
 void Parameters::load(int joint, const double* W, double* P) const {

@@ -146,13 +146,15 @@ void Parameters::meet_changed(const LinearisationPoint::Met& met) {
 }
 
 void Parameters::begin() {
+  extra_.assign(count_, 0.0);
   for (Numbers& x : sums_) std::fill(x.begin(), x.end(), 0.0);
   std::fill(own_.begin(), own_.end(), 0.0);
 }
 
 void Parameters::add(const LinearisationPoint& point, const double* above, const double* nu) {
   if (!count_) return;
-  const std::vector<int>& position = s_.rows.position();
+  const IndependentRows& rows = point.rows ? *point.rows : s_.rows;
+  const std::vector<int>& position = rows.position();
   pose(point);
   if (!point.still) stand(point), contract(point, above);
   meet(point, point.q, [&](const LinearisationPoint::Met& met, const Pair& pair) {
@@ -168,11 +170,16 @@ void Parameters::add(const LinearisationPoint& point, const double* above, const
   });
   for (size_t i = 0; i < changed_.size(); ++i) {
     if (!point.still) own_[i] += dot(&own_P_[i * n_], above, n_);
-    for (int k : s_.rows.in_use()) own_[i] += own_Q_[i * s_.ng + k] * nu[position[k]];
+    for (int k : rows.in_use()) own_[i] += own_Q_[i * s_.ng + k] * nu[position[k]];
   }
 }
 
+void Parameters::add_columns(const Numbers& P, const double* above) {
+  for (size_t l = 0; l < count_; ++l) extra_[l] += dot(&P[l * n_], above, n_);
+}
+
 void Parameters::end(double* p) {
+  for (size_t l = 0; l < count_; ++l) p[l] += extra_[l];
   for (const Direction& d : directions_)
     p[d.parameter] += dot(d.x.data(), sums_[d.stuff].data(), static_cast<int>(d.x.size()));
   for (size_t i = 0; i < changed_.size(); ++i) p[changed_[i].parameter] += own_[i];

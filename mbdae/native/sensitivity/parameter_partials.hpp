@@ -56,8 +56,14 @@ class Parameters {
   size_t count() const { return count_; }
   bool moving() const { return moving_; }  // of placements or frames
 
+  // Partials of friction that depends on multipliers, computed in Python at (q, v, lam): K (n, nv), D (n, n), P (k, n).
+  using Friction = std::function<void(const Numbers& q, const Numbers& v, const Numbers& lam, Numbers& K, Numbers& D,
+                                      Numbers& P)>;
+  Friction friction;
+
   void begin();                                                               // of a sum of cotangents
   void add(const LinearisationPoint& point, const double* above, const double* nu);  // P^T above + Q^T nu, (n,) and (r,)
+  void add_columns(const Numbers& P, const double* above);                    // P (k, n)
   void end(double* p);                                                        // adds the sum to p (k,)
   void forces(const LinearisationPoint& point, Numbers& P);                          // P (k, n), J and poses current
   void rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), the same at q
@@ -120,6 +126,7 @@ class Parameters {
   std::vector<std::vector<const Direction*>> along_;  // in each component
   std::vector<int> used_, heavy_;                     // joints whose motions, and whose bodies are needed
   std::vector<Numbers> sums_;                         // the cotangent of all components
+  Numbers extra_;  // (k,) of further columns
   Numbers own_P_, own_Q_, own_;  // of changed laws and rows: (changed, n), (changed, ng); (changed,)
 
   std::vector<Six> V_, A_, U_, X_;      // by joint; A minus gravity
@@ -135,7 +142,7 @@ void Parameters::meet(const LinearisationPoint& point, const Numbers& q, const F
   own_Q_.assign(changed_.size() * s_.ng, 0.0);
   if (!rows_move_ && !meeting_) return;
   Mechanics& m = s_.mechanics;
-  const std::vector<int>& position = s_.rows.position();
+  const std::vector<int>& position = (point.rows ? *point.rows : s_.rows).position();
   const Numbers* stands = &q;
   for (const LinearisationPoint::Met& met : point.met) {
     if (met.q != *stands) m.poses(met.q.data());

@@ -13,14 +13,17 @@ ProjectionSensitivity::ProjectionSensitivity(Index2System& s, Parameters& parame
       forward_(forward && parameters.count()),
       factors_(s.mechanics, s.constraints, s.counts) {}
 
-void ProjectionSensitivity::take(double t, double* y) {
+void ProjectionSensitivity::take(double t, double* y, bool positions) {
   const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
   count_ = 0;
   if (!ng) return;
   std::vector<Numbers> path;
   const Numbers v(y + nq, y + nq + nv);
   q0_.assign(y, y + nq);
-  restore(s_, t, y, &path);
+  if (positions)
+    restore(s_, t, y, &path);
+  else
+    s_.point.evaluate(y, true);
   factors_.exchange(s_.point);
   s_.point.forget();
   Numbers G(static_cast<size_t>(ng) * nv, 0.0), r(ng, 0.0);
@@ -33,17 +36,20 @@ void ProjectionSensitivity::take(double t, double* y) {
     s_.constraints.value(s_.mechanics, q, s_.constraints.all, c.G.data(), r.data());
     return c;
   };
-  if (path.empty()) path.push_back(q0_);  // even without a violation: perturbed states may violate the constraints
+  if (positions && path.empty()) path.push_back(q0_);  // even without a violation: perturbed states may violate the constraints
   for (const Numbers& q : path) {
     Correction& c = next(q.data(), false);
     s_.constraints.gaps(t, r.data());
+    c.by_t.assign(ng, 0.0), s_.constraints.speed(t, c.by_t.data());
     correct(c, t, q.data(), nullptr, r);
   }
   Correction& c = next(y, true);
   std::fill(r.begin(), r.end(), 0.0);
   s_.constraints.speed(t, r.data());
   for (int k = 0; k < ng; ++k) r[k] += dot(&c.G[static_cast<size_t>(k) * nv], v.data(), nv);
+  c.by_t.assign(ng, 0.0), s_.constraints.acceleration(t, c.by_t.data());
   correct(c, t, y, v.data(), r);
+  for (int e = 0; e < nv && !positions; ++e) y[nq + e] -= c.x[e];
 }
 
 void ProjectionSensitivity::correct(Correction& c, double t, const double* q, const double* v, const Numbers& r) {
@@ -60,6 +66,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   if (n && !c.lu.factorize()) throw FallBackToPython();
   Numbers x(nv, 0.0), eta(r);
   solve(c, x.data(), eta.data());
+  c.x = x;
   LinearisationPoint& p = c.point;
   p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
@@ -110,7 +117,8 @@ void ProjectionSensitivity::solve(const Correction& c, double* above, double* be
   factors_.back(above);
 }
 
-void ProjectionSensitivity::forward(int directions, double* moved, size_t width, const double* dp) {
+void ProjectionSensitivity::forward(int directions, double* moved, size_t width, const double* dp,
+                                    const double* dt) {
   const int nv = s_.nv, ng = s_.ng;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size(), n = nv + s_.ns + 1, k = parameters_.count();
@@ -132,7 +140,7 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
         double s = dot(&c.G[static_cast<size_t>(row) * nv], c.of_v ? dv : dq.data(), nv);
         if (c.of_v) s += dot(&c.Bv[at], dq.data(), nv);
         if (c.moved) s -= dot(&c.B[at], dq.data(), nv);
-        below[row] = s;
+        below[row] = dt ? s + dt[d] * c.by_t[row] : s;
       }
       for (size_t l = 0; l < k; ++l) {
         const double w = dp[d * k + l];

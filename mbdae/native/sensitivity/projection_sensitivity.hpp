@@ -1,4 +1,9 @@
-// Sensitivity of a projected end of a step (mbdae/mechanism/discrete_sensitivity/projection_sensitivity.py).
+// Sensitivity of projections (mbdae/mechanism/formulations/projection.py): states onto the closures, and velocities onto
+// rows newly in use. A correction is the x of least x^T M x with G x = r, so that with multipliers eta
+//
+//   M dx - G^T deta = d(G^T eta) dq + (G^T eta - M x)_p dp - dM x dq_0,   G dx = dr - d(G x) dq - (G x)_p dp
+//
+// where M is evaluated at q_0, the end of the step, and G at q, on the way from it to the closures.
 #pragma once
 
 #include <memory>
@@ -11,9 +16,11 @@ class ProjectionSensitivity {
  public:
   ProjectionSensitivity(Index2System& system, Parameters& parameters, bool forward);  // or reverse
 
-  void take(double t, double* y);  // y (length,) becomes the nearest point that satisfies the closures
-  // Tangents dy (ny,) become those of that point, for dp (k,); direction by direction, `width` numbers apart.
-  void forward(int directions, double* moved, size_t width, const double* dp);
+  // y (length,) becomes the nearest point that satisfies the closures; or v alone the nearest that they allow.
+  void take(double t, double* y, bool positions = true);
+  // Tangents dy (ny,) become those of that point, for dp (k,) and dt, which may be missing; direction by direction,
+  // `width` numbers apart.
+  void forward(int directions, double* moved, size_t width, const double* dp, const double* dt);
   void reverse(double* y);  // cotangents (ny,) of that point become those of the given one
 
  private:
@@ -23,10 +30,11 @@ class ProjectionSensitivity {
     bool of_v = false, moved = false;  // moved: x is nonzero
     std::vector<int> rows;             // (r,) that it satisfies
     BandLU lu;                         // of G M^-1 G^T
-    Numbers G, Z;                      // (ng, nv)
-    Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); as in projection_sensitivity.py
+    Numbers G, Z, x;                   // (ng, nv) twice, (nv,)
+    Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
     std::vector<IntegratePartialsBlock> turn;
     Numbers P, Q;                      // (k, n) where moved, and (k, r); for tangents
+    Numbers by_t;                      // (ng,) of what it corrects
   };
 
   void correct(Correction& c, double t, const double* q, const double* v, const Numbers& r);

@@ -1,5 +1,11 @@
-// Tangent and adjoint of a stage, by its saddle-point system
-// (mbdae/mechanism/discrete_sensitivity/stage_sensitivity.py).
+// Tangent and adjoint of a stage of index 2, by its saddle-point system. In coordinates x of a step, q = q_n (+) x, with
+// A, R, J, T of `IntegratePartialsBlock` and the partials K, D, B of `EquationPartials`,
+//
+//   dq = A dq_n + R dx,   dx' = J dv + T dx,   dqhat = Ahat dq_n + Rhat (dxhat + factor dx')
+//   [M  -G^T] [dv' ]   [K dq + D du + P dp                                            ]
+//   [Ghat  0] [dlam] = [-(Bhat dqhat + Ghat (dv_n + dvhat) + Q dp) / factor           ]
+//
+// with the matrix of the stage itself; cotangents use its transpose.
 #pragma once
 
 #include "system/index2.hpp"
@@ -17,6 +23,7 @@ struct LinearisationPoint {
   };
   bool loaded = true;      // with laws and gravity
   bool still = false;      // no forces and no motion: P is 0
+  const IndependentRows* rows = nullptr;  // the rows that `met` and `nu` are about; nullptr: those in use
   double t = 0;
   Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
   std::vector<ActingWrench> wrenches;  // of laws and closures, if placements or frames are parameters

@@ -5,13 +5,14 @@
 
 namespace mbdae {
 
-StepSensitivity::StepSensitivity(Index2System& s, Parameters* parameters, bool forward)
-    : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()) {}
+StepSensitivity::StepSensitivity(Index2System& s, Parameters* parameters, const Tableau& a, bool forward)
+    : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()), a_(a) {}
 
-void StepSensitivity::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool partials) {
+void StepSensitivity::repeat(double t, double h, const State& in, State& out, bool partials) {
+  const Tableau& a = a_;
   const int n = a.n, stride = stride_;
   const double* y = in.y.data();
-  a_ = &a, h_ = h, with_partials_ = partials;
+  h_ = h, with_partials_ = partials;
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
@@ -61,21 +62,21 @@ void StepSensitivity::keep(int i, double t, double that, double factor, const do
   if (forward_) parameters_->forces(k, P_[i]);
 }
 
-void StepSensitivity::forward(int directions, double* moved, const double* dp) {
-  const int n = a_->n, ny = ny_, nc = ny_ - nv_, below = static_cast<int>(s_.rows.in_use().size());
+void StepSensitivity::forward(int directions, double* moved, const double* dp, const double*, const double*) {
+  const int n = a_.n, ny = ny_, nc = ny_ - nv_, below = static_cast<int>(s_.rows.in_use().size());
   const size_t k = forward_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
-  const size_t width = ny + (a_->first ? nc : 0);
+  const size_t width = ny + (a_.first ? nc : 0);
   const bool moves = k > 0;
   dF_.assign(n * size, 0.0), x_bar_.resize(ny), xhat_bar_.resize(ny), p_.resize(nc), dx_end_.resize(below);
-  if (a_->first)
+  if (a_.first)
     for (int d = 0; d < directions; ++d) {
       std::copy_n(moved + d * width + nv_, nv_, &dF_[d * ny]);
       std::copy_n(moved + d * width + ny, nc, &dF_[d * ny + nv_]);
     }
-  for (int i = a_->first; i < n; ++i) {
+  for (int i = a_.first; i < n; ++i) {
     StageSensitivity& stage = *stages_[i];
     for (int d = 0; d < directions; ++d) {
-      for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_->A), {xhat_bar_, a_->Ahat}}) {
+      for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_.A), {xhat_bar_, a_.Ahat}}) {
         std::fill(to.begin(), to.end(), 0.0);
         for (int j = 0; j < i; ++j) {
           const double w = h_ * weights[i * n + j];
@@ -101,37 +102,37 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp) {
   for (int d = 0; d < directions; ++d) {
     std::fill(x_bar_.begin(), x_bar_.end(), 0.0);
     for (int j = 0; j < n; ++j)
-      for (int c = 0; c < ny; ++c) x_bar_[c] += h_ * a_->b[j] * dF_[j * size + d * ny + c];
+      for (int c = 0; c < ny; ++c) x_bar_[c] += h_ * a_.b[j] * dF_[j * size + d * ny + c];
     double* to = moved + d * width;
     apply(end_, &IntegratePartialsBlock::A, false, true, nv_, to, own.data());
     apply(end_, &IntegratePartialsBlock::R, false, true, nv_, x_bar_.data(), turned.data());
     for (int c = 0; c < nv_; ++c) to[c] = own[c] + turned[c];
     for (int c = nv_; c < ny; ++c) to[c] += x_bar_[c];
-    if (a_->first) std::copy_n(&dF_[(n - 1) * size + d * ny + nv_], nc, to + ny);
+    if (a_.first) std::copy_n(&dF_[(n - 1) * size + d * ny + nv_], nc, to + ny);
   }
 }
 
 void StepSensitivity::reverse(double* y) {
-  const int n = a_->n, ny = ny_, nc = ny_ - nv_;
+  const int n = a_.n, ny = ny_, nc = ny_ - nv_;
   double* carry = y + ny;
   Numbers x(y, y + ny), out(y, y + ny);
   apply(end_, &IntegratePartialsBlock::R, true, true, nv_, y, x.data()), apply(end_, &IntegratePartialsBlock::A, true, true, nv_, y, out.data());
   dF_.assign(static_cast<size_t>(n) * ny, 0.0);
   for (int i = 0; i < n; ++i)
-    for (int c = 0; c < ny; ++c) dF_[i * ny + c] = h_ * a_->b[i] * x[c];
-  if (a_->first)
+    for (int c = 0; c < ny; ++c) dF_[i * ny + c] = h_ * a_.b[i] * x[c];
+  if (a_.first)
     for (int c = 0; c < nc; ++c) dF_[(n - 1) * ny + nv_ + c] += carry[c];
-  for (int i = n - 1; i >= a_->first; --i) {
+  for (int i = n - 1; i >= a_.first; --i) {
     x_bar_.assign(ny, 0.0), xhat_bar_.assign(ny, 0.0);
     stages_[i]->reverse(&dF_[i * ny], x_bar_.data(), xhat_bar_.data(), out.data());
     if (parameters_) parameters_->add(*stages_[i], stages_[i]->above.data(), stages_[i]->nu.data());
     for (int j = 0; j < i; ++j) {
-      const double w = h_ * a_->A[i * n + j], what = h_ * a_->Ahat[i * n + j];
+      const double w = h_ * a_.A[i * n + j], what = h_ * a_.Ahat[i * n + j];
       if (w == 0 && what == 0) continue;
       for (int c = 0; c < ny; ++c) dF_[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
     }
   }
-  if (a_->first) {
+  if (a_.first) {
     for (int c = 0; c < nv_; ++c) out[nv_ + c] += dF_[c];
     std::copy_n(&dF_[nv_], nc, carry);
   }

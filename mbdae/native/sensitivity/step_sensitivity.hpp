@@ -1,31 +1,31 @@
-// Recompute a half-explicit step with its tangent and adjoint (mbdae/methods/step_sensitivity.py).
+// Recompute a half-explicit step of index 2 with its tangent and adjoint: stages by elimination.
 #pragma once
 
 #include <memory>
 
 #include "sensitivity/parameter_partials.hpp"
 #include "sensitivity/stage_sensitivity.hpp"
+#include "sensitivity/step_map.hpp"
 #include "steps/half_explicit_step.hpp"
 
 namespace mbdae {
 
-class StepSensitivity : public HalfExplicitStep {
+class StepSensitivity final : public HalfExplicitStep, public StepMap {
  public:
-  StepSensitivity(Index2System& system, Parameters* parameters, bool forward = false);  // or reverse
+  StepSensitivity(Index2System& system, Parameters* parameters, const Tableau& a, bool forward = false);  // or reverse
 
-  // The step from (t, y), with its carry (nc,), to t + h; its partials are kept if requested.
-  void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool partials);
-  // Tangents (ny + nc,) of y and of the carry become those at the end of the step, for dp (k,), direction by direction.
-  void forward(int directions, double* moved, const double* dp);
-  // Cotangents (ny + nc,) at the end of the step become those at its start; those of parameters are accumulated.
-  void reverse(double* bar);
+  // The same without partials, if they are not requested.
+  void repeat(double t, double h, const State& in, State& out, bool partials);
+  void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
+  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;  // neither dh nor dt
+  void reverse(double* bar) override;
 
  private:
   void keep(int stage, double t, double that, double factor, const double* F);
 
   Parameters* parameters_;
   const bool forward_;
-  const Tableau* a_ = nullptr;
+  const Tableau& a_;
   double h_ = 0;
   std::vector<std::unique_ptr<StageSensitivity>> stages_;
   std::vector<IntegratePartialsBlock> end_;

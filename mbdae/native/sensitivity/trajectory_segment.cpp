@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sensitivity/coupled_stages.hpp"
+#include "sensitivity/step_sensitivity.hpp"
+#include "steps/formulations.hpp"
 #include "system/projection.hpp"
 #include "math/vec3.hpp"
 
@@ -11,45 +14,59 @@ namespace mbdae {
 namespace {
 
 void stand(const Index2System& s, const TrajectorySegment& g, const double* carries, size_t i, State& to) {
-  const size_t nc = g.tableau.first ? s.ny - s.nv : 0;
+  const size_t nc = carry_size(s, g);
   to.y.assign(g.y + i * s.length, g.y + (i + 1) * s.length);
   to.carry.assign(carries + i * nc, carries + (i + 1) * nc);
+}
+
+std::unique_ptr<StepMap> step_map(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward,
+                                  bool varying) {
+  if (g.radau) return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.radau), recorder(s, *g.radau));
+  if (!varying && s.formulation == Formulation::index2 && !s.sliding)
+    return std::make_unique<StepSensitivity>(s, &parameters, *g.tableau, forward);
+  return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.tableau), recorder(s, *g.tableau));
 }
 
 // A node's interval: one step or two, and the projection of its end.
 class Interval {
  public:
-  Interval(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward)
-      : s_(s), g_(g), first_(s, &parameters, forward), second_(s, &parameters, forward), end_(s, parameters, forward) {}
+  Interval(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward, bool varying = false)
+      : s_(s), g_(g), first_(step_map(s, parameters, g, forward, varying)), end_(s, parameters, forward) {
+    if (g.halved) second_ = step_map(s, parameters, g, forward, varying);
+  }
 
   void take(const double* carries, size_t i) {
     const double h = g_.t[i + 1] - g_.t[i];
     stand(s_, g_, carries, i, start_);
     if (g_.halved) {
-      first_.repeat(g_.tableau, g_.t[i], h / 2, start_, middle_, true);
-      second_.repeat(g_.tableau, g_.t[i] + h / 2, h / 2, middle_, next_, true);
+      first_->repeat(g_.t[i], h / 2, start_, middle_);
+      second_->repeat(g_.t[i] + h / 2, h / 2, middle_, next_);
     } else {
-      first_.repeat(g_.tableau, g_.t[i], h, start_, next_, true);
+      first_->repeat(g_.t[i], h, start_, next_);
     }
     if (g_.project) end_.take(g_.t[i + 1], next_.y.data());
   }
 
-  void forward(int d, double* moved, size_t width, const double* dp) {
-    first_.forward(d, moved, dp);
-    if (g_.halved) second_.forward(d, moved, dp);
-    if (g_.project) end_.forward(d, moved, width, dp);
+  void forward(int d, double* moved, size_t width, const double* dp, const double* dh) {
+    Numbers half;
+    if (dh) half.assign(dh, dh + d);
+    for (double& x : half) x /= 2;
+    const double* own = dh && g_.halved ? half.data() : dh;
+    first_->forward(d, moved, dp, own, nullptr);
+    if (g_.halved) second_->forward(d, moved, dp, own, own);
+    if (g_.project) end_.forward(d, moved, width, dp, dh);
   }
 
   void reverse(double* bar) {
     if (g_.project) end_.reverse(bar);
-    if (g_.halved) second_.reverse(bar);
-    first_.reverse(bar);
+    if (g_.halved) second_->reverse(bar);
+    first_->reverse(bar);
   }
 
  private:
   Index2System& s_;
   const TrajectorySegment& g_;
-  StepSensitivity first_, second_;
+  std::unique_ptr<StepMap> first_, second_;
   ProjectionSensitivity end_;
   State start_, middle_, next_;
 };
@@ -76,21 +93,31 @@ bool project(Index2System& s, const RepeatTolerances& like, double t, const Stat
 
 }  // namespace
 
+size_t carry_size(const Index2System& s, const TrajectorySegment& g) {
+  return g.tableau && g.tableau->first ? s.carried() : 0;
+}
+
 void recompute(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& like, Recomputed& out) {
-  StepSensitivity step(s, nullptr);
+  StepSensitivity simple(s, nullptr, *g.tableau);
+  const auto steps = half_explicit_step(s);
+  Numbers move(s.ny), z(s.nz), errors;
+  const auto step = [&](double t, double h, const State& in, State& out) {
+    if (s.formulation == Formulation::index2) return simple.repeat(t, h, in, out, false);
+    steps->take(*g.tableau, t, h, in, out, z.data(), errors);
+    out.low.clear();
+  };
   State now, middle, next;
-  Numbers move(s.ny);
-  const size_t nc = s.ny - s.nv;
+  const size_t nc = carry_size(s, g);
   stand(s, g, out.carries.data(), 0, now);
   out.renewed.assign(g.steps + 1, 0);
   for (out.steps = 0; out.steps < g.steps; ++out.steps) {
     const size_t i = out.steps;
     const double h = g.t[i + 1] - g.t[i], *end = g.y + (i + 1) * s.length;
     if (g.halved) {
-      step.repeat(g.tableau, g.t[i], h / 2, now, middle, false);
-      step.repeat(g.tableau, g.t[i] + h / 2, h / 2, middle, next, false);
+      step(g.t[i], h / 2, now, middle);
+      step(g.t[i] + h / 2, h / 2, middle, next);
     } else {
-      step.repeat(g.tableau, g.t[i], h, now, next, false);
+      step(g.t[i], h, now, next);
     }
     if (g.project) out.renewed[i + 1] = project(s, like, g.t[i + 1], now, next);
     std::copy(next.carry.begin(), next.carry.end(), out.carries.begin() + (i + 1) * nc);
@@ -106,7 +133,7 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
 void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries,
              const double* extra, double* bar, double* p) {
   Interval interval(s, parameters, g, false);
-  const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0);
+  const size_t width = s.ny + carry_size(s, g);
   parameters.begin();
   for (size_t i = g.steps; i-- > 0;) {
     interval.take(carries, i);
@@ -118,15 +145,15 @@ void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& g
 }
 
 void tangent(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries, int d,
-             const double* dp, const double* first, double* along) {
-  Interval interval(s, parameters, g, true);
-  const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0), size = d * width;
+             const double* dp, const double* dh, const double* first, double* along) {
+  Interval interval(s, parameters, g, true, dh);
+  const size_t width = s.ny + carry_size(s, g), size = d * width;
   std::copy_n(first, size, along);
   for (size_t i = 0; i < g.steps; ++i) {
     double* moved = along + (i + 1) * size;
     std::copy_n(moved - size, size, moved);
     interval.take(carries, i);
-    interval.forward(d, moved, width, dp);
+    interval.forward(d, moved, width, dp, dh);
   }
 }
 

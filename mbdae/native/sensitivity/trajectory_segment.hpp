@@ -3,13 +3,15 @@
 
 #include "sensitivity/projection_sensitivity.hpp"
 #include "run/step_control.hpp"
-#include "sensitivity/step_sensitivity.hpp"
+#include "steps/collocation.hpp"
+#include "steps/half_explicit_step.hpp"
 
 namespace mbdae {
 
 // Steps between nodes t (m + 1,), y (m + 1, length): one from each to the next, or two of half the size.
 struct TrajectorySegment {
-  const Tableau& tableau;
+  const Tableau* tableau;  // or
+  const Radau* radau;
   bool halved, project;
   size_t steps;
   const double *t, *y;
@@ -36,8 +38,10 @@ void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTo
 // nodes, and those of parameters (k,) are accumulated.
 void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries,
              const double* extra, double* bar, double* p);
-// Tangents (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc).
+size_t carry_size(const Index2System& s, const TrajectorySegment& segment);
+// Tangents (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc); dh (d,) are those of the
+// size of each step, or missing.
 void tangent(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries, int d,
-             const double* dp, const double* first, double* along);
+             const double* dp, const double* dh, const double* first, double* along);
 
 }  // namespace mbdae

@@ -47,6 +47,19 @@ int iterations_left(const Radau& a, double size, double rate) {
 
 }  // namespace
 
+std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, double later, double h) {
+  auto out = std::make_shared<StageMemory>();
+  Numbers x(a.c);
+  for (double& c : x) c = (later + c * h) / m.h;
+  const Rows<double> at = lagrange(a.c, x);
+  const int r = static_cast<int>(m.unknowns.size()), ny = static_cast<int>(m.K.size()) / a.s;
+  out->unknowns = m.unknowns, out->h = h, out->rate = INFINITY;
+  out->K.resize(m.K.size()), out->Z.resize(m.Z.size());
+  RowsOut(out->K.data(), a.s, ny) = at * RowsIn(m.K.data(), a.s, ny);
+  RowsOut(out->Z.data(), a.s, r) = at * RowsIn(m.Z.data(), a.s, r);
+  return out;
+}
+
 CollocationStep::CollocationStep(Index2System& s)
     : s_(s),
       nq_(s.nq),

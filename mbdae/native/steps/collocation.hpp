@@ -47,6 +47,9 @@ struct StageMemory {
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
 
+// The polynomial of a step at the nodes of one of size h that starts `later`: to guess one.
+std::shared_ptr<StageMemory> resampled(const Radau& a, const StageMemory& m, double later, double h);
+
 class CollocationStep {
  public:
   explicit CollocationStep(Index2System& system);

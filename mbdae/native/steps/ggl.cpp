@@ -11,9 +11,9 @@ GGLStep::GGLStep(Index2System& s)
     : HalfExplicitStep(s),
       positions_(s),
       mu_(s.ng),
+      slip_(nv_),
       gap_(s.ng),
       dmu_(s.ng),
-      slip_(nv_),
       dslip_(nv_),
       move_(nv_),
       at_(nv_) {}

@@ -6,7 +6,7 @@
 
 namespace mbdae {
 
-class GGLStep final : public HalfExplicitStep {
+class GGLStep : public HalfExplicitStep {
  public:
   explicit GGLStep(Index2System& system);
 
@@ -19,14 +19,16 @@ class GGLStep final : public HalfExplicitStep {
   void project(double* e) override;
   void all_multipliers(double* z) override;
 
+  PositionRows positions_;
+  Numbers mu_, slip_;  // (ng,) by row, and (nv,) M^-1 G^T mu
+
  private:
   void correct(const Numbers& G);  // the change of mu, slip and x' that closes the gaps by rows G; their S
   void transfer();                 // Gmet_
   void watch(double that);         // throws if a row that is not in use is open
 
-  PositionRows positions_;
-  Numbers mu_, gap_, dmu_;                // (ng,) by row
-  Numbers slip_, dslip_, move_, at_;      // (nv,) M^-1 G^T mu, its change as velocity and in coordinates; x of a stage
+  Numbers gap_, dmu_;                     // (ng,) by row
+  Numbers dslip_, move_, at_;             // (nv,) change of slip as velocity and in coordinates; x of a stage
   Numbers Gmet_;                          // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved
   std::vector<TangentBlock> transfer_;
 };

@@ -6,7 +6,7 @@
 
 namespace mbdae {
 
-class GGLCollocation final : public CollocationStep {
+class GGLCollocation : public CollocationStep {
  public:
   explicit GGLCollocation(Index2System& system);
 
@@ -18,8 +18,9 @@ class GGLCollocation final : public CollocationStep {
   void open(const double* y) override { positions_.open(y); }
   void all_multipliers(double t, const double* z, double* out) override;
 
- private:
   PositionRows positions_;
+
+ private:
   Numbers gap_, mu_;  // (ng,)
   Numbers slip_;      // (nv,)
 };

@@ -97,10 +97,13 @@ class Index2System {
   // closures, summed over rows.
   void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
+  // The derivative by t of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
+  void time_partials(double t, const double* q, const double* u, const double* lam, double* out);
   // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
-  // if requested; and the partials of rows in use, (ng,). J and poses are current at q.
+  // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their place.
   void closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                      std::vector<ActingWrench>* wrenches = nullptr, std::vector<WrenchPartials>* turnings = nullptr);
+                        std::vector<ActingWrench>* wrenches = nullptr, std::vector<WrenchPartials>* turnings = nullptr,
+                        const IndependentRows* others = nullptr);
   // With current G and, for closure friction, slip directions: rhs (ng,) by row becomes lam, f (nv,) v'; the power of
   // friction is added.
   void solve(const Numbers& Zhat, double* rhs, double* f, double* power);

@@ -71,11 +71,26 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
   closure_partials(q, v, lam, out.K.data(), B, wrenches);
 }
 
+void Index2System::time_partials(double t, const double* q, const double* u, const double* lam, double* out) {
+  const double *v = u, *s = u + nv;
+  std::fill(conservative_.begin(), conservative_.end(), 0.0), std::fill(other_.begin(), other_.end(), 0.0);
+  std::fill(out, out + nv + ns + 1, 0.0), std::fill(gt_.begin(), gt_.end(), 0.0);
+  for (const Law& law : laws_)
+    if (law.kind->time_rate)
+      law.kind->time_rate(law, {mechanics, t, q, v, s + law.state},
+                          {conservative_.data(), other_.data(), out + nv + law.state});
+  for (int i = 0; i < nv; ++i) out[i] = conservative_[i] + other_[i];
+  constraints.acceleration(t, gt_.data());
+  out[nv + ns] = dot(other_.data(), v, nv) - dot(gt_.data(), lam, ng);
+}
+
 void Index2System::closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                                  std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* turnings) {
+                                  std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* turnings,
+                                  const IndependentRows* others) {
   const size_t m = nv;
-  const std::vector<int>& position = rows.position();
-  if (B) B->assign(rows.in_use().size() * m, 0.0);
+  const IndependentRows& which = others ? *others : rows;
+  const std::vector<int>& position = which.position();
+  if (B) B->assign(which.in_use().size() * m, 0.0);
   if (turnings) turnings->resize(ng);
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
     const std::vector<int>& own = constraints.of_pair[p];
@@ -95,7 +110,7 @@ void Index2System::closure_partials(const double* q, const double* v, const doub
     here.torque(sum, K, m);
     if (wrenches) wrenches->push_back({&here.pair, sum, true});
   }
-  for (int k : rows.in_use())
+  for (int k : which.in_use())
     if (constraints.rows[k].between_joints())
       constraints.rows[k].coordinate_partials(q, v, K ? lam[k] : 0, K, B ? B->data() + position[k] * m : nullptr, m);
 }

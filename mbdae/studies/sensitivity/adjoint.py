@@ -53,13 +53,8 @@ class NodeCotangents:
 
     def _back(self, i: int, t: float, bar: Array) -> tuple[Array, Array]:
         """From a time behind node i, where a shorter step ends."""
-        trace = self.trace
-        if trace.core:
-            found = trace.core.adjoint(trace.core.short(i, t), np.zeros((2, len(bar))), bar)
-            if found is not None:
-                return found
-        parts = trace.short(i, t - float(trace.ts[i]))[1]
-        return _all_reversed(parts, bar, trace.sensitivity.ny, trace.sensitivity.k)
+        core = self.trace.core
+        return core.adjoint(core.short(i, t), np.zeros((2, len(bar))), bar)
 
 
 def adjoint_sweep(
@@ -77,13 +72,11 @@ def adjoint_sweep(
     bar, p, late = arriving.at(i)
     while i > 0:
         last = end if i + 1 == len(trace.ts) else None
-        if trace.core and not last and (j := trace.core.before(i)) < i:
+        if not last and (j := trace.core.before(i)) < i:
             at_i, by_p = _all_reversed(list(trace.carry_restart_parts(i)), bar, ny, k)
-            found = _at_once(trace, arriving, trace.core.nodes(j, i), at_i)
-            if found is not None:
-                bar, i = found[0], j
-                p += by_p + found[1]
-                continue
+            bar, more = _at_once(trace, arriving, trace.core.nodes(j, i), at_i)
+            i, p = j, p + by_p + more
+            continue
         if last:
             held, by_p = last.of_fixed_step(bar[:ny, None], bar[ny:, None], late)
             bar[:ny], p = held[:, 0], p + by_p
@@ -95,13 +88,12 @@ def adjoint_sweep(
     return bar[:ny], p + by_p
 
 
-def _at_once(trace: Trajectory, arriving: NodeCotangents, nodes: NodeRange, bar: Array) -> tuple[Array, Array] | None:
-    """The same along some steps in the core; None where it does not go."""
-    assert trace.core is not None
+def _at_once(trace: Trajectory, arriving: NodeCotangents, nodes: NodeRange, bar: Array) -> tuple[Array, Array]:
+    """The same along some steps at once."""
     own = [arriving.at(i) for i in nodes.steps]
     extra = np.array([*(x[0] for x in own), np.zeros_like(bar)])
-    found = trace.core.adjoint(nodes, extra, bar)
-    return found and (found[0] + own[0][0], found[1] + sum(x[1] for x in own))
+    at, by_p = trace.core.adjoint(nodes, extra, bar)
+    return at + own[0][0], by_p + sum(x[1] for x in own)
 
 
 def _all_reversed(parts: list[TrajectoryPart], bar: Array, ny: int, k: int) -> tuple[Array, Array]:

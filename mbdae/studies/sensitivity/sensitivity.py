@@ -132,7 +132,7 @@ def sensitivity(
     """Differentiate a run with respect to numbers of its mechanism and to its start: half-explicit methods, Radau IIA.
 
     The steps that were taken stand, with their sizes and rows: the derivative is that of the computed numbers, and
-    exact for them to rounding (`mbdae.methods.step_sensitivity`, `collocation_sensitivity`). Where the run began at its
+    exact for them to rounding (mbdae/native/sensitivity). Where the run began at its
     mechanism's start, that is assembled again with the parameters; a start that was given stays. Sampling instants and
     times of jumps are data.
 
@@ -147,7 +147,7 @@ def sensitivity(
         event: the terminal event in which the run ended, its function or its signal: its time moves, too.
 
     Raises:
-        InputError: for a run of another kind, or a parameter without a derivative.
+        InputError: for a run of another kind, or a parameter without a derivative; without the compiled core.
         UnknownNameError: for a name that leads nowhere.
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
@@ -163,8 +163,9 @@ def sensitivity(
     dy, carry = _forward(trace.start(), dy, carry, dp)
     out, i, ny = _Tangents(sol, trace, dp), 0, len(dy)
     while i + 1 < len(trace.ts):
-        found = _compiled(trace, i, end is not None, dy, carry, dp)
-        if found is not None:
+        j = trace.core.after(i, end is not None)
+        if j > i:
+            found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
             out.at_nodes(i, found)
             i, dy, carry = i + len(found) - 1, found[-1, :, :ny].T, found[-1, :, ny:].T
             dy, carry = _forward(trace.carry_restart_parts(i), dy, carry, dp)
@@ -210,14 +211,6 @@ class _Tangents:
             self.y[k], self.dy[k] = _between(trace, m, float(self.t[k]), dy, carry, self.dp)
 
 
-def _compiled(trace: Trajectory, i: int, terminal: bool, dy: Array, carry: Array, dp: Array) -> Array | None:
-    """Derivatives (m, k, ny + ...) at node i and those behind it that the core has; None where it has none."""
-    if not trace.core:
-        return None
-    j = trace.core.after(i, terminal)
-    return trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T) if j > i else None
-
-
 def _forward(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
     """The derivatives behind the maps of a step, one after the other."""
     for one in maps:
@@ -258,12 +251,8 @@ def _between(trace: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: A
     """The point at a time behind node i, and its derivatives."""
     if t == trace.ts[i]:
         return trace.ys[i], dy
-    if trace.core:
-        found = trace.core.tangent(trace.core.short(i, t), np.concatenate([dy, carry]).T, dp.T)
-        if found is not None:
-            return trace.between(i, t), found[-1, :, : len(dy)].T
-    y, parts = trace.short(i, t - float(trace.ts[i]))
-    return y, _forward(parts, dy, carry, dp)[0]
+    found = trace.core.tangent(trace.core.short(i, t), np.concatenate([dy, carry]).T, dp.T)
+    return trace.between(i, t), found[-1, :, : len(dy)].T
 
 
 def start_columns(trace: Trajectory) -> list[str]:

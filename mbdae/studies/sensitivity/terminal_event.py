@@ -37,12 +37,9 @@ class EventTimeDerivative:
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array) -> tuple[Array, Array]:
         """Return the variations behind the step, whose size moves by dh, (m,)."""
-        steps = [p for p in self.parts if not isinstance(p, LinearMap)]
         for part in self.parts:
-            if isinstance(part, LinearMap):
-                dy, carry = part.forward(dy, carry, dp)
-            else:
-                dy, carry = part.forward(dy, carry, dp, dh / len(steps))
+            of_size = () if isinstance(part, LinearMap) else (dh,)
+            dy, carry = part.forward(dy, carry, dp, *of_size)
         return dy, carry
 
     def by_size(self, like: Array, carry: Array) -> Array:

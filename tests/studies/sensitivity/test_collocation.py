@@ -8,7 +8,10 @@ from frozen import best, compare, free_velocity, retraced, runs_of
 from smooth import SMOOTH
 
 import mbdae
+from mbdae import backend
 from mbdae.mechanism.formats.loaded_model import LoadedModel, number
+from mbdae.methods import method
+from mbdae.system import State
 
 SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
          "snakeboard": (0.02, 2e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.01, 5e-3),
@@ -98,6 +101,30 @@ def test_adjoint(model, T, form):
     mech = mbdae.load(model)
     sol = mbdae.solve(mech, (0.0, T), method="radau5", formulation=form, rtol=1e-5)
     compare(sol, ["gravity.2"], ["energy", "work", f"lam.{mech.row_names[0]}.1"], start=True)
+
+
+def test_a_mode_without_rows():
+    """A chain whirls freely above a floor."""
+    mech = mbdae.load("bouncing_chain")
+    sol = mbdae.solve(mech, (0.0, 0.05), step=0.025, method="radau5")
+    assert sol.modes == [(0, (0,) * len(mech.switches))]
+    compare(sol, ["gravity.2"], ["energy", f"v.{mech.joint_names[-1]}"], start=True)
+
+
+@pytest.mark.native
+def test_bodies_that_turn_far_in_a_step():
+    """One set of partials does not serve all stages: Newton's iteration takes those of each."""
+    mech = mbdae.load("bouncing_chain")
+    q, v, along = mech.start[0], np.array([17.6, 4.5, -15.1, -2.4, -4.4]), np.array([0.3, -0.2, 0.1, 0.4, -0.3])
+
+    @cache
+    def run(x):
+        return mbdae.solve(mech, (0.0, 0.025), q, v + x * along, step=0.025, method="radau5")
+
+    start = State(np.concatenate([q, v, [0.0]]))
+    assert mech.system(native=backend.load()).compiled_step(method("radau5"), 0.0, 0.025, start) is None
+    found = mbdae.sensitivity(run(0.0), start=True).dy[:, :, mech.nv : 2 * mech.nv] @ along
+    assert best(found, lambda x: run(x).y, 0.0, mech=mech) < 1e-9
 
 
 def test_terminal_events():

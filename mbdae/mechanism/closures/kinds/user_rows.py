@@ -9,7 +9,7 @@ import pinocchio as pin
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticOmit
 
-from ....errors import InputError, NotCompiled, StepError
+from ....errors import InputError, StepError
 from ....finite_differences import numerical_derivative
 from ....system import Array
 from ...callbacks import called, checked, function_name
@@ -102,12 +102,16 @@ class BoundUserRows(BoundJointRow):
         self.what = f"rows {row.rows.name!r}"
 
     def core_data(self) -> dict[str, Any]:
-        """See `BoundJointRow`.
-
-        Raises:
-            NotCompiled: the core does not support Python functions as rows.
-        """
-        raise NotCompiled(f"{self.what}, a Python function")
+        """See `BoundJointRow`: the core calls it."""
+        coordinates = [i for j in self.joints for i in range(j.idx_q, j.idx_q + j.nq)]
+        numbers = {"coordinates": coordinates, "velocities": self.columns, "positional": not self.rows.velocity}
+        return {
+            "kind": "function",
+            **numbers,
+            "value": lambda q: np.append(*self._at(q)),
+            "bias": lambda q, v: np.array([self._bias(q, v)]),
+            "partials": lambda q: np.ascontiguousarray(self._partials(q)),
+        }
 
     def value(self) -> tuple[float, list[float]]:  # noqa: D102
         q = self._q()

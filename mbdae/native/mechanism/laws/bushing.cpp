@@ -53,8 +53,8 @@ struct Bushing {
     return theta;
   }
 
-  template <class S, class T>
-  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context& at, const Frames<S>& x, const Velocity<T>& V) {
+  template <class S, class T, class U>
+  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>& V) {
     const double *k = law.a.data(), *d = k + 6;
     const Vec3<S> theta = rotation(law, x);
     const Vec3<S> moment = inverse_jacobian(at.limits, theta, scaled(k + 3, theta));

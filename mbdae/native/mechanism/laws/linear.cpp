@@ -38,6 +38,14 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   for (const Law::Term& x : law.terms) out[x.to][x.row] += x.value * in[x.from][x.column];
 }
 
+static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
+  for (size_t i = 0; i < law.u.size(); ++i) law.u[i] = law.signals[i].at(p.t, law.orders[i] + 1);
+  double* const out[] = {f.conservative, f.other, f.ds};
+  std::fill(f.ds, f.ds + law.states, 0.0);
+  for (const Law::Term& x : law.terms)
+    if (x.from == 4) out[x.to][x.row] += x.value * law.u[x.column];
+}
+
 static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double* const to[] = {out.conservative, out.other, out.ds};
   for (const Law::Term& x : law.terms) {
@@ -63,6 +71,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind linear{fits, add, partials, potential};
+extern const LawKind linear{fits, add, partials, potential, time_rate};
 
 }  // namespace mbdae::laws

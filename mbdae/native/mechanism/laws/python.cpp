@@ -3,7 +3,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.call && law.partials; }
+static bool fits(Law& law, const Sizes&) { return law.call && law.partials && law.time_rate; }
 
 static void add(const Law& law, const ForcePoint& p, const Forces& f) { law.call(p.t, p.q, p.v, p.s, f.other, f.ds); }
 
@@ -17,6 +17,14 @@ static void partials(const Law& law, const ForcePoint& p, const LawPartials& out
   }
 }
 
-extern const LawKind python{fits, add, partials};
+static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
+  const size_t nv = p.m.nv, k = law.states;
+  Numbers rate(nv + k);
+  law.time_rate(p.t, p.q, p.v, p.s, rate);
+  for (size_t i = 0; i < nv; ++i) f.other[i] += rate[i];
+  std::copy(rate.begin() + nv, rate.end(), f.ds);
+}
+
+extern const LawKind python{fits, add, partials, nullptr, time_rate};
 
 }  // namespace mbdae::laws

@@ -19,8 +19,8 @@ struct SpringDamper {
     return d;
   }
 
-  template <class S, class T>
-  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context& at, const Frames<S>& x, const Velocity<T>& V) {
+  template <class S, class T, class U>
+  static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>& V) {
     Vec3<S> n;
     const S d = distance(x, n);
     const Common<S, T> push = law.signals[0].at(at.t) - law.a[1] * dot(n, V.at(x.pb));

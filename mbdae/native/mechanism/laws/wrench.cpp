@@ -8,9 +8,9 @@ static bool fits(Law& law, const Sizes&) { return law.paired && law.signals.size
 struct AppliedWrench {
   static bool damped(const Law&) { return false; }
 
-  template <class S, class T>
-  static Wrenches<S, S> wrenches(const Law& law, const Context& at, const Frames<S>& x, const Velocity<T>&) {
-    double u[6];
+  template <class S, class T, class U>
+  static Wrenches<S, S> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>&) {
+    S u[6];
     for (int i = 0; i < 6; ++i) u[i] = law.signals[i].at(at.t);
     Vec3<S> force(u), moment(u + 3);
     if (law.turning) force = x.Rb * force, moment = x.Rb * moment;

@@ -1,7 +1,8 @@
-"""Discrete sensitivity of a mechanism's run: stages, points of the hidden constraint, jumps, starts, energies.
+"""Discrete sensitivity of a run between its steps: hidden constraint, projections, jumps, starts, energies.
 
-Variations are those of a computed step, not of the continuous motion: dy (ny, m) in the tangent at y, dp (k, m) of k
-parameters, m of them at once. All maps except stages are returned as matrices in (dy, dp).
+Variations are those of computed numbers, not of the continuous motion: dy (ny,) in the tangent at y, dp (k,) of k
+parameters. All maps are returned as matrices in (dy, dp). Steps are differentiated in the compiled core
+(mbdae/native/sensitivity).
 """
 
 from collections.abc import Mapping
@@ -10,20 +11,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...errors import AssemblyError, InputError
+from ...errors import AssemblyError, InputError, StepError
 from ...finite_differences import converged_difference, numerical_jacobian
-from ...system import Array, StagePartials
+from ...system import Array
 from ..formulations.equation_partials import gamma_partials, time_partials
 from ..hybrid.switches import inactive_rows
-from .friction_partials import add_friction_partials
-from .implicit_stage_partials import implicit_stage
+from .friction_partials import friction_partials
 from .parameter_direction import Parameter
-from .parameter_partials import APART
-from .projection_sensitivity import ProjectionSensitivity
-from .stage_sensitivity import Saddle, SaddleStageSensitivity
+from .parameter_partials import APART, Parameters
 
 if TYPE_CHECKING:
-    from ..formulations.index2_step import Index2Chart
+    from ..._native import Parameters as NativeParameters
+    from ..formulations.compiled_systems import CompiledSystem
 
 ASSEMBLED = 1e-11  # rad or characteristic lengths, at the characteristic rate: residual of assembly
 SHORT = 3  # number of times the width of starts shrinks: the assembly tolerance must not dominate
@@ -42,58 +41,58 @@ class TimeDerivativePartials(NamedTuple):
     lam: Array
 
 
-class Index2Sensitivity(ProjectionSensitivity):
-    """Partial derivatives of the maps that make up a run, see `mbdae.system.DiscreteSensitivity`.
+class PointSensitivity:
+    """Partial derivatives of the maps between the steps of a run.
 
     Args:
         system: a workspace that freezes the rows in use.
-        parameters: the varied parameters.
+        parameters: the varied parameters, k of them.
+        native: the same, bound to its core.
     """
 
-    of_stage: type[Any] = SaddleStageSensitivity
-
-    def stage(self, chart: "Index2Chart", *stage: Any) -> SaddleStageSensitivity:
-        """Take the partials of a stage, of its times, x, xhat, factor, x' and lam, see `SaddleStageSensitivity`."""
-        found: SaddleStageSensitivity = self.of_stage(chart, *stage, self.parameters)
-        return found
-
-    def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StagePartials:
-        """Return the partial derivatives of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
-        return implicit_stage(chart, t, x, F, z, self.parameters)
+    def __init__(self, system: "CompiledSystem", parameters: Parameters, native: "NativeParameters") -> None:
+        self.system, self.parameters, self.native = system, parameters, native
+        self.k, self.ny, self.stabilised = len(parameters), system.ny, system.formulation == "ggl"
 
     @property
-    def width(self) -> int:
-        """Length of a stage."""
-        return self.ny
+    def n_carry(self) -> int:
+        """Length of the carry of methods with an explicit first stage: (v', s', w'), in the GGL form after a slip."""
+        return self.ny - (0 if self.stabilised else self.system.nv)
 
     def renewed(self, t: float, y: Array) -> Array:
-        """Return the partials of the carry restarted at y, (nc, ny + k)."""
-        return self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
+        """Return the partials of the carry restarted at y, (nc, ny + k); the slip is 0 there."""
+        out = np.zeros((self.n_carry, self.ny + self.k))
+        found = self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
+        out[self.n_carry - len(found) :] = found
+        return out
 
-    def first(self, dy: Array, carry: Array) -> Array:
-        """Return dx' of an explicit first stage, (ny, m)."""
-        return np.concatenate([dy[self.system.nv : 2 * self.system.nv], carry])
+    def restored(self, t: float, y: Array) -> Array:
+        """Return the partials of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""
+        return self._projected(t, y, True)[1]
 
-    def first_reverse(self, F: Array) -> tuple[Array, Array]:
-        """Return the cotangents of y and of the carry."""
-        y, nv = np.zeros_like(F), self.system.nv
-        y[nv : 2 * nv] = F[:nv]
-        return y, F[nv:]
+    def row_update(self, t: float, y: Array) -> Array:
+        """Return the partials of v projected onto rows newly in use, (ny, ny + k)."""
+        return self._projected(t, y, False)[1]
 
-    def carried(self, F: Array) -> Array:
-        """Return the variation of the carry."""
-        return F[self.system.nv :]
+    def _projected(self, t: float, y: Array, positions: bool) -> tuple[Array, Array]:
+        """Return the projected point, or that with v projected alone, and its partials.
 
-    def carried_reverse(self, carry: Array) -> Array:
-        """Return the cotangent of x'."""
-        return np.concatenate([np.zeros((self.system.nv, carry.shape[1])), carry])
+        Raises:
+            StepError: if the core cannot compute it.
+        """
+        found = self.system.core.projection(self.native, t, np.ascontiguousarray(y), positions)
+        if found is None:
+            raise StepError("singular", f"the projection at t = {t:.9g} s cannot be differentiated")
+        return found[0], found[1].T
 
-    def end(self, x: Array) -> tuple[Array, Array]:
-        """Return Y and X of d(y (+) x) = Y dy + X dx, (ny, ny) each."""
-        nv, Y, X = self.system.nv, np.eye(self.ny), np.eye(self.ny)
-        turn = self.system.manifold.turned(x[:nv], x[:nv])
-        Y[:nv, :nv], X[:nv, :nv] = turn.A, turn.R
-        return Y, X
+    def friction(self, q: Array, v: Array, lam: Array) -> tuple[Array, Array, Array]:
+        """Return the partials of friction that depends on multipliers, and of its power, for lam (ng,) by row.
+
+        By q, (n, nv), by (v, s, w), (n, n), and by the parameters, (k, n), n = nv + ns + 1.
+        """
+        rows = np.array(self.system.in_use, int)
+        K, D = friction_partials(self.system, q, v, lam[rows], rows)
+        return K, D, np.ascontiguousarray(self.parameters.of_friction(q, v, lam[rows], rows).T)
 
     def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
         """Return the partials of y', and of all multipliers if requested, on M v' = f + G^T lam, 0 = G v' + gamma."""
@@ -113,11 +112,12 @@ class Index2Sensitivity(ProjectionSensitivity):
         Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
         P = p.of_forces(t, q, v, inner, vdot, whole)
         if s.sliding:
-            P += p.of_friction(q, v, lam, rows)
-            at = add_friction_partials(s, at, q, v, lam, rows)
+            K, D, by_p = self.friction(q, v, whole)
+            at, P = at._replace(K=at.K + K, D=at.D + D), P + by_p.T
         above = np.hstack([at.K, at.D, P, f_t[:, None]])
         below = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
-        dvdot, dlam = Saddle(at.E[:nv, :nv], at.L[:nv].T, at.G).solve(above[:nv], -below[rows])
+        saddle = np.block([[at.E[:nv, :nv], -at.L[:nv]], [at.G, np.zeros((len(rows), len(rows)))]])
+        dvdot, dlam = np.split(np.linalg.solve(saddle, np.vstack([above[:nv], -below[rows]])), [nv])
         moves = np.eye(nv, self.ny + self.k + 1, nv)
         rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
         if not multipliers:
@@ -167,10 +167,11 @@ class Index2Sensitivity(ProjectionSensitivity):
 
     def initial_impact(self, t: float, y: Array) -> tuple[Array, Array]:
         """Project v onto the rows of a mode at a start: the point, and its partials, including the impact work."""
-        (q, v), (x, out) = self.system.split(y), self.onto_rows(t, y)
-        before, after = (self.energy(q, w)[0] for w in (v, v - x))
-        out[-1] += after @ np.vstack([out, self._unit()]) - before
-        return np.concatenate([q, v - x, y[self.system.nq + self.system.nv :]]), out
+        nq, nv = self.system.nq, self.system.nv
+        at, out = self._projected(t, y, False)
+        before, after = (self.energy(y[:nq], w[nq : nq + nv])[0] for w in (y, at))
+        out[-1] += after @ np.vstack([out, np.eye(self.k, self.ny + self.k, self.ny)]) - before
+        return at, out
 
     def start(self, t: float, given: Array) -> Array:
         """Return the partials of q and v of the mechanism's start by the parameters, (ny, k).

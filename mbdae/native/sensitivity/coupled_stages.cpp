@@ -1,0 +1,217 @@
+#include "sensitivity/coupled_stages.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mbdae {
+
+namespace {
+
+constexpr int iterations = 20, halvings = 6;  // of Newton's iteration, and of the step, to obtain a guess
+constexpr double converged = 1e-12;           // of 1 + |x|: the last change, whose square is left
+
+}  // namespace
+
+StepCoefficients::StepCoefficients(const Tableau& a)
+    : n(a.n), first(a.first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
+
+StepCoefficients::StepCoefficients(const Radau& a)
+    : n(a.s), coupled(true), A(a.A), Ahat(a.A), b(a.A.end() - a.s, a.A.end()), c(a.c), chat(a.c) {}
+
+void CoupledStages::System::factorize(Matrix a) {
+  A = std::move(a);
+  lu.compute(A);
+  const auto& pivots = lu.matrixLU().diagonal();
+  if (A.size() && !(pivots.cwiseAbs().minCoeff() > 0 && pivots.allFinite())) throw FallBackToPython();
+}
+
+CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
+  Matrix x = lu.solve(b);
+  const Matrix left = b - A * x;
+  x += lu.solve(left);
+  return x;
+}
+
+CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) const {
+  Matrix x, more;
+  x = lu.transpose().solve(b);
+  const Matrix left = b - A.transpose() * x;
+  more = lu.transpose().solve(left);
+  return x + more;
+}
+
+CoupledStages::CoupledStages(Index2System& s, Parameters& parameters, bool forward, StepCoefficients a,
+                             std::unique_ptr<StageRecorder> steps)
+    : s_(s), parameters_(parameters), forward_(forward), a_(std::move(a)), steps_(std::move(steps)) {
+  for (int i = a_.first; i < a_.n; ++i) stages_.emplace_back(new StageEquations(s, parameters, forward));
+  systems_.resize(a_.coupled ? 1 : stages_.size());
+}
+
+void CoupledStages::couple(Rows<double>& to, int i, int j) const {
+  const int nv = s_.nv;
+  const StageEquations& e = *stages_[i - a_.first];
+  const double a = h_ * a_.A[i * a_.n + j], ahat = h_ * a_.Ahat[i * a_.n + j];
+  to.leftCols(s_.ny) += a * e.x;
+  to.leftCols(2 * nv) += ahat * e.xhat;
+}
+
+void CoupledStages::repeat(double t, double h, const State& in, State& out) {
+  h_ = h, r_ = static_cast<int>(s_.rows.in_use().size());
+  try {
+    steps_->take(t, h, in, out);
+  } catch (const StepTooLong&) {
+    newton(t, h, in, halvings);
+    steps_->finish(in, out);
+  }
+  linearize(in.y);
+  Vector<double> x = Vector<double>::Zero(s_.ny);
+  for (int i = 0; i < a_.n; ++i) x += h * a_.b[i] * steps_->F.row(i).transpose();
+  s_.manifold.turned(x.data(), x.data(), end_);
+}
+
+void CoupledStages::newton(double t, double h, const State& in, int left) {
+  for (bool again : {false, true}) {
+    if (again) {
+      if (!left) break;
+      newton(t, h / 2, in, left - 1), steps_->extend(h);
+    } else {
+      steps_->guess(t, h, in);
+    }
+    h_ = h;
+    for (int k = 0; k < iterations; ++k) {
+      linearize(in.y);
+      const int n = a_.n, m = stages_[0]->size();
+      Vector<double> right(n * m);
+      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->miss(i);
+      const Matrix change = systems_[0].solve(right);
+      if (!change.allFinite()) break;
+      const Rows<double> moves = RowsIn(change.data(), n, m);
+      const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
+      steps_->move(moves);
+      if (size <= converged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+    }
+  }
+  throw StepTooLong();
+}
+
+void CoupledStages::linearize(const Numbers& y) {
+  const int n = static_cast<int>(stages_.size());
+  for (int i = 0; i < n; ++i) stages_[i]->take(y.data(), steps_->stages[i], steps_->positions);
+  if (a_.coupled) {
+    const int m = n ? stages_[0]->size() : 0;
+    Matrix all = Matrix::Zero(n * m, n * m);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        Rows<double> one = Rows<double>::Zero(m, m);
+        if (i == j) one = stages_[i]->own;
+        couple(one, i, j);
+        all.block(i * m, j * m, m, m) = one;
+      }
+    systems_[0].factorize(std::move(all));
+  } else {
+    for (int i = 0; i < n; ++i) {
+      Rows<double> one = stages_[i]->own;
+      couple(one, i + a_.first, i + a_.first);
+      systems_[i].factorize(one);
+    }
+  }
+}
+
+void CoupledStages::forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) {
+  const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, lead = slip() < 0 ? 0 : nv, tail = ny - nv;
+  const int width = ny + (first ? lead + tail : 0), k = forward_ ? static_cast<int>(parameters_.count()) : 0;
+  const int m = stages_.empty() ? 0 : stages_[0]->size();
+  Eigen::Map<Matrix> all(moved, width, directions);
+  const Eigen::Map<const Matrix> p(dp, k, k ? directions : 0);
+  const Matrix dy = all.topRows(ny);
+  Vector<double> rate = Vector<double>::Zero(directions);
+  if (dh) rate = Eigen::Map<const Vector<double>>(dh, directions);
+  std::vector<Matrix> dF(n, Matrix::Zero(ny, directions));
+  Matrix carried = Matrix::Zero(lead, directions);
+  if (first) {
+    dF[0].topRows(nv) = dy.middleRows(nv, nv), dF[0].bottomRows(tail) = all.bottomRows(tail);
+    if (lead) dF[0].topRows(nv) += all.middleRows(ny, nv);
+  }
+  Matrix right(a_.coupled ? m * (n - first) : 0, directions);
+  for (int i = first; i < n; ++i) {
+    const StageEquations& e = *stages_[i - first];
+    Matrix b = -(e.y * dy);
+    if (k) b -= e.p * p;
+    Matrix dx = Matrix::Zero(ny, directions), dxhat = dx;
+    for (int j = 0; j < n; ++j) {
+      const double a = a_.A[i * n + j], ahat = a_.Ahat[i * n + j];
+      if (!a_.coupled && j < i) dx += h_ * a * dF[j], dxhat += h_ * ahat * dF[j];
+      if (dh) dx += a * steps_->F.row(j).transpose() * rate.transpose();
+      if (dh) dxhat += ahat * steps_->F.row(j).transpose() * rate.transpose();
+    }
+    b -= e.x * dx + e.xhat * dxhat.topRows(2 * nv);
+    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * rate.transpose();
+    if (dt) b -= (e.t + e.that) * Eigen::Map<const Vector<double>>(dt, directions).transpose();
+    if (a_.coupled) {
+      right.middleRows((i - first) * m, m) = b;
+      continue;
+    }
+    b = systems_[i - first].solve(b);
+    dF[i] = b.topRows(ny);
+    if (lead) carried = b.middleRows(slip(), nv);
+  }
+  if (a_.coupled) {
+    right = systems_[0].solve(right);
+    for (int i = 0; i < n; ++i) dF[i] = right.middleRows(i * m, ny);
+  }
+  Matrix dx = Matrix::Zero(ny, directions);
+  for (int i = 0; i < n; ++i) {
+    dx += h_ * a_.b[i] * dF[i];
+    if (dh) dx += a_.b[i] * steps_->F.row(i).transpose() * rate.transpose();
+  }
+  all.topRows(ny) = dy + dx;
+  for (const IntegratePartialsBlock& b : end_)
+    all.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n) * dy.middleRows(b.at, b.n) + RowsIn(b.R, b.n, b.n) * dx.middleRows(b.at, b.n);
+  if (!first) return;
+  if (lead) all.middleRows(ny, nv) = carried;
+  all.bottomRows(tail) = dF[n - 1].bottomRows(tail);
+}
+
+void CoupledStages::reverse(double* bar) {
+  const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, lead = slip() < 0 ? 0 : nv, tail = ny - nv;
+  const int width = ny + (first ? lead + tail : 0), m = stages_.empty() ? 0 : stages_[0]->size();
+  Eigen::Map<Vector<double>> all(bar, width);
+  Vector<double> out = all.head(ny), x = out;
+  for (const IntegratePartialsBlock& b : end_) {
+    out.segment(b.at, b.n) = RowsIn(b.A, b.n, b.n).transpose() * all.segment(b.at, b.n);
+    x.segment(b.at, b.n) = RowsIn(b.R, b.n, b.n).transpose() * all.segment(b.at, b.n);
+  }
+  std::vector<Vector<double>> F(n);
+  for (int i = 0; i < n; ++i) F[i] = h_ * a_.b[i] * x;
+  if (first) F[n - 1].tail(tail) += all.tail(tail);
+  const Vector<double> carried = all.segment(first ? ny : 0, first ? lead : 0);
+  const auto back = [&](int i, const Vector<double>& mu) {  // of the equations of a stage, to what they depend on
+    const StageEquations& e = *stages_[i - first];
+    out -= e.y.transpose() * mu;
+    stages_[i - first]->add_parameters(mu.data());
+    if (a_.coupled) return;
+    const Vector<double> X = e.x.transpose() * mu, Xhat = e.xhat.transpose() * mu;
+    for (int j = 0; j < i; ++j)
+      F[j] -= h_ * a_.A[i * n + j] * X, F[j].head(2 * nv) -= h_ * a_.Ahat[i * n + j] * Xhat;
+  };
+  if (a_.coupled) {
+    Vector<double> right = Vector<double>::Zero(n * m);
+    for (int i = 0; i < n; ++i) right.segment(i * m, ny) = F[i];
+    const Vector<double> mu = systems_[0].solve_transposed(right);
+    for (int i = 0; i < n; ++i) back(i, mu.segment(i * m, m));
+  }
+  for (int i = n - 1; !a_.coupled && i >= first; --i) {
+    Vector<double> right = Vector<double>::Zero(m);
+    right.head(ny) = F[i];
+    if (i == n - 1 && first && lead) right.segment(slip(), nv) = carried;
+    back(i, systems_[i - first].solve_transposed(right));
+  }
+  if (first) {
+    out.segment(nv, nv) += F[0].head(nv);
+    if (lead) all.segment(ny, nv) = F[0].head(nv);
+    all.tail(tail) = F[0].tail(tail);
+  }
+  all.head(ny) = out;
+}
+
+}  // namespace mbdae

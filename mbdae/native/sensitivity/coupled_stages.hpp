@@ -1,0 +1,87 @@
+// Tangent and adjoint of steps by all equations of their stages (stage_equations.hpp): half-explicit steps stage by stage,
+// collocation steps as one system.
+//
+//   F_i, z_i by the equations of stage i,   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j,   Xhat_i by ahat_ij
+//   dy_1 = Y dy + X (h sum b_i dF_i + dh sum b_i F_i)
+//
+// Collocation steps are solved to rounding, so that the implicit function theorem applies: guess and iteration have no
+// effect. Source: Hager, Numer. Math. 87 (2000), for explicit methods.
+#pragma once
+
+#include <Eigen/LU>
+#include <memory>
+
+#include "sensitivity/stage_equations.hpp"
+#include "sensitivity/step_map.hpp"
+#include "steps/collocation.hpp"
+#include "steps/half_explicit_step.hpp"
+
+namespace mbdae {
+
+struct StepCoefficients {
+  int n = 0, first = 0;    // stages, and explicit ones among them
+  bool coupled = false;    // collocation
+  Numbers A, Ahat, b, c, chat;
+  explicit StepCoefficients(const Tableau& a);
+  explicit StepCoefficients(const Radau& a);
+};
+
+// Computes steps, and keeps their stages.
+class StageRecorder {
+ public:
+  virtual ~StageRecorder() = default;
+  virtual void take(double t, double h, const State& in, State& out) = 0;
+  // For Newton's iteration with the partials of all stages, of collocation steps that fail otherwise: a guess from y'_n,
+  // or the polynomial of the step of half the size; the negative equations of a stage, (m,); a change of all stages; and
+  // the end. Each sets `stages` and `F`.
+  virtual void guess(double, double, const State&) { throw StepTooLong(); }
+  virtual void extend(double) {}
+  virtual Vector<double> miss(int) { return {}; }
+  virtual void move(const Rows<double>&) {}  // (n, m)
+  virtual void finish(const State&, State&) {}
+  std::vector<StageValues> stages;
+  Rows<double> F;                               // (n, ny)
+  const IndependentRows* positions = nullptr;  // those of mu
+};
+
+std::unique_ptr<StageRecorder> recorder(Index2System& s, const Tableau& a);
+std::unique_ptr<StageRecorder> recorder(Index2System& s, const Radau& a);
+
+class CoupledStages final : public StepMap {
+ public:
+  CoupledStages(Index2System& s, Parameters& parameters, bool forward, StepCoefficients a,
+                std::unique_ptr<StageRecorder> steps);
+
+  void repeat(double t, double h, const State& in, State& out) override;
+  void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;
+  void reverse(double* bar) override;
+
+ private:
+  using Matrix = Eigen::MatrixXd;
+  // A factorized matrix; rows differ by powers of h, so solutions are refined once.
+  struct System {
+    Matrix A;
+    Eigen::PartialPivLU<Matrix> lu;
+    void factorize(Matrix a);
+    Matrix solve(const Matrix& b) const;
+    Matrix solve_transposed(const Matrix& b) const;
+  };
+
+  void linearize(const Numbers& y);
+  void newton(double t, double h, const State& in, int halvings);
+  void couple(Rows<double>& to, int i, int j) const;  // adds the effect of F_j on stage i
+  int slip() const { return steps_->positions ? s_.ny + r_ : -1; }
+
+  Index2System& s_;
+  Parameters& parameters_;
+  const bool forward_;
+  const StepCoefficients a_;
+  std::unique_ptr<StageRecorder> steps_;
+  double h_ = 0;
+  int r_ = 0;
+  std::vector<std::unique_ptr<StageEquations>> stages_;
+  std::vector<System> systems_;  // of each stage; or of all together
+  std::vector<IntegratePartialsBlock> end_;
+};
+
+}  // namespace mbdae

@@ -1,0 +1,179 @@
+#include "sensitivity/stage_equations.hpp"
+
+#include <algorithm>
+
+namespace mbdae {
+
+namespace {
+
+using Blocks = std::vector<IntegratePartialsBlock>;
+
+// a := a B of the block diagonal B in columns from `at` on, with 1 outside its blocks.
+template <class A>
+void times(A&& a, const Blocks& blocks, double (IntegratePartialsBlock::*B)[36]) {
+  for (const IntegratePartialsBlock& b : blocks) {
+    const RowsIn m(b.*B, b.n, b.n);
+    a.middleCols(b.at, b.n) = (a.middleCols(b.at, b.n) * m).eval();
+  }
+}
+
+}  // namespace
+
+StageEquations::StageEquations(Index2System& s, Parameters& parameters, bool forward)
+    : s_(s), parameters_(parameters), forward_(forward && parameters.count()), n_(s.ny - s.nv) {}
+
+void StageEquations::take(const double* y0, const StageValues& at, const IndependentRows* positions_kept) {
+  const int nv = s_.nv, ny = s_.ny;
+  kept_ = positions_kept;
+  r_ = static_cast<int>(s_.rows.in_use().size()), k_ = kept_ ? static_cast<int>(kept_->in_use().size()) : 0;
+  m_ = ny + r_ + (kept_ ? nv + k_ : 0);
+  own.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
+  t.setZero(m_), that.setZero(m_);
+  if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
+  for (LinearisationPoint* one : {&point_, &slip_}) one->met.clear(), one->wrenches.clear();
+  constraints(y0, at);
+  motion(y0, at);
+  if (kept_) positions(at);
+  times(y.leftCols(nv), turn_, &IntegratePartialsBlock::A);
+  times(x.leftCols(nv), turn_, &IntegratePartialsBlock::R);
+  // what depends on the constraint point, whose coordinates are others
+  Rows<double> hat = xhat.leftCols(nv);
+  times(xhat.leftCols(nv), hat_, &IntegratePartialsBlock::R), times(hat, hat_, &IntegratePartialsBlock::A);
+  y.leftCols(nv) += hat, y.middleCols(nv, nv) += xhat.rightCols(nv);
+  x.topLeftCorner(nv, nv).setZero();
+  for (const IntegratePartialsBlock& b : turn_) {
+    x.block(b.at, b.at, b.n, b.n) = -RowsIn(b.T, b.n, b.n);
+    x.block(b.at, nv + b.at, b.n, b.n) = -RowsIn(b.J, b.n, b.n);
+  }
+  y.middleCols(nv, nv).topRows(nv) = x.middleCols(nv, nv).topRows(nv);
+  if (kept_) own.block(0, ny + r_, nv, nv) = x.middleCols(nv, nv).topRows(nv);
+  s_.point.forget();
+}
+
+void StageEquations::constraints(const double* y0, const StageValues& at) {
+  const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
+  const bool asked = parameters_.moving();
+  LinearisationPoint::Met met{at.that, Numbers(nq), Numbers(nv), LinearisationPoint::Met::rate, 1};
+  s_.manifold.integrate(y0, at.xhat.data(), met.q.data());
+  for (int i = 0; i < nv; ++i) met.v[i] = y0[nq + i] + at.xhat[nv + i];
+  s_.manifold.turned(at.xhat.data(), met.v.data(), hat_);
+  s_.mechanics.poses(met.q.data());
+  G_.assign(static_cast<size_t>(s_.ng) * nv, 0.0);
+  s_.constraints.value(s_.mechanics, met.q.data(), s_.constraints.all, G_.data());
+  s_.closure_partials(met.q.data(), met.v.data(), nullptr, nullptr, &Bhat_, nullptr, asked ? &met.turnings : nullptr);
+  time_.assign(s_.ng, 0.0);
+  s_.constraints.acceleration(at.that, time_.data());
+  for (int k : s_.rows.in_use()) {
+    const int i = s_.rows.position()[k];
+    xhat.row(ny + i).head(nv) = RowsIn(&Bhat_[static_cast<size_t>(i) * nv], 1, nv);
+    xhat.row(ny + i).tail(nv) = RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv);
+    that[ny + i] = time_[k];
+  }
+  point_.met.push_back(std::move(met));
+  if (forward_) {
+    parameters_.rows(point_, Q_, point_.met[0].q);
+    p.middleRows(ny, r_) = RowsIn(Q_.data(), p.cols(), r_).transpose();
+  }
+  if (!kept_) return;
+  const LinearisationPoint::Met& here = point_.met[0];
+  slip_.rows = kept_;
+  slip_.met.push_back({at.that, here.q, here.v, LinearisationPoint::Met::gap, 1});
+  time_.assign(s_.ng, 0.0);
+  s_.constraints.speed(at.that, time_.data());
+  const int first = ny + r_ + nv;
+  for (int k : kept_->in_use()) {
+    const int i = first + kept_->position()[k];
+    xhat.row(i).head(nv) = RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv);
+    that[i] = time_[k];
+  }
+  if (!forward_) return;
+  parameters_.rows(slip_, Q_, here.q);
+  p.middleRows(first, k_) = RowsIn(Q_.data(), p.cols(), k_).transpose();
+}
+
+void StageEquations::motion(const double* y0, const StageValues& at) {
+  const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
+  LinearisationPoint& o = point_;
+  o.t = at.t, o.q.resize(nq), o.u.assign(n_, 0.0), o.vdot.assign(&at.F[nv], &at.F[2 * nv]), o.lam = at.lam;
+  s_.manifold.integrate(y0, at.x.data(), o.q.data());
+  for (int i = 0; i < nv + s_.ns; ++i) o.u[i] = y0[nq + i] + at.x[nv + i];
+  Numbers speed(o.u.begin(), o.u.begin() + nv);
+  for (int i = 0; kept_ && i < nv; ++i) speed[i] += at.slip[i];
+  s_.manifold.turned(at.x.data(), speed.data(), turn_);
+  s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
+                    parameters_.moving() ? &o.wrenches : nullptr);
+  std::fill(G_.begin(), G_.end(), 0.0);
+  s_.constraints.value(s_.mechanics, o.q.data(), s_.constraints.all, G_.data());
+  own.topLeftCorner(ny, ny).setIdentity();
+  own.block(nv, nv, nv, nv) = RowsIn(s_.mechanics.M(), nv, nv);
+  x.block(0, nv, nv, nv) = -Rows<double>::Identity(nv, nv);
+  x.block(nv, 0, n_, nv) = -RowsIn(at_.K.data(), n_, nv), x.block(nv, nv, n_, n_) = -RowsIn(at_.D.data(), n_, n_);
+  for (int k : s_.rows.in_use()) {
+    const int i = s_.rows.position()[k];
+    own.block(nv, ny + i, nv, 1) = -RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
+    own(ny - 1, ny + i) = at_.g_t[i];
+  }
+  if (s_.sliding) friction();
+  y.topRows(ny) = x.topRows(ny);
+  Numbers by_t(n_);
+  s_.time_partials(at.t, o.q.data(), o.u.data(), o.lam.data(), by_t.data());
+  t.segment(nv, n_) = -Eigen::Map<const Vector<double>>(by_t.data(), n_);
+  if (!forward_) return;
+  parameters_.forces(o, P_);
+  p.middleRows(nv, n_) -= RowsIn(P_.data(), p.cols(), n_).transpose();
+}
+
+void StageEquations::friction() {
+  const int nv = s_.nv, ny = s_.ny;
+  const size_t n = n_;
+  if (!parameters_.friction) throw FallBackToPython();
+  s_.sliding.slips(point_.u.data());
+  s_.sliding.partials(G_.data(), point_.lam.data(), at_.friction);
+  for (int i = 0; i < r_; ++i) {
+    const RowsIn by_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
+    own.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();
+    own(ny - 1, ny + i) -= by_lam(0, nv);
+  }
+  Numbers K(n * nv), D(n * n);
+  slid_.resize(parameters_.count() * n);
+  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, slid_);
+  x.block(nv, 0, n_, nv) -= RowsIn(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= RowsIn(D.data(), n_, n_);
+  if (forward_) p.middleRows(nv, n_) -= RowsIn(slid_.data(), p.cols(), n_).transpose();
+}
+
+void StageEquations::positions(const StageValues& at) {
+  const int nv = s_.nv, ny = s_.ny, first = ny + r_;
+  const Numbers still(nv, 0.0);
+  LinearisationPoint& o = slip_;
+  o.loaded = false, o.t = at.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = at.slip, o.lam = at.mu;
+  own.block(first, first, nv, nv) = own.block(nv, nv, nv, nv);
+  for (int k : kept_->in_use()) {
+    const RowsIn row(&G_[static_cast<size_t>(k) * nv], 1, nv);
+    own.block(first, first + nv + kept_->position()[k], nv, 1) = -row.transpose();
+  }
+  by_q_.assign(static_cast<size_t>(nv) * nv, 0.0), by_v_ = by_q_;
+  Numbers by_mu(by_q_);
+  s_.closure_partials(o.q.data(), still.data(), o.lam.data(), by_mu.data(), nullptr,
+                      parameters_.moving() ? &o.wrenches : nullptr, nullptr, kept_);
+  s_.mechanics.partials(o.q.data(), still.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
+  x.block(first, 0, nv, nv) = RowsIn(by_q_.data(), nv, nv) - RowsIn(by_mu.data(), nv, nv);
+  y.block(first, 0, nv, nv) = x.block(first, 0, nv, nv);
+  if (!forward_) return;
+  parameters_.forces(o, P_);
+  p.middleRows(first, nv) = -RowsIn(P_.data(), p.cols(), n_).leftCols(nv).transpose();
+}
+
+void StageEquations::add_parameters(const double* mu) {
+  const int nv = s_.nv, ny = s_.ny;
+  Numbers above(mu + nv, mu + ny), below(mu + ny, mu + ny + r_);
+  for (double& w : below) w = -w;
+  parameters_.add(point_, above.data(), below.data());
+  if (!slid_.empty()) parameters_.add_columns(slid_, above.data());
+  if (!kept_) return;
+  above.assign(n_, 0.0), std::copy_n(mu + ny + r_, nv, above.begin());
+  below.assign(mu + ny + r_ + nv, mu + m_);
+  for (double& w : below) w = -w;
+  parameters_.add(slip_, above.data(), below.data());
+}
+
+}  // namespace mbdae

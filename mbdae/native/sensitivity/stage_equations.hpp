@@ -1,0 +1,53 @@
+// All equations of a stage with their partials, for stages of GGL and of collocation, and for steps of varying size.
+#pragma once
+
+#include "math/eigen_types.hpp"
+#include "sensitivity/parameter_partials.hpp"
+
+namespace mbdae {
+
+struct StageValues {
+  double t, that;
+  Numbers x, xhat;        // (ny,), and (2 nv,) of the constraint point: increments with the own part of the stage
+  Numbers F;              // (ny,) x'
+  Numbers lam, mu, slip;  // (ng,) by row twice, (nv,); the last two are those of GGL
+};
+
+// With dq = A dq_n + R dx, du = du_n + dx_u, and dqhat, dvhat by xhat, in the unknowns (x', u', lam, slip, mu):
+//
+//   dx' - J (dv + dslip) - T dx = 0                        M dslip - P^T dmu - W dq = (P^T mu - M slip)_p dp
+//   E du' - K dq - D du - L dlam = P dp + f_t dt           Phat dqhat = -g_p dp - g_t dthat
+//   Bhat dqhat + Ghat dvhat = -Q dp - (G v + g_t)_t dthat
+//
+// where P are the position rows, W = d(P^T mu)/dq - dM slip; the equations on the right exist in GGL alone.
+class StageEquations {
+ public:
+  StageEquations(Index2System& system, Parameters& parameters, bool forward);  // or reverse
+
+  void take(const double* y0, const StageValues& at, const IndependentRows* positions);
+  int size() const { return m_; }
+  // The cotangents of the parameters, of those of the equations, (m,).
+  void add_parameters(const double* mu);
+
+  Rows<double> own, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
+  Rows<double> p;                // (m, k); for tangents
+  Vector<double> t, that;        // (m,)
+
+ private:
+  void constraints(const double* y0, const StageValues& at);
+  void motion(const double* y0, const StageValues& at);
+  void positions(const StageValues& at);
+  void friction();
+
+  Index2System& s_;
+  Parameters& parameters_;
+  const bool forward_;
+  const IndependentRows* kept_ = nullptr;
+  int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
+  LinearisationPoint point_, slip_;  // of lam, and of mu
+  EquationPartials at_;
+  Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_, slid_;
+  std::vector<IntegratePartialsBlock> turn_, hat_;
+};
+
+}  // namespace mbdae

@@ -1,0 +1,167 @@
+// Steps whose stages are kept for their sensitivity.
+#include <algorithm>
+
+#include "sensitivity/coupled_stages.hpp"
+#include "steps/ggl.hpp"
+#include "steps/formulations.hpp"
+
+namespace mbdae {
+
+namespace {
+
+template <class Step>
+class Recording final : public Step, public StageRecorder {
+ public:
+  Recording(Index2System& s, const Tableau& a) : Step(s), a_(a), z_(s.nz) {}
+
+  void take(double t, double h, const State& in, State& out) override {
+    stages.clear();
+    Step::take(a_, t, h, in, out, z_.data(), errors_);
+    F = Eigen::Map<const Rows<double>, 0, Eigen::OuterStride<>>(this->F_.data(), a_.n, this->ny_,
+                                                                Eigen::OuterStride<>(this->stride_));
+    if constexpr (is_ggl) positions = &this->positions_.rows();
+  }
+
+ protected:
+  void stage(double t, double that, double factor, double* F, bool last) override {
+    Step::stage(t, that, factor, F, last);
+    const int nv = this->nv_, ny = this->ny_;
+    StageValues v{t, that, Numbers(this->x_.begin(), this->x_.begin() + ny),
+                  Numbers(this->xhat_.begin(), this->xhat_.begin() + 2 * nv), Numbers(F, F + ny),
+                  Numbers(this->s_.ng, 0.0), {}, {}};
+    for (int i = 0; i < 2 * nv; ++i) v.xhat[i] += factor * F[i];
+    for (int k : this->s_.rows.in_use()) v.lam[k] = this->lam_[k];
+    if constexpr (is_ggl) v.mu = this->mu_, v.slip = this->slip_;
+    stages.push_back(std::move(v));
+  }
+
+ private:
+  static constexpr bool is_ggl = std::is_same_v<Step, GGLStep>;
+  const Tableau& a_;
+  Numbers z_, errors_;
+};
+
+template <class Step>
+class RecordingCollocation final : public Step, public StageRecorder {
+ public:
+  RecordingCollocation(Index2System& s, const Radau& a) : Step(s), a_(a), z_(s.nz) {}
+
+  void take(double t, double h, const State& in, State& out) override {
+    State start;
+    start.y = in.y, t_ = t;
+    Step::take(a_, false, t, h, start, out, z_.data(), errors_);
+    memory_ = out.memory;
+    record();
+  }
+
+  void guess(double t, double h, const State& in) override {
+    Index2System& s = this->s_;
+    this->y0_ = in.y, t_ = t;
+    this->open(in.y.data());
+    auto m = std::make_shared<StageMemory>();
+    m->unknowns = this->unknowns(), m->h = h;
+    Numbers rate(s.ny), lam(s.ng);
+    s.derivative(t, in.y.data(), rate.data(), lam.data());
+    for (int i = 0; i < a_.s; ++i) {
+      m->K.insert(m->K.end(), rate.begin(), rate.end());
+      for (size_t k = 0; k < m->unknowns.size(); ++k)
+        m->Z.push_back(k < used() ? s.multipliers()[m->unknowns[k]] : 0);
+    }
+    memory_ = m, record();
+  }
+
+  void extend(double h) override { memory_ = resampled(a_, *memory_, 0, h), record(); }
+
+  Vector<double> miss(int i) override {
+    const StageValues& v = stages[i];
+    const int nv = this->nv_, ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
+    Numbers R(ny), C(all);
+    Step::residual(v.t, v.x.data(), v.F.data(), &memory_->Z[static_cast<size_t>(i) * all], R.data(), C.data());
+    Vector<double> out = Vector<double>::Zero(ny + all + (is_ggl ? nv : 0));
+    std::copy(R.begin(), R.end(), out.data()), std::copy(C.begin(), C.begin() + r, out.data() + ny);
+    std::copy(C.begin() + r, C.end(), out.data() + out.size() - (all - r));
+    return out;
+  }
+
+  void move(const Rows<double>& change) override {
+    const int ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
+    auto m = std::make_shared<StageMemory>(*memory_);
+    for (int i = 0; i < a_.s; ++i) {
+      for (int k = 0; k < ny; ++k) m->K[i * ny + k] += change(i, k);
+      for (int k = 0; k < all; ++k)
+        m->Z[i * all + k] += change(i, k < r ? ny + k : static_cast<int>(change.cols()) - all + k);
+    }
+    memory_ = m, record();
+  }
+
+  void finish(const State& in, State& out) override {
+    State start;
+    start.y = in.y, start.memory = resampled(a_, *memory_, -memory_->h, memory_->h);
+    const double h = memory_->h;
+    Step::take(a_, false, t_, h, start, out, z_.data(), errors_);
+    memory_ = out.memory;
+    record();
+  }
+
+ private:
+  static constexpr bool is_ggl = std::is_same_v<Step, GGLCollocation>;
+
+  size_t used() const { return this->s_.rows.in_use().size(); }
+  int unknown_count() const { return static_cast<int>(memory_->unknowns.size()); }
+
+  void record() {
+    const StageMemory& m = *memory_;
+    F = RowsIn(m.K.data(), a_.s, this->ny_);
+    const Rows<double> X = m.h * (RowsIn(a_.A.data(), a_.s, a_.s) * F);
+    if constexpr (is_ggl) positions = &this->positions_.rows();
+    stages.clear();
+    for (int i = 0; i < a_.s; ++i) {
+      const double *x = X.row(i).data(), *K = F.row(i).data(), at = t_ + a_.c[i] * m.h;
+      stages.push_back({at, at, Numbers(x, x + this->ny_), Numbers(x, x + 2 * this->nv_), Numbers(K, K + this->ny_),
+                        Numbers(this->s_.ng, 0.0), {}, {}});
+      multipliers(stages.back(), &m.Z[static_cast<size_t>(i) * unknown_count()], unknown_count());
+    }
+  }
+
+  // The iteration leaves a larger error in multipliers than in x and x': they are those that belong to these.
+  void multipliers(StageValues& v, const double* z, int r) {
+    Index2System& s = this->s_;
+    const std::vector<int>& rows = s.rows.in_use();
+    const int nv = this->nv_;
+    Numbers R(this->ny_), C(r);
+    this->residual(v.t, v.x.data(), v.F.data(), z, R.data(), C.data());
+    s.point.evaluate(this->q_.data(), true);
+    for (size_t k = 0; k < rows.size(); ++k) v.lam[rows[k]] = z[k];
+    if (!rows.empty()) s.saddle.symmetric(), s.saddle.balance(&R[nv], v.lam.data());
+    if constexpr (is_ggl) {
+      Numbers slip(v.F.begin(), v.F.begin() + nv), along(s.ng, 0.0);
+      s.manifold.velocity(v.x.data(), slip.data());
+      for (int i = 0; i < nv; ++i) slip[i] -= this->u_[i];
+      for (int k : this->positions_.kept())
+        for (int c : s.constraints.rows[k].columns) along[k] += s.point.G[static_cast<size_t>(k) * nv + c] * slip[c];
+      v.mu.assign(s.ng, 0.0), v.slip.assign(nv, 0.0);
+      if (this->positions_.kept().empty()) return;
+      this->positions_.saddle().symmetric();
+      this->positions_.saddle().normal(along.data(), v.slip.data(), v.mu.data());
+    }
+  }
+
+  const Radau& a_;
+  double t_ = 0;
+  std::shared_ptr<const StageMemory> memory_;
+  Numbers z_, errors_;
+};
+
+}  // namespace
+
+std::unique_ptr<StageRecorder> recorder(Index2System& s, const Tableau& a) {
+  if (s.formulation == Formulation::ggl) return std::make_unique<Recording<GGLStep>>(s, a);
+  return std::make_unique<Recording<HalfExplicitStep>>(s, a);
+}
+
+std::unique_ptr<StageRecorder> recorder(Index2System& s, const Radau& a) {
+  if (s.formulation == Formulation::ggl) return std::make_unique<RecordingCollocation<GGLCollocation>>(s, a);
+  return std::make_unique<RecordingCollocation<CollocationStep>>(s, a);
+}
+
+}  // namespace mbdae
