@@ -36,8 +36,13 @@ def model(name):
     return mbdae.load(name)
 
 
-def both(mech, *span, **options):
-    return [mbdae.solve(mech, *span, **options, backend=b) for b in ("native", "python")]
+def span(name):
+    """End of a run, s: with the events of a model; half of it without."""
+    return SPANS.get(name, 0.5) * (1.0 if model(name).switches else 0.5)
+
+
+def both(mech, *arguments, **options):
+    return [mbdae.solve(mech, *arguments, **options, backend=b) for b in ("native", "python")]
 
 
 def assert_near(a, b, tolerance):
@@ -64,11 +69,10 @@ def assert_same(native, python, tolerance=1e-12, own=1e-10):
 @pytest.mark.parametrize("name", IN_CORE)
 def test_fixed_steps(name, method):
     """Two methods run through the whole span if it has events; the others begin it with the same steps."""
-    T, events = SPANS.get(name, 0.5), bool(model(name).switches)
-    several = method in ("herk4", "pherk5")
-    part = BEGUN if not several else 1.0 if events else 0.5
+    T, several = SPANS.get(name, 0.5), method in ("herk4", "pherk5")
+    end = span(name) if several else BEGUN * T
     for options in ({}, {"project": True}) if several else ({},):
-        native, python = both(model(name), (0, part * T), method=method, step=T / 20, **options)
+        native, python = both(model(name), (0, end), method=method, step=T / 20, **options)
         assert python.ended
         assert_same(native, python)
 
@@ -76,10 +80,11 @@ def test_fixed_steps(name, method):
 @pytest.mark.parametrize("options", [{"method": "herk5"}, {"method": "rk4"}, {"project": True}], ids=str)
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name, options):
-    T = SPANS.get(name, 0.5) * (1.0 if model(name).switches else 0.5)
+    T = span(name)
     rtol = 1e-4 if options.get("method") == "rk4" else 1e-6  # of order 2 in multipliers: many steps
     # the first steps of a run are short: their errors are rounding only, and would determine the next ones
-    native, python = both(model(name), (0, T), rtol=rtol, atol=ATOL.get(name), first_step=T / 20, **options)
+    options = options | {"rtol": rtol, "atol": ATOL.get(name), "first_step": SPANS.get(name, 0.5) / 20}
+    native, python = both(model(name), (0, T), **options)
     assert native.status == python.status == "finished"
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-11)  # step sizes follow the rounding of small errors
