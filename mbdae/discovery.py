@@ -96,7 +96,9 @@ def model_names() -> list[str]:
 
 
 def later(module: str, name: str) -> Callable[..., Any]:
-    """Return a function that is imported when called: results use studies, but do not depend on them.
+    """Return a function that is imported when called.
+
+    Results use studies, but do not depend on them; and parts of scipy take time to import that few runs need.
 
     Args:
         module: dotted name of its module.

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import warnings
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -247,24 +248,21 @@ class Child:
             self.process = None
 
 
-def hunt(kinds, count, first=0, keep=None):
-    """Try ``count`` mutants of each kind; return the failures, and the count of each answer."""
-    wrong, answers, worker = [], {}, Child()
+def hunt(worker, kinds, count, first=0, keep=None):
+    """Try ``count`` mutants of each kind in a child; return the failures, and the count of each answer."""
+    wrong, answers = [], {}
     with tempfile.TemporaryDirectory() as folder:
         mutants = Mutants(Path(folder))
-        try:
-            for kind in kinds:
-                for seed in range(first, first + count):
-                    path = mutants.make(kind, seed)
-                    answer = worker.ask(kind, path)
-                    answers[kind, answer[:40]] = answers.get((kind, answer[:40]), 0) + 1
-                    if answer.startswith("!"):
-                        wrong.append(f"{kind} {seed}: {answer}")
-                        if keep:
-                            shutil.copytree(mutants.inside, keep / f"{kind}_{seed}", dirs_exist_ok=True)
-                            print(wrong[-1], flush=True)
-        finally:
-            worker.close()
+        for kind in kinds:
+            for seed in range(first, first + count):
+                path = mutants.make(kind, seed)
+                answer = worker.ask(kind, path)
+                answers[kind, answer[:40]] = answers.get((kind, answer[:40]), 0) + 1
+                if answer.startswith("!"):
+                    wrong.append(f"{kind} {seed}: {answer}")
+                    if keep:
+                        shutil.copytree(mutants.inside, keep / f"{kind}_{seed}", dirs_exist_ok=True)
+                        print(wrong[-1], flush=True)
     return wrong, answers
 
 
@@ -281,7 +279,8 @@ def main():
         child()
         return
     started = time.perf_counter()
-    wrong, answers = hunt(args.kinds, -(-args.count // len(args.kinds)), args.first, args.keep)
+    with closing(Child()) as worker:
+        wrong, answers = hunt(worker, args.kinds, -(-args.count // len(args.kinds)), args.first, args.keep)
     for (kind, answer), n in sorted(answers.items()):
         print(f"{n:6d} {kind:10s} {answer}")
     print(f"{len(wrong)} went wrong, {time.perf_counter() - started:.0f} s")

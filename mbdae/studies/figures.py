@@ -104,7 +104,7 @@ def fixed_layout(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
     def inner(*args: P.args, **kwargs: P.kwargs) -> "Figure":
         figure = draw(*args, **kwargs)
         for _ in range(2):
-            figure.draw_without_rendering()
+            figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]  # that of `sheet`
         figure.set_layout_engine("none")
         return figure
 

@@ -50,10 +50,12 @@ def test_help_and_version_import_no_numbers(arguments, word):
     assert not packages & HEAVY
 
 
-def test_mechanisms_without_curves_import_no_splines():
-    program = "import sys, mbdae; mbdae.load('pendulum'); print('scipy.interpolate' in sys.modules)"
+def test_runs_without_curves_events_and_modes_import_little_of_scipy():
+    program = """import sys, mbdae
+mbdae.solve(mbdae.load("pendulum"), (0, 0.1))
+print(*{"scipy.interpolate", "scipy.optimize", "scipy.integrate", "scipy.sparse"} & set(sys.modules))"""
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout == "False\n"
+    assert done.stdout == "\n"
 
 
 @pytest.mark.parametrize(

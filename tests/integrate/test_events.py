@@ -13,15 +13,16 @@ QUARTER = float(ellipk(0.5)) / np.sqrt(9.81)  # from horizontal rest to the lowe
 
 
 def run(T=6, **options):
-    return mbdae.solve(mbdae.load("pendulum"), (0, T), rtol=1e-12, atol=1e-14, **options)
+    return mbdae.solve(mbdae.load("pendulum"), (0, T), **{"rtol": 1e-12, "atol": 1e-14, **options})
 
 
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
 def test_turning_points(method, back_end):
     turning = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes sign
     lowest = mbdae.Event(lambda t, q, v: q[0])
-    T, swings = (2.5, 2) if back_end == "native" else (1.25, 1)  # the tolerance makes many steps
-    sol = run(T=T, method=method, events=[turning, lowest])
+    T, swings = (2.5, 2) if back_end == "native" and method == "pherk5" else (1.25, 1)  # of many steps
+    coarse = {"rtol": 1e-11, "atol": 1e-13} if method in ("herk5", "radau5") else {}
+    sol = run(T=T, method=method, events=[turning, lowest], **coarse)
     n = int(T / (2 * QUARTER))
     times = sol.events[0][0]
     assert times[0] == 0  # at rest: the event at the start is reported, and does not end the run

@@ -52,7 +52,7 @@ def test_values_are_those_of_the_columns(name):
     columns, system = sol.signals(), mech.system()
     assert list(columns) == list(signal_values(mech))
     for k, (signal, known) in enumerate(signal_values(mech).items()):
-        if known.kind == "column" and k % 53:  # some of many
+        if k % {"column": 53, "load": 7 if mech.nv > 12 else 1}.get(known.kind, 1):  # some of many
             continue
         x = value(system, known, sol.t[-1], sol.y[-1])
         kind = signal.partition(".")[0]

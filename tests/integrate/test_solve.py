@@ -20,7 +20,7 @@ def four_bar():
 
 @pytest.fixture(scope="module")
 def exact(four_bar):
-    return mbdae.solve(four_bar, (0, 2), method="pherk6", rtol=1e-13, atol=1e-13)
+    return mbdae.solve(four_bar, (0, 1), method="pherk6", rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.usefixtures("back_end")
@@ -28,8 +28,8 @@ def exact(four_bar):
 def test_errors_follow_the_tolerance(four_bar, exact, method):
     errors = []
     for rtol in (1e-5, 1e-7):
-        sol = mbdae.solve(four_bar, (0, 2), method=method, rtol=rtol)
-        assert sol.t[-1] == 2
+        sol = mbdae.solve(four_bar, (0, 1), method=method, rtol=rtol)
+        assert sol.t[-1] == 1
         errors.append(np.abs(sol.q[-1] - exact.q[-1]).max())
         assert errors[-1] < 300 * rtol
     assert errors[1] < 0.1 * errors[0]
@@ -38,7 +38,7 @@ def test_errors_follow_the_tolerance(four_bar, exact, method):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["herk5", "pherk4", "pherk5", "pherk6"])
 def test_between_steps_the_solution_is_as_good_as_at_them(four_bar, exact, method):
-    sol = mbdae.solve(four_bar, (0, 2), method=method, rtol=1e-8)
+    sol = mbdae.solve(four_bar, (0, 1), method=method, rtol=1e-8)
     ends = max(np.abs(sol(t).q - exact(t).q).max() for t in sol.t[1:])
     for t in sol.t[:-1] + np.diff(sol.t) * np.linspace(0.1, 0.9, len(sol.t) - 1):
         q, v = sol(t)
@@ -77,7 +77,7 @@ def test_times_on_demand(four_bar):
 
 
 @pytest.mark.usefixtures("back_end")
-@pytest.mark.parametrize("options", [{"rtol": 1e-10}, {"step": 1e-3}])
+@pytest.mark.parametrize("options", [{"rtol": 1e-10}, {"step": 2e-3}])
 def test_there_and_back(four_bar, options):
     there = mbdae.solve(four_bar, (0, 1), **options)
     back = mbdae.solve(four_bar, (1, 0), there.q[-1], there.v[-1], **options)
@@ -94,7 +94,7 @@ def test_there_and_back(four_bar, options):
 @pytest.mark.usefixtures("back_end")
 def test_a_run_that_is_cut_in_two_is_the_same_run(four_bar, exact):
     first = mbdae.solve(four_bar, (0, 0.7), rtol=1e-11)
-    second = mbdae.solve(four_bar, (0.7, 2), first.q[-1], first.v[-1], rtol=1e-11)
+    second = mbdae.solve(four_bar, (0.7, 1), first.q[-1], first.v[-1], rtol=1e-11)
     np.testing.assert_allclose(second.q[-1], exact.q[-1], atol=1e-8)
 
 

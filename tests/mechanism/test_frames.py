@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from commands import call
+from commands import call, without_pictures
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
@@ -25,7 +25,8 @@ def arm(tmp_path):
     return path
 
 
-def test_a_link_and_a_joint_of_one_name_are_both_found(arm, tmp_path):
+def test_a_link_and_a_joint_of_one_name_are_both_found(arm, tmp_path, monkeypatch):
+    without_pictures(monkeypatch)
     mech = mbdae.load(arm)
     np.testing.assert_allclose(mech.frame(mech.start[0], "arm")[0], [0, 0, 1])
     assert mech.start[0].shape == (2,)

@@ -24,7 +24,7 @@ def wheels(amplitude=1.0):
 
 
 @pytest.mark.usefixtures("back_end")
-@pytest.mark.parametrize("options", [{}, {"step": 0.1}, {"formulation": "ggl"}], ids=str)
+@pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"step": 0.1}, {"rtol": 1e-6, "formulation": "ggl"}], ids=str)
 @pytest.mark.parametrize("method", ["radau3", "radau5", "radau9"])
 @pytest.mark.parametrize("start", [0.0, 1e-25])
 def test_wheels_start_from_rest_where_no_torque_acts_yet(method, options, start):

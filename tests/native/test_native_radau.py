@@ -8,7 +8,7 @@ import pytest
 from driven import DRIVEN
 from in_core import IN_CORE
 from mechanism.forces.test_force_runs import IN_BOTH
-from native.test_native import SPANS, assert_near, assert_same, both, model
+from native.test_native import SPANS, assert_near, assert_same, both, model, span
 from scipy.linalg import null_space
 
 import mbdae
@@ -73,8 +73,8 @@ def test_a_step_adds_the_rounding_error_of_the_previous_one(name):
 
 @pytest.mark.parametrize("name", IN_CORE)
 def test_fixed_steps(name):
-    T = SPANS.get(name, 0.5)
-    native, python = both(model(name), (0, T), method="radau5", step=T / 20)
+    T = span(name)
+    native, python = both(model(name), (0, T), method="radau5", step=SPANS.get(name, 0.5) / 20)
     assert (native.stats["backend"], native.status, native.message) == ("native", python.status, python.message)
     for a, b, tolerance in (
         (native.y, python.y, 1e-10),
@@ -86,7 +86,7 @@ def test_fixed_steps(name):
 
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name):
-    T = SPANS.get(name, 0.5)
+    T = span(name)
     python = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-6, backend="python")
     native = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-6, backend="native")
     assert native.status == python.status == "finished"
@@ -102,7 +102,7 @@ def test_driven_mechanisms(name):
 
 @pytest.mark.parametrize("force", IN_BOTH.values(), ids=IN_BOTH.keys())
 def test_every_force(force):
-    assert_same(*both(mbdae.load("four_bar", forces=[force]), (0, 1), method="radau5", step=0.023), 1e-10, 1e-8)
+    assert_same(*both(mbdae.load("four_bar", forces=[force]), (0, 0.5), method="radau5", step=0.023), 1e-10, 1e-8)
 
 
 def test_fifteen_stages():

@@ -5,8 +5,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
+from ...discovery import later
 from ...errors import StepError
 from ...mechanism.hybrid.mode_point import ROUNDING
 from ...mechanism.hybrid.switch import Guard
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
     from ..step_map import StepMap
 
+brentq = later("scipy.optimize", "brentq")
 BAND = 1e-13  # of the size of a guard: smaller values are rounding
 LATER = 1.05  # times the predicted flight from speed and acceleration: when a row after an impact is below zero
 ROOT = 1e-6  # of a bracket: a zero of a row after an impact that is closer to the start is the start itself

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
+from ...discovery import later
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
@@ -21,6 +21,7 @@ from ...system import Array
 if TYPE_CHECKING:
     from ..step_map import StepMap
 
+brentq = later("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 SHARP = 2  # roundings of t: tolerance of the time of an event

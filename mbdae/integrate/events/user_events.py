@@ -8,8 +8,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
 
+from ...discovery import later
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..run import RunState
     from ..step_map import StepMap
 
+brentq = later("scipy.optimize", "brentq")
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
 SAME = 1e-10  # s, or relative to t: an event this close to the start coincides with it, up to rounding errors
 BESIDE = 1e-3  # of a step: distance on either side of an event for the derivative of its function

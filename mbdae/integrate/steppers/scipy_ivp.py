@@ -5,10 +5,10 @@ coordinates (quaternions and circles as numbers).
 """
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.integrate import DOP853, LSODA, RK45, OdeSolver, Radau
 
 from ...errors import InputError, StepError
 from ...mechanism.formulations.index1 import Index1System
@@ -18,6 +18,8 @@ from ...system import Array, State, Step, System
 from .adaptive import Adaptive
 
 if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
     from ..run import RunState
 
 UNMEASURED = 1e30  # absolute tolerance of the work, whose error is not controlled
@@ -28,9 +30,14 @@ class ScipySolver:
     """A method of scipy: its solver, and the order in which its solution is interpolated between steps."""
 
     name: str
-    solver: type[OdeSolver]
     order: int
     implicit: bool
+
+    @property
+    def solver(self) -> "type[OdeSolver]":
+        """The class of that name: scipy.integrate is slow to import, and rarely needed."""
+        found: type[OdeSolver] = getattr(import_module("scipy.integrate"), self.name)
+        return found
 
     @property
     def order_linear(self) -> int:
@@ -41,10 +48,10 @@ class ScipySolver:
 SCIPY: dict[str, ScipySolver] = {
     b.name: b
     for b in (
-        ScipySolver("RK45", RK45, 5, False),
-        ScipySolver("DOP853", DOP853, 8, False),
-        ScipySolver("Radau", Radau, 5, True),
-        ScipySolver("LSODA", LSODA, 5, True),  # of variable order
+        ScipySolver("RK45", 5, False),
+        ScipySolver("DOP853", 8, False),
+        ScipySolver("Radau", 5, True),
+        ScipySolver("LSODA", 5, True),  # of variable order
     )
 }
 

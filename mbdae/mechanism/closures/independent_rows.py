@@ -4,11 +4,12 @@ from functools import cache
 
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from ...discovery import later
 from ...errors import StepError
 
+csr_array = later("scipy.sparse", "csr_array")
+reverse_cuthill_mckee = later("scipy.sparse.csgraph", "reverse_cuthill_mckee")
 RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
 GROWTH_TOLERANCE = 1e-2

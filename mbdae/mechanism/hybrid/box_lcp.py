@@ -9,10 +9,11 @@ Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 """
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
+from ...discovery import later
 from ...system import Array
 
+lsq_linear = later("scipy.optimize", "lsq_linear")
 RANK = 1e-7  # of the largest singular value
 
 

@@ -16,13 +16,14 @@ Source: P. Loetstedt, SIAM J. Appl. Math. 42 (1982), for non-unique multipliers.
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linprog
 
+from ...discovery import later
 from ...system import Array
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
 
+linprog = later("scipy.optimize", "linprog")
 NONE = 1e-9  # of unit null vectors: smaller components do not take part
 ACTIVE = 1e-7  # of kappa: active limits
 

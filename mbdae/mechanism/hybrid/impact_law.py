@@ -18,12 +18,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
+from ...discovery import later
 from ...errors import StepError
 from ...system import Array
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
+nnls = later("scipy.optimize", "nnls")
 STILL = 1e-10  # of the largest speed: smaller ones count as zero
 ROUNDS = 200  # of successive impacts at one instant; the last one with e = 0
 RANK = 1e-7  # of the largest singular value, and of a row: smaller remainders are dependent

@@ -89,7 +89,7 @@ def check(k, restitution, **options):
 
 
 @pytest.mark.usefixtures("back_end")
-@pytest.mark.parametrize(("k", "restitution", "method", "rtol"), CASES[3::7])
+@pytest.mark.parametrize(("k", "restitution", "method", "rtol"), CASES[3::11])
 def test_a_stop_close_to_a_singular_configuration(k, restitution, method, rtol):
     check(k, restitution, method=method, rtol=rtol)
 

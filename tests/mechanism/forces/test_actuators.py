@@ -132,7 +132,7 @@ def test_full_order_in_the_states(method, n, exact):
 @pytest.mark.usefixtures("back_end")
 def test_all_formulations_agree():
     mech = drive()
-    ref = mbdae.solve(mech, (0, 1), method="pherk6", rtol=1e-12)
+    ref = mbdae.solve(mech, (0, 0.5), method="pherk6", rtol=1e-12)
     for settings in (
         {"formulation": "ggl"},
         {"project": True},
@@ -141,7 +141,7 @@ def test_all_formulations_agree():
         {"method": "radau5"},
         {"method": "radau5", "formulation": "ggl"},
     ):
-        sol = mbdae.solve(mech, (0, 1), rtol=1e-9, **settings)
+        sol = mbdae.solve(mech, (0, 0.5), rtol=1e-9, **settings)
         np.testing.assert_allclose(sol.y[-1], ref.y[-1], atol=1e-6, err_msg=str(settings))
 
 

@@ -15,7 +15,7 @@ from random_files import planted, to_mjcf, to_sdf, to_urdf
 
 import mbdae
 
-MANY = int(os.environ.get("MBDAE_FILES", "90"))  # of each format
+MANY = int(os.environ.get("MBDAE_FILES", "60"))  # of each format
 EXACT = 1e-8
 FORMATS = {
     "sdf": (to_sdf, ("revolute", "prismatic", "universal", "ball", "fixed", "free"), {}),

@@ -169,9 +169,10 @@ def test_an_order_that_is_missed_is_said_in_words(result):
     assert "pherk5, q: misses" in page._orders(replace(result, orders=missed))
 
 
-def test_names_are_escaped(result, tmp_path):
+def test_names_are_escaped(result, tmp_path, monkeypatch):
     from dataclasses import replace
 
+    without_pictures(monkeypatch)
     title = "<b>a & b</b>"
     replace(result, card=replace(result.card, title=title)).save(tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text("utf-8")

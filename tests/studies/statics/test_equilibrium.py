@@ -62,7 +62,7 @@ def test_the_benchmark_with_a_diagonal_spring():
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "rolling_disc"])
 def test_disturbed_starts_all_come_to_rest(name):
     mech, rng = mbdae.load(name), np.random.default_rng(1)
-    for _ in range(20):
+    for _ in range(8):
         found = mbdae.equilibrium(mech, disturbed(mech, rng))
         assert found.iterations <= 25
         assert found.residual < 1e-11
@@ -208,7 +208,7 @@ def random_load(mech, rng):
 def test_random_loads_end_in_an_equilibrium_or_a_reason():
     rng, reasons, found = np.random.default_rng(7), [], 0
     models = {n: mbdae.load(n) for n in NAMES}
-    for i in range(100):
+    for i in range(60):
         mech = random_load(models[NAMES[i % len(NAMES)]], rng)
         try:
             rest = mbdae.equilibrium(mech)
@@ -216,7 +216,7 @@ def test_random_loads_end_in_an_equilibrium_or_a_reason():
             found += 1
         except EquilibriumError as e:
             reasons.append(str(e))
-    assert found >= 70
+    assert found >= 42
     assert all(re.match("no (stable )?equilibrium", text) and "\n" not in text for text in reasons)
 
 
