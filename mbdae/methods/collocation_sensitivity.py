@@ -19,12 +19,12 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ..errors import StepError
 from ..system import Array, DiscreteSensitivity, State, System
+from ..tolerances import SOLUTION_ROUNDING
 from .collocation import repeated_step
 
 if TYPE_CHECKING:
     from .radau import RadauIIA
 
-BEHIND = 1e-12  # of 1 + |z|: smaller inconsistencies do not affect derivatives visibly
 
 
 class CollocationSensitivity:
@@ -45,7 +45,7 @@ class CollocationSensitivity:
         for at in zip(t + a.c * h, xs, self.K, Z, strict=True):
             stage, z = sensitivity.implicit(chart, *at), at[-1]
             dz = np.linalg.lstsq(stage.z[: self.ny], chart.residual(*at)[0])[0]
-            if np.abs(dz).max(initial=0.0) > BEHIND * (1 + np.abs(z).max(initial=0.0)):
+            if np.abs(dz).max(initial=0.0) > SOLUTION_ROUNDING * (1 + np.abs(z).max(initial=0.0)):
                 z += dz
                 stage = sensitivity.implicit(chart, *at)
             self.stages.append(stage)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array
-from ..formulations.projection import UNMOVED, project_positions
+from ...tolerances import EVALUATION_ROUNDING
+from ..formulations.projection import project_positions
 from .parameter_partials import Parameters
 from .stage_sensitivity import Saddle
 
@@ -91,7 +92,7 @@ class ProjectionSensitivity:
         saddle = Saddle(M, G[rows], G[rows])
         x, eta = (a[:, 0] for a in saddle.solve(np.zeros((nv, 1)), r[rows, None]))
         above, below = np.zeros_like(dq), dr[rows]
-        if np.abs(x).max() > UNMOVED:
+        if np.abs(x).max() > EVALUATION_ROUNDING:
             whole = np.zeros(s.ng)
             whole[rows] = eta
             turned = s.inertial.partials(q0, still, x)[1] - before

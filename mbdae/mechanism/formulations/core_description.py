@@ -4,6 +4,20 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ...errors import NotCompiled
+from ...tolerances import (
+    BELOW_ROUNDING,
+    EVALUATION_ROUNDING,
+    PIVOT_RANK,
+    ROUNDING,
+    SAME_STATE,
+    SEARCH_TOLERANCE,
+    SOLUTION_ROUNDING,
+    STILL,
+    SUM_ROUNDING,
+    TINY,
+    TRUNCATION,
+    VISIBLE,
+)
 from .. import manifold
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
@@ -24,10 +38,10 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
     limits: Tolerances = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
-        series_end=manifold.SERIES_END,
-        same_point=manifold.SAME_POINT,
+        series_end=BELOW_ROUNDING,
+        same_point=ROUNDING,
         smallest_pivot=independent_rows.SMALLEST_PIVOT,
-        independent=independent_rows.RANK_TOLERANCE,
+        independent=PIVOT_RANK,
         worst_conditioning=independent_rows.WORST_CONDITIONING,
         grown=independent_rows.GROWTH_TOLERANCE,
         many=independent_rows.MANY_ROWS,
@@ -35,27 +49,27 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         probed=independent_rows.PROBE_TOLERANCE,
         converged=independent_rows.CONVERGED,
         spare=independent_rows.EXTRA_CG_ITERATIONS,
-        truncation=projection.TRUNCATION,
-        rounding=projection.ROUNDING,
+        truncation=TRUNCATION,
+        rounding=SUM_ROUNDING,
         falling=projection.FALLING,
         open=projection.OPEN,
         stalled=projection.STALLED,
-        kept=projection.VELOCITY_TOLERANCE,
+        kept=VISIBLE,
         iterations=projection.ITERATIONS,
-        unmoved=projection.UNMOVED,
+        unmoved=EVALUATION_ROUNDING,
         row_scales=mechanism.row_scales.tolist(),
         q_scales=mechanism.q_scales.tolist(),
         coordinate_scales=mechanism.coordinate_scales.tolist(),
         meeting=ggl.ITERATIONS,
-        met=ggl.ROUNDING,
-        halted=ggl.STALLED,
-        gaping=ggl.OPEN,
-        still=friction_interface.STILL,
+        met=ROUNDING,
+        halted=SEARCH_TOLERANCE,
+        gaping=SAME_STATE,
+        still=STILL,
         turned=friction_interface.TURNED,
         loading=closure_friction.ITERATIONS,
-        loaded=closure_friction.CONVERGED,
-        settled=closure_friction.STALLED,
-        nothing=friction_interface.NOTHING,
+        loaded=ROUNDING,
+        settled=SOLUTION_ROUNDING,
+        nothing=TINY,
     )
     return limits
 

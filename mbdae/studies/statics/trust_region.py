@@ -14,9 +14,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.formulations.spectrum import CERTAIN, EPS, curvature, scale_of, spectrum
+from ...mechanism.formulations.spectrum import CERTAIN, curvature, scale_of, spectrum
 from ...mechanism.joints import lengths
 from ...system import Array
+from ...tolerances import (
+    BELOW_ROUNDING,
+    EPS,
+    HALF_DIGITS,
+    INTERPOLATION,
+    ITERATION_ROUNDING,
+    RANK,
+    SAME_STATE,
+    THREE_DIGITS,
+    TINY,
+)
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
@@ -24,13 +35,10 @@ if TYPE_CHECKING:
 START, LARGEST, LEAST = 0.3, 1.5, 1e-12  # rad or slides: radii of trust
 SLIDES = 5.0  # characteristic lengths: forces bend more where a mechanism turns by 1 rad than where it slides by 1
 TAKEN, GOOD = 0.1, 0.7  # of the work promised
-NEARLY = 1e-5  # of the terms of forces: from there on Newton steps go on to rounding
-EXACT = 1e-17  # of the terms of forces: nothing
-ROUNDED = 1e-11  # of the terms of forces: less counts as zero if Newton's step is short, too
-BALANCED = 1e-8  # of the terms of forces: the rest where rounding lets no step make it less
-SHORT_OF = 1e-3  # rad or slides: Newton's step at an equilibrium
-FLAT = 1e-9  # of what a step would be without stiffness: sigma where there is neither stiffness nor a limit
-SYMMETRIC = 1e-7  # of the terms of H: if it differs from its transpose by less, forces have a potential
+NEARLY = INTERPOLATION  # of the terms of forces: from there on Newton steps go on to rounding
+SHORT_OF = THREE_DIGITS  # rad or slides: Newton's step at an equilibrium
+FLAT = RANK  # of what a step would be without stiffness: sigma where there is neither stiffness nor a limit
+SYMMETRIC = SAME_STATE  # of the terms of H: if it differs from its transpose by less, forces have a potential
 RELAXED, SHORT = 3, 0.5  # steps that let stiff springs rest, and their length as a share of the step before
 HALVED = 0.5  # of rho: the most that a step to rounding may leave
 HALVINGS, ENOUGH = 4, 0.9  # of a step to an equilibrium of any kind, and what it may leave of rho
@@ -80,12 +88,12 @@ class TrustRegion:
             elif not (self.newton() if find == "any" else self.descend()):
                 break
         self.polish()
-        return self.residual <= BALANCED
+        return self.residual <= HALF_DIGITS
 
     def at_rest(self) -> bool:
         """Whether forces balance to rounding, or nearly so and the way to where they do is short."""
         share = self.residual
-        near = share <= ROUNDED and self.length(self.here, newton_step(self.here)) <= SHORT_OF
+        near = share <= ITERATION_ROUNDING and self.length(self.here, newton_step(self.here)) <= SHORT_OF
         return near or share <= CERTAIN * EPS
 
     def lowest(self) -> Array | None:
@@ -100,7 +108,7 @@ class TrustRegion:
 
     def polish(self) -> None:
         """Newton's steps as long as they are short and halve rho."""
-        while self.iterations < ITERATIONS and self.residual > EXACT:
+        while self.iterations < ITERATIONS and self.residual > BELOW_ROUNDING:
             y = newton_step(self.here)
             there = self.moved(y) if 0 < self.length(self.here, y) < START else None
             if there is None or not np.linalg.norm(there.rho) < HALVED * np.linalg.norm(self.here.rho):
@@ -141,7 +149,7 @@ class TrustRegion:
     def newton(self) -> bool:
         """One step that makes rho less, towards an equilibrium of any kind; a step downhill where none does."""
         rho, y = self.here.rho, newton_step(self.here)
-        y *= min(1.0, LARGEST / max(1e-300, self.length(self.here, y)))
+        y *= min(1.0, LARGEST / max(TINY, self.length(self.here, y)))
         for _ in range(HALVINGS):
             there = self.moved(y)
             if there and np.linalg.norm(there.rho) < ENOUGH * np.linalg.norm(rho):
