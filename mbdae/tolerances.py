@@ -42,7 +42,7 @@ PIVOT_RANK = 1e-8  # of the largest pivot: like RANK, of factors with column piv
 TRUNCATION = 1e-7  # of the largest singular value: directions in which a correction would amplify the residual
 AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: closer to dependence than interpolated positions can tell
 
-# What users give, and what they see.
+# Accuracy of numbers that are given and shown.
 HALF_DIGITS = 1e-8  # of a norm, of the largest force, of a state: the root of EPS, whose square is rounding
 INPUT_DIGITS = 1e-6  # of a number, rad or characteristic lengths: numbers in files have six digits
 VISIBLE = 1e-6  # of the largest speed, load or term: smaller violations do not show in results of six digits

@@ -27,6 +27,7 @@ from ...tolerances import (
     NEGLIGIBLE,
     ROUNDING,
     SAME_POSE,
+    SMALLEST_PART,
     SOLUTION_ROUNDING,
     SUM_ROUNDING,
 )
@@ -35,7 +36,7 @@ from .branch_points import BranchPoint, branch_point
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-FIRST, LARGEST, SMALLEST = 0.02, 0.4, 1e-7  # steps of the arclength
+FIRST, LARGEST, SMALLEST = 0.02, 0.4, SMALLEST_PART  # steps of the arclength
 JUMP = INTERPOLATION  # a longer step over which branches do not meet is taken back
 TURN = 0.9  # least cosine between tangents, and between left null spaces, at both ends of a step
 BENT = 0.02  # of a step: a predictor that misses by more is shortened, by less lengthened

@@ -25,6 +25,7 @@ from ...tolerances import (
     ITERATION_ROUNDING,
     RANK,
     SAME_STATE,
+    SOLUTION_ROUNDING,
     THREE_DIGITS,
     TINY,
 )
@@ -32,7 +33,7 @@ from ...tolerances import (
 if TYPE_CHECKING:
     from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 
-START, LARGEST, LEAST = 0.3, 1.5, 1e-12  # rad or slides: radii of trust
+START, LARGEST, LEAST = 0.3, 1.5, SOLUTION_ROUNDING  # rad or slides: radii of trust
 SLIDES = 5.0  # characteristic lengths: forces bend more where a mechanism turns by 1 rad than where it slides by 1
 TAKEN, GOOD = 0.1, 0.7  # of the work promised
 NEARLY = INTERPOLATION  # of the terms of forces: from there on Newton steps go on to rounding
