@@ -11,7 +11,7 @@ import pinocchio as pin
 from ..discovery import later
 from ..errors import InputError, UnknownNameError
 from ..system import Array
-from ..tolerances import HALF_DIGITS, INPUT_DIGITS
+from ..tolerances import INPUT_DIGITS
 from .appearance import appearance
 from .assembly import assemble, require_consistent
 from .closures.brake import Brake
@@ -290,10 +290,8 @@ class Mechanism(DynamicsTerms):
         s0 = np.array(list(self.states.values())) if s is None else vector(self.title, "s", s, len(self.states))
         if q is None and v is None:
             return np.concatenate([*self.start_at(t), s0, [0.0]])
-        q0 = self.start_at(t)[0] if q is None else vector(self.title, "q", q, self.nq)
+        q0 = self._configuration(self.start_at(t)[0] if q is None else q)
         v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
-        if not pin.isNormalized(self.model, q0, HALF_DIGITS):
-            raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
         require_consistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])
 

@@ -3,21 +3,8 @@
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ... import tolerances as tol
 from ...errors import NotCompiled
-from ...tolerances import (
-    BELOW_ROUNDING,
-    EVALUATION_ROUNDING,
-    PIVOT_RANK,
-    ROUNDING,
-    SAME_STATE,
-    SEARCH_TOLERANCE,
-    SOLUTION_ROUNDING,
-    STILL,
-    SUM_ROUNDING,
-    TINY,
-    TRUNCATION,
-    VISIBLE,
-)
 from .. import manifold
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
@@ -38,10 +25,10 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
     limits: Tolerances = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
-        series_end=BELOW_ROUNDING,
-        same_point=ROUNDING,
+        series_end=tol.BELOW_ROUNDING,
+        same_point=tol.ROUNDING,
         smallest_pivot=independent_rows.SMALLEST_PIVOT,
-        independent=PIVOT_RANK,
+        independent=tol.PIVOT_RANK,
         worst_conditioning=independent_rows.WORST_CONDITIONING,
         grown=independent_rows.GROWTH_TOLERANCE,
         many=independent_rows.MANY_ROWS,
@@ -49,27 +36,27 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         probed=independent_rows.PROBE_TOLERANCE,
         converged=independent_rows.CONVERGED,
         spare=independent_rows.EXTRA_CG_ITERATIONS,
-        truncation=TRUNCATION,
-        rounding=SUM_ROUNDING,
+        truncation=tol.TRUNCATION,
+        rounding=tol.SUM_ROUNDING,
         falling=projection.FALLING,
         open=projection.OPEN,
         stalled=projection.STALLED,
-        kept=VISIBLE,
+        kept=tol.VISIBLE,
         iterations=projection.ITERATIONS,
-        unmoved=EVALUATION_ROUNDING,
+        unmoved=tol.EVALUATION_ROUNDING,
         row_scales=mechanism.row_scales.tolist(),
         q_scales=mechanism.q_scales.tolist(),
         coordinate_scales=mechanism.coordinate_scales.tolist(),
         meeting=ggl.ITERATIONS,
-        met=ROUNDING,
-        halted=SEARCH_TOLERANCE,
-        gaping=SAME_STATE,
-        still=STILL,
+        met=tol.ROUNDING,
+        halted=tol.SEARCH_TOLERANCE,
+        gaping=tol.SAME_STATE,
+        still=tol.STILL,
         turned=friction_interface.TURNED,
         loading=closure_friction.ITERATIONS,
-        loaded=ROUNDING,
-        settled=SOLUTION_ROUNDING,
-        nothing=TINY,
+        loaded=tol.ROUNDING,
+        settled=tol.SOLUTION_ROUNDING,
+        nothing=tol.TINY,
     )
     return limits
 
