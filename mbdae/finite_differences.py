@@ -16,14 +16,13 @@ import numpy as np
 
 from .errors import MbdaeError
 from .system import Array
+from .tolerances import AGREEMENT, ROUNDING
 
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
 ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
 STENCIL = (-3, -2, -1, 1, 2, 3)  # all k
 ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # those of one-sided differences
 NARROWER, TIMES = 8.0, 6  # by how much, and how often a width shrinks
-AGREEMENT = 1e-10  # relative difference of two widths that counts as agreement
-ROUNDING = 1e-15  # of the largest value: rounding of values that are subtracted
 
 
 def central_difference(values: Mapping[int, Any], h: float) -> Any:

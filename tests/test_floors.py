@@ -13,7 +13,10 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
-HOUSE = "errors < system < mechanism methods textbook < solution < integrate < cli < studies < __init__ < __main__"
+HOUSE = (
+    "errors tolerances < system < mechanism methods textbook < solution < integrate < cli < studies"
+    " < __init__ < __main__"
+)
 INSIDE = (
     "frames joints time_functions < model_settings < closures forces scene < formulations < discrete_sensitivity"
     " < mechanism < formats"

@@ -7,6 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..methods import Tableau, method
 from ..system import Array
+from ..tolerances import NEGLIGIBLE, SOLUTION_ROUNDING
 from .defaults import DEFAULTS
 from .events.jumps import Jumps
 from .events.user_events import UserEvents
@@ -15,7 +16,7 @@ from .run import RunState
 from .steppers.adaptive import Adaptive
 from .steppers.native import NativeStepper
 
-SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the smallest rtol
+SHARPER, SHARPEST = NEGLIGIBLE, SOLUTION_ROUNDING  # times rtol, and the smallest rtol
 MOST = 100  # steps from one time to the next; twice the largest number ever needed
 
 

@@ -10,7 +10,7 @@ from ..mechanism.discrete_sensitivity.core_parameters import bind_parameters
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.formulations.compiled_systems import CompiledSystem
 from ..system import Array, State
-from .steppers.adaptive import SMALLEST_SCALE
+from ..tolerances import TINY
 from .steppers.fixed import TOLERATED
 
 if TYPE_CHECKING:
@@ -65,11 +65,11 @@ class NativeTrajectory:
         self.method = system.method(trace.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED
-        self.run.nothing = SMALLEST_SCALE
+        self.run.nothing = TINY
         if trace.controlled:
             control = self.run.control
             control.rtol, control.atol = trace.stepper.rtol, np.atleast_1d(trace.stepper.atol).tolist()
-            control.nothing = SMALLEST_SCALE
+            control.nothing = TINY
         self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
 
     def after(self, i: int, ends: bool = False) -> int:

@@ -6,15 +6,14 @@ from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.closures.preconditions import lost_precondition
 from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.formulations.projection import VELOCITY_TOLERANCE, contradictions
+from ..mechanism.formulations.projection import contradictions
 from ..mechanism.reactions import scaled
 from ..solution.columns import balance
 from ..solution.solution import Solution
+from ..tolerances import AMBIGUOUS_PIVOT, VISIBLE
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
 ENERGY_TOLERANCE = 0.1  # of the energy that moves
-LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: smaller negative values count as 0
-DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: projected rows with a smaller remainder are dependent
 SAMPLES = 8  # steps at which the energy is computed
 WATCHED = 400  # nodes at which preconditions of closures are checked
 
@@ -54,7 +53,7 @@ def violated_closures(sol: Solution, system: Index2System) -> str:
 def rows_not_kept(sol: Solution, system: Index2System) -> str:
     """Return which row that depended on others was not kept at velocity level; empty if none."""
     slip = 0.0 if sol.settings["formulation"] == "index1" else _largest_slip(system)
-    if slip <= VELOCITY_TOLERANCE:
+    if slip <= VISIBLE:
         return ""
     t, (q, v) = sol.nodes[0][-1], system.split(sol.nodes[1][-1])
     which = largest_error(sol.mechanism, system.closures(q, t)[1] @ v + system.g_t(t), "/s")
@@ -78,7 +77,7 @@ def lost_preconditions(sol: Solution, system: Index2System) -> str:
 def _largest_slip(system: Index2System) -> float:
     """Return |G v + g_t| over all rows, of the largest speeds; the characteristic rate is added where nothing moves."""
     slip, speed = system.largest_rate, system.largest_speed
-    return slip / (speed + system.mechanism.characteristic_rate) if not slip <= VELOCITY_TOLERANCE * speed else 0.0
+    return slip / (speed + system.mechanism.characteristic_rate) if not slip <= VISIBLE * speed else 0.0
 
 
 def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
@@ -93,7 +92,7 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     G = scaled(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]
     size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
-    if not left.max() > DEPENDENCE_TOLERANCE * size:
+    if not left.max() > AMBIGUOUS_PIVOT * size:
         return ""
     name = sol.mechanism.row_names[int(left.argmax())]
     return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
@@ -117,7 +116,7 @@ def lift_off(sol: Solution, system: Index2System) -> str:
                 normal[i - 1] = sol.multipliers(ts[i - 1])[row]
                 break
         start = first_negative(ts, normal)
-        if start is not None and normal.min() < -LIFT_OFF_TOLERANCE * np.abs(normal).max():
+        if start is not None and normal.min() < -VISIBLE * np.abs(normal).max():
             found.append(
                 f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would separate"
             )

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..mechanism.assembly import START
 from ..solution.solution import Problem
 from ..system import Array, System
+from ..tolerances import INPUT_DIGITS
 from .backward_steps import BackwardStepper
 from .binding import bind
 from .options import RunOptions
@@ -56,4 +56,4 @@ def _start(problem: Problem, start: tuple[Array | None, Array | None, Array | No
     """Return the start; with step-size control, loops may be violated as after a run with drift."""
     q, v, s = start
     drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
-    return problem.point(q, v, t, s, max(START, drifted))
+    return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted))

@@ -12,8 +12,9 @@ from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..methods import Tableau
 from ..system import Array
+from ..tolerances import TINY, VISIBLE
 from .events.source import EventSource
-from .steppers.adaptive import SMALLEST_SCALE, Adaptive
+from .steppers.adaptive import Adaptive
 
 if TYPE_CHECKING:
     from .run import RunState
@@ -25,7 +26,7 @@ NODES, BETWEEN = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # of the window: i
 ROUGH = 3.0  # times the tolerance: fast modes that remain excited at the stability limit
 LONGER = 2.0  # step ratio that would be unstable
 ITERATIONS = 12  # of the power method
-SMALL = 1e-7  # of 1 + |y|: size of the difference
+WIDTH = 1e-7  # of 1 + |y|: size of the difference
 FREE = 0.9  # of max_step: longer steps are limited by it
 
 
@@ -120,7 +121,7 @@ class StiffnessDetector(EventSource):
         weights = _lagrange([t[i] for i in NODES], [t[i] for i in BETWEEN])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
         gap = (v[list(BETWEEN)] - weights @ v[list(NODES)]) / (
-            atol + self.control.rtol * np.abs(v[-1]) + SMALLEST_SCALE
+            atol + self.control.rtol * np.abs(v[-1]) + TINY
         )
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
 
@@ -146,7 +147,7 @@ def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
         StepError: if y' cannot be computed.
     """
     F = system.derivative(t, y)[0]
-    size = SMALL * (1 + float(np.linalg.norm(y[:-1])))
+    size = WIDTH * (1 + float(np.linalg.norm(y[:-1])))
     x = np.random.default_rng(0).normal(size=system.ny)
     iterates: list[tuple[Array, Array]] = []
     for _ in range(ITERATIONS):
@@ -159,6 +160,6 @@ def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
         iterates = [*iterates[-1:], (x, derivative)]
         x = derivative.copy()
     (x0, derivative0), (x1, derivative1) = iterates
-    a, b = np.linalg.lstsq(np.column_stack([x1, x0]), derivative1, rcond=1e-6)[0]
+    a, b = np.linalg.lstsq(np.column_stack([x1, x0]), derivative1, rcond=VISIBLE)[0]
     roots = np.roots([1.0, -a, -b * np.linalg.norm(derivative0) / size])
     return complex(max(roots, key=abs))

@@ -17,6 +17,7 @@ from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
 from ..methods import Method, method_of
 from ..solution.solution import Solution
 from ..system import Array, State, System
+from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE
 from .carry_record import RecordedStates
 from .checkpoints import Checkpoints
 from .differentiable_runs import require_differentiable
@@ -26,8 +27,6 @@ from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 
 JUMP = 6 * MARGIN  # roundings of t: closer nodes are the two sides of a jump
-REPEATED = 1e-7  # of 1 + |y|: largest difference of a repeated step from the original
-SYNCHRONOUS = 1e-10  # of 1 + |y|: at larger differences, by amplified rounding, the run's point is used
 
 
 class _RunView(NamedTuple):
@@ -97,7 +96,7 @@ class Trajectory:
         else:
             self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
         self.changes = {i: rows for i, rows in sol.in_use}
-        self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
+        self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), NEGLIGIBLE)))
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
@@ -195,7 +194,7 @@ class Trajectory:
         """Return the states at nodes i, ..., j."""
         states = [state]
         while i < j:
-            if self.core and (found := self.core.recompute(i, j, states[-1], (REPEATED, SYNCHRONOUS))):
+            if self.core and (found := self.core.recompute(i, j, states[-1], (SAME_STATE, AGREEMENT))):
                 states += found.states
                 self.renewed[i + 1 : i + 1 + len(found.states)] = found.renewed
                 i += len(found.states)
@@ -217,9 +216,9 @@ class Trajectory:
         if not self.jumped[i]:
             state, self.renewed[i + 1] = self._repeat(i, state)
             apart = np.abs(self.system.difference(state.y, y1)).max()
-            if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
+            if not apart <= SAME_STATE * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
                 raise InputError(self._mismatch(i))
-            if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
+            if not apart <= AGREEMENT * (1 + np.abs(y1).max()):
                 state = State(y1, state.carry)
         if self.jumped[i] or i + 1 in self.changes:
             self.enter_node(i + 1)

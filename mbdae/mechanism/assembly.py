@@ -12,17 +12,17 @@ from scipy.linalg.lapack import dpotrf
 
 from ..errors import InputError
 from ..system import Array
+from ..tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from .closures.closure_error import largest_error
 from .closures.preconditions import refuse_unfit
 from .model_settings import normalized
 from .pinocchio_data import make_data
-from .position_search import ACCEPT, TRUNCATION, close_position, open_closure
+from .position_search import close_position, open_closure
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
-START = 1e-6  # largest violation in a start given by the user; more would show in the result
 
 
 def assemble(
@@ -72,12 +72,12 @@ def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: f
     for _ in range(2):  # the second pass removes rounding
         v = v.copy()
         v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, (G @ v + g_t) / rows, rcond=TRUNCATION)[0])
-    if not np.linalg.norm((G @ v + g_t) / rows) <= ACCEPT * speeds:
+    if not np.linalg.norm((G @ v + g_t) / rows) <= AGREEMENT * speeds:
         raise open_closure(mech, largest_error(mech, G @ v + g_t, "/s"), held, "velocity")
     return v
 
 
-def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = START) -> None:
+def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = INPUT_DIGITS) -> None:
     """Reject a start at time t that violates a closure or a driver by more than ``most``, 1e-6 by default.
 
     The limit for g is in rad and characteristic lengths; for G v + g_t relative to the characteristic rate and the

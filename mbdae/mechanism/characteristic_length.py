@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..system import Array
+from ..tolerances import COINCIDENT
 from .frames import anchor
 from .joints import lengths
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 LENGTHS = ("length", "radius", "tyre", "radii", "semi_axes", "centre", "surface_radius", "lead")  # of closures, in m
-ROUNDING = 1e-9  # of the size of the bodies: joints closer than this coincide
 
 
 def characteristic_length(mech: "Mechanism") -> float:
@@ -29,7 +29,7 @@ def characteristic_length(mech: "Mechanism") -> float:
     of a frame, of an end of a force, or of a centre of mass from its joint, or radius of gyration; otherwise 1.
     """
     longest, bodies = max(linkage_lengths(mech), default=0.0), max(_bodies(mech), default=0.0)
-    return (longest if longest > ROUNDING * bodies else bodies) or 1.0
+    return (longest if longest > COINCIDENT * bodies else bodies) or 1.0
 
 
 def row_scales(mech: "Mechanism") -> Array:

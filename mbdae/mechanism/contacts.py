@@ -7,10 +7,11 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..system import Array
+from ..tolerances import VISIBLE
 from .closures.contact import ContactHeightRow, ConvexBody, NoSlipRows
 from .closures.kinds.rolling import RollingClosure
 from .closures.line_rows import at_rest
-from .reactions import NONE, NOT_UNIQUE, null_rows, sampled
+from .reactions import NOT_UNIQUE, null_rows, sampled
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
@@ -119,7 +120,7 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
         force[:, 0] = np.nan
     unique = np.ones(3, bool)
     for i in sampled(len(t)):
-        unique &= np.abs(turn @ null_rows(system, t[i], q[i])[owned]).max(axis=1, initial=0.0) < NONE
+        unique &= np.abs(turn @ null_rows(system, t[i], q[i])[owned]).max(axis=1, initial=0.0) < VISIBLE
     normal, ahead, left = force.T
     known = bool(unique[0]), bool(unique[1]), bool(unique[2])
     return Contact(name, np.asarray(t), normal, ahead, left, points, known)

@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from ..errors import InputError
 from ..system import Array
+from ..tolerances import HALF_DIGITS
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
 from .characteristic_rate import characteristic_rate
 from .forces import is_custom
@@ -108,6 +109,6 @@ class DynamicsTerms:
 
     def _configuration(self: Any, q: Array) -> Array:
         x = self.vector("q", q, self.nq)
-        if not pin.isNormalized(self.model, x, 1e-8):
+        if not pin.isNormalized(self.model, x, HALF_DIGITS):
             raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
         return x

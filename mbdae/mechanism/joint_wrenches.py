@@ -17,9 +17,10 @@ import numpy as np
 import pinocchio as pin
 
 from ..system import Array
+from ..tolerances import VISIBLE
 from .forces.force import PairElement
 from .frames import joint_names, skew
-from .reactions import NONE, Reaction, null_rows, sampled
+from .reactions import Reaction, null_rows, sampled
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
@@ -91,7 +92,7 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
     for i in sampled(len(t)) if mech.ng else ():
         for combination in null_rows(system, t[i], q[i]).T:
             wrench = joint_wrenches(system, t[i], q[i], v[i], vdot[i], combination, laws=False)[j]
-            known &= np.abs(wrench) < NONE
+            known &= np.abs(wrench) < VISIBLE
     return Reaction(name, np.asarray(t), own[:, :3], own[:, 3:], world[:, :3], world[:, 3:], tuple(known.tolist()))
 
 

@@ -20,13 +20,12 @@ from scipy.special import zeta
 
 from ..errors import StepError
 from ..finite_differences import numerical_jacobian
+from ..tolerances import BELOW_ROUNDING, ROUNDING
 from .frames import skew
 
 TERMS = 40
 MAX_ROTATION = 3.0  # rad within one step: below pi, so that both ends of a step determine it
 SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
-SAME_POINT = 1e-15  # of 1 + |q|: configurations closer than this are equal
-SERIES_END = 1e-17  # of a sum: smaller terms end it
 WIDTH = 1e-2  # of differences of components of q, which are linear in x, or sines and cosines of x
 
 Ad = Callable[[np.ndarray], np.ndarray]
@@ -120,7 +119,7 @@ class Manifold:
 
     def is_same_point(self, q0: np.ndarray, q1: np.ndarray, scales: np.ndarray) -> bool:
         """Return whether two configurations, by scales (nq,), are equal up to rounding; nan is never equal."""
-        return bool(np.abs((q0 - q1) / scales).max() <= SAME_POINT * (1 + np.abs(q0 / scales).max()))
+        return bool(np.abs((q0 - q1) / scales).max() <= ROUNDING * (1 + np.abs(q0 / scales).max()))
 
     def within(self, x: np.ndarray) -> None:
         """Reject coordinates of a step in which a joint rotates too far.
@@ -182,7 +181,7 @@ class Manifold:
             for k in range(1, 2 * TERMS):
                 term = -(X @ term) / (k + 1)
                 out[s] += term
-                if np.abs(term).max() <= SERIES_END * np.abs(out[s]).max():
+                if np.abs(term).max() <= BELOW_ROUNDING * np.abs(out[s]).max():
                     break
         return out
 
@@ -203,7 +202,7 @@ def chord(heading: np.ndarray, turn: float) -> tuple[np.ndarray, float]:
 def inverse_jacobian(X: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return J v = v + X v/2 + sum_k B_2k/(2k)! X^2k v, the inverse right Jacobian of exp for X = ad_x."""
     out = v + 0.5 * X.dot(v)
-    term, square, small = v, X.dot(X), SERIES_END * np.abs(v).max()
+    term, square, small = v, X.dot(X), BELOW_ROUNDING * np.abs(v).max()
     for b in SERIES:
         term = square.dot(term)
         out += b * term

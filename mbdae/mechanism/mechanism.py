@@ -11,8 +11,9 @@ import pinocchio as pin
 from ..discovery import later
 from ..errors import InputError, UnknownNameError
 from ..system import Array
+from ..tolerances import INPUT_DIGITS
 from .appearance import appearance
-from .assembly import START, assemble, require_consistent
+from .assembly import assemble, require_consistent
 from .closures.brake import Brake
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -276,7 +277,8 @@ class Mechanism(DynamicsTerms):
         return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(
-        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = START
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None,
+        gap: float = INPUT_DIGITS,
     ) -> Array:
         """Return y = (q, v, s, w = 0) at time t; by default at the start state, with start values of s.
 
@@ -288,10 +290,8 @@ class Mechanism(DynamicsTerms):
         s0 = np.array(list(self.states.values())) if s is None else vector(self.title, "s", s, len(self.states))
         if q is None and v is None:
             return np.concatenate([*self.start_at(t), s0, [0.0]])
-        q0 = self.start_at(t)[0] if q is None else vector(self.title, "q", q, self.nq)
+        q0 = self._configuration(self.start_at(t)[0] if q is None else q)
         v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
-        if not pin.isNormalized(self.model, q0, 1e-8):
-            raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
         require_consistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])
 

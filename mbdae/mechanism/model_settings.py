@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from ..errors import InputError
 from ..system import Array
+from ..tolerances import HALF_DIGITS
 from .checked_table import Table
 from .frames import find_joint
 
@@ -143,7 +144,7 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
 def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
     """Return q (nq,) with quaternions, and (cos, sin) pairs, normalised; None if one of them is zero."""
     q = pin.normalize(model, q)
-    return q if pin.isNormalized(model, q, 1e-8) else None
+    return q if pin.isNormalized(model, q, HALF_DIGITS) else None
 
 
 def vector(title: str, name: str, value: Any, n: int) -> Array:

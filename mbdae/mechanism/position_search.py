@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
+from ..tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION
 from .closures.closure_error import ClosureError, largest_error
 from .closures.independent_rows import MANY_ROWS
 from .flipped_frames import Residuals, closures, flipped_closures, with_directions
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
     from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
-TOLERANCE = 1e-12
-NEARLY = 1e-3  # a gap that numbers with few digits leave
-ACCEPT = 1e-10
-TRUNCATION = 1e-7
 ITERATIONS = 100
 WIDTHS = (0.1, 0.4, 1.5, 3.0)  # displacements of the guess when it leads nowhere, or far
 STARTS = 6  # of each width
@@ -31,7 +28,7 @@ SLIDES = 10
 DAMPING = 0.1  # of |g|, at the start
 SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
 LESS = 0.1  # of the damping, after such a step
-LEAST_DAMPING = 1e-12  # of the largest diagonal entry of G G^T: dependent rows make it singular without
+LEAST_DAMPING = SOLUTION_ROUNDING  # of the largest diagonal entry of G G^T: dependent rows make it singular without
 
 
 def close_position(system: "Index2System", q: Array, held: Array, t: float) -> Array:
@@ -117,7 +114,7 @@ class _PositionSearch:
 
     def turn_back(self) -> None:
         """Search where loops close with a frame turned over: turn it back first."""
-        if not any(_open(self.system, x, self.t) <= ACCEPT for x in self.found):
+        if not any(_open(self.system, x, self.t) <= AGREEMENT for x in self.found):
             return
         for start in (self.guess, *self.displaced(*WIDTHS[1:3])):
             turned = gauss_newton(self.system, start, self.free, self.t, with_directions)
@@ -146,7 +143,7 @@ class _PositionSearch:
     def failure(self, held: Array) -> InputError | AssemblyError:
         """Return the error that says why nothing is closed, by what came nearest."""
         best = min(self.found, key=lambda x: _open(self.system, x, self.t))
-        if _open(self.system, best, self.t) <= ACCEPT:
+        if _open(self.system, best, self.t) <= AGREEMENT:
             name = flipped_closures(self.system)
             return InputError(f"closure {name!r} closes with its second frame turned over: change the guess")
         gap = largest_error(self.system.mechanism, self.system.closures(best, self.t)[0])
@@ -166,7 +163,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     for _ in range(ITERATIONS):
         if closed or not np.isfinite(G).all():
             break
-        closed = bool(np.linalg.norm(g) <= TOLERANCE)  # one more step leaves rounding
+        closed = bool(np.linalg.norm(g) <= SOLUTION_ROUNDING)  # one more step leaves rounding
         x = _newton(G, g, free, share)
         x /= max(1.0, np.abs(x).max())
         for part in 0.5 ** np.arange(12):
@@ -213,13 +210,13 @@ def _open(system: "Index2System", q: Array, t: float) -> float:
 
 def is_closed(system: "Index2System", q: Array, t: float) -> bool:
     """Whether all loops are closed, with no frame turned over."""
-    return _open(system, q, t) <= ACCEPT and not flipped_closures(system)
+    return _open(system, q, t) <= AGREEMENT and not flipped_closures(system)
 
 
 def open_closure(mech: "Mechanism", gap: ClosureError, held: Array, what: str) -> AssemblyError:
     """The error that says which closure stays open the most, by how much, and what was held."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in held)) or "nothing"
     text = f"no consistent {what}: {gap.says('stays open')} (held: {joints})"
-    if gap.relative < NEARLY:
+    if gap.relative < THREE_DIGITS:
         text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)

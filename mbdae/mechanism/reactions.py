@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..system import Array
+from ..tolerances import VISIBLE
 from .closures import independent_rows
 from .closures.driver import Driver
 from .frames import skew
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 SAMPLES = 8
-NONE = 1e-6  # fraction of a unit multiplier that counts as zero
 NOT_UNIQUE = "rows depend on others: the multipliers of minimum norm are shown"
 
 
@@ -116,7 +116,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
     for i in sampled(len(t)):
         N = null_rows(system, t[i], q[i])[rows]
         R = np.kron(np.eye(2), turns[i].T)
-        known &= np.abs(R @ at_origin[i] @ N).max(axis=1, initial=0.0) < NONE
+        known &= np.abs(R @ at_origin[i] @ N).max(axis=1, initial=0.0) < VISIBLE
     return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(known.tolist()))
 
 
@@ -139,7 +139,7 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
         G = system.closures(q[i], t[i])[1]
         u[i] = system.constraints.motion(t[i])[:, row]
         counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
-    unique = all(np.abs(null_rows(system, t[i], q[i])[row]).max(initial=0.0) < NONE for i in sampled(len(t)))
+    unique = all(np.abs(null_rows(system, t[i], q[i])[row]).max(initial=0.0) < VISIBLE for i in sampled(len(t)))
     force = lam[:, row]
     return Effort(
         name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * u[:, 1], bool(unique)

@@ -7,17 +7,17 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..system import Array
+from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
 from .closures import independent_rows
 from .reactions import scaled
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
-SINGULAR = 1e-5  # ratio of pivots to its regular value, with projection: smaller ones are below interpolation accuracy
+SINGULAR = AMBIGUOUS_PIVOT  # ratio of pivots to its regular value, with projection
 NEARLY = 1e-2  # largest increase by constraint violation: beyond it, the run does not represent the mechanism
 ROUND = 5.0  # times the square root of the violation: largest distance of a run that passes by
-SHARE = 1e-3  # of a closure's rows in a vanishing combination
-TURN = 1e-4  # of a step: large enough to measure the rotation of the tangent space
+TURN_WIDTH = 1e-4  # of a step: large enough to measure the rotation of the tangent space
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def singular(
     if not rank or not small[rank - 1]:
         return None
     rows = _shares(there, int((~small).sum())) - _shares(here, rank)
-    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(rows > SHARE)]
+    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(rows > NEGLIGIBLE)]
     found = tuple(q.tolist()), tuple(v.tolist()), rank, int((~small).sum()), tuple(dict.fromkeys(names))
     return Singular(t, *found)
 
@@ -138,7 +138,7 @@ def tangent_space_angle(before: Array, after: Array) -> float:
 def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) -> float:
     """Return the rate of rotation of the tangent space along the motion, in rad/s."""
     q, v = system.split(y)
-    d = dt * TURN
+    d = dt * TURN_WIDTH
     moved = np.concatenate([system.manifold.integrate(q, d * v), y[system.nq :]])
     return tangent_space_angle(tangent(system, t, y), tangent(system, t + d, moved)) / abs(d)
 

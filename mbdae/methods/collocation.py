@@ -22,16 +22,14 @@ import numpy as np
 
 from ..errors import StepError
 from ..system import Array, Chart, Linearization, Solver, State, Step, System
+from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING, NEGLIGIBLE
 from .radau_coefficients import RadauArrays, lagrange
 
-TOLERANCE = 1e-16  # target for the Newton error, relative to the size of y: rounding
-NEAR_ROUNDING = 1e-11  # changes below this are close to rounding: the remaining iterations follow from previous ones
 EXTRA_ITERATIONS = 8  # largest number of iterations from there on
 FIRST = 3  # iterations after a first change that is already that small: their rate is unknown
 EXPECTED_RATE = (
     0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
 )
-SHARE = 1e-3  # of the largest component: lower bound of the scale
 REUSE = 0.03  # partial derivatives and factors are reused for the same h while the rate is below this
 ANDERSON_DEPTH = 10  # changes combined where the simplified Newton iteration does not converge
 FAR = 0.5  # of the size of y and its displacement: larger first changes make the guess unreliable
@@ -118,12 +116,12 @@ def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
 
 def _left(size: float, rate: float) -> int:
     """Return the number of remaining iterations after a change of this size, to reach the tolerance."""
-    if rate * size <= TOLERANCE:
+    if rate * size <= BELOW_ROUNDING:
         return 0
     return (
         EXTRA_ITERATIONS
         if rate >= 1
-        else min(EXTRA_ITERATIONS, int(np.ceil(np.log(TOLERANCE / size) / np.log(rate))) - 1)
+        else min(EXTRA_ITERATIONS, int(np.ceil(np.log(BELOW_ROUNDING / size) / np.log(rate))) - 1)
     )
 
 
@@ -156,15 +154,16 @@ class _Stages:
             self.counts.newton += 1
             if not np.isfinite(size):
                 break
-            if last > NEAR_ROUNDING:
+            if last > ITERATION_ROUNDING:
                 if k:
                     rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
                 left = _left(size, rate) if k else FIRST
             else:
                 left -= 1
-            if size <= NEAR_ROUNDING and (left <= 0 or k == self.patience - 1):
+            if size <= ITERATION_ROUNDING and (left <= 0 or k == self.patience - 1):
                 return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
-            if k > 1 and last > NEAR_ROUNDING and (rate >= 1 or rate ** (self.patience - 1 - k) * size > NEAR_ROUNDING):
+            slow = rate >= 1 or rate ** (self.patience - 1 - k) * size > ITERATION_ROUNDING
+            if k > 1 and last > ITERATION_ROUNDING and slow:
                 break
             last = size
         raise self._diverges()
@@ -208,7 +207,7 @@ class _Stages:
             self.counts.newton += 1
             if not size < (FAR if known else np.inf):
                 break
-            if size <= TOLERANCE or last <= size <= NEAR_ROUNDING:
+            if size <= BELOW_ROUNDING or last <= size <= ITERATION_ROUNDING:
                 return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, partials, solvers, np.inf)
             change = np.concatenate([dK.ravel(), dZ.ravel()])
             points = np.vstack([points, np.concatenate([K.ravel(), Z.ravel()])])[-ANDERSON_DEPTH - 1 :]
@@ -237,7 +236,7 @@ class _Stages:
         start, the guess foresees none.
         """
         scale = self.size[self.measured] + np.abs(self._moves(K)).max(axis=0)
-        return scale + SHARE * scale.max(initial=0.0)
+        return scale + NEGLIGIBLE * scale.max(initial=0.0)
 
     def _measure(self, dK: Array, scale: Array) -> float:
         """The change of X by dK, (s, ny), in root mean square of the scale."""

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..tolerances import AGREEMENT, COARSE
+
 
 class Control(NamedTuple):
     """Control parameters: the exponent of the last error, and the smallest and largest step ratio."""
@@ -16,7 +18,7 @@ class Control(NamedTuple):
 
 PI = Control(beta=0.04, smallest=0.2, largest=10.0)
 SAFETY = 0.9
-SMALLEST_ERROR, SMALLEST_LAST = 1e-10, 1e-4  # lower bounds of errors: of a step, and of the previous one
+SMALLEST_ERROR, SMALLEST_LAST = AGREEMENT, COARSE  # lower bounds of errors: of a step, and of the previous one
 COMPANION = 0.01  # weight of the second of two error estimates
 
 

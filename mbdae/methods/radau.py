@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..system import State, Step, System
+from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING, NEGLIGIBLE
 from . import collocation
 from .collocation import collocation_step
 from .controller import PI
@@ -155,9 +156,9 @@ class RadauIIA:
         return native.Radau(
             a.c, a.A, modes, real, a.gamma, a.start, a.middle,
             patience=PATIENCE, short_patience=SHORT_PATIENCE,
-            tolerance=collocation.TOLERANCE, near=collocation.NEAR_ROUNDING,
+            tolerance=BELOW_ROUNDING, near=ITERATION_ROUNDING,
             further=collocation.EXTRA_ITERATIONS, first=collocation.FIRST, expected=collocation.EXPECTED_RATE,
-            reuse=collocation.REUSE, share=collocation.SHARE,
+            reuse=collocation.REUSE, share=NEGLIGIBLE,
         )  # fmt: skip
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..system import State, Step, System
+from ..tolerances import EPS
 from .controller import PI
 from .exact_numbers import Number, exact
 from .half_explicit_step import half_explicit_step, step_doubling
@@ -149,7 +150,7 @@ class Tableau:
         first = int(self.explicit_first)
         weights = a.e[0] if len(a.e) else a.b
         with np.errstate(over="ignore"):
-            return float(2 * np.finfo(float).eps * np.abs(weights[first:] / a.Ahat.diagonal()[first:]).sum())
+            return float(2 * EPS * np.abs(weights[first:] / a.Ahat.diagonal()[first:]).sum())
 
     @property
     def error_power(self) -> int:

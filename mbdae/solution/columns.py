@@ -12,6 +12,7 @@ from ..mechanism.coordinate_units import component_suffixes
 from ..mechanism.forces.coulomb_friction import CoulombFriction
 from ..mechanism.frames import WORLD, find_joint, frame_names, motions
 from ..system import Array
+from ..tolerances import AGREEMENT, COARSE
 from .sampling import residuals_and_energies
 
 if TYPE_CHECKING:
@@ -22,8 +23,7 @@ TURN = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
 LOADS, WORLD_AXES, OWN_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
 MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
-RESTING = 1e-10  # of the characteristic rate: below, energies are rounding
-MOVING = 1e-4  # of gravity's rate, which is known without an evaluation: above, the mechanism moves
+MOVING = COARSE  # of gravity's rate, which is known without an evaluation: above, the mechanism moves
 
 
 class Residuals(NamedTuple):
@@ -55,7 +55,7 @@ def balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work:
     done, total = work - work[0], kinetic + potential
     scale = max(np.abs(done).max(), kinetic.max(), np.ptp(potential))
     fastest = np.abs(v / mech.coordinate_scales).max(initial=0.0)
-    moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= RESTING * mech.characteristic_rate
+    moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= AGREEMENT * mech.characteristic_rate
     return np.abs(total - total[0] - done), float(scale) if moves else 0.0
 
 

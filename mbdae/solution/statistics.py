@@ -19,14 +19,15 @@ from numpy.polynomial import chebyshev
 from ..errors import InputError
 from ..system import Array
 from ..tabular import Tabular
+from ..tolerances import COINCIDENT, INTERPOLATION, VISIBLE
 from .signals import find, signals, units
 
 if TYPE_CHECKING:
     from .solution import Solution
 
 DEGREES = (4, 8, 16, 32)
-EXTREMUM_TOLERANCE = 1e-9  # of the range of a signal: last coefficients of a series with extrema accurate to rounding
-INTEGRAL_TOLERANCE = 1e-5  # the same for integrals accurate to about 1e-10: the omitted terms oscillate
+EXTREMUM_TOLERANCE = COINCIDENT  # of the range of a signal: last coefficients of series whose extrema are exact
+INTEGRAL_TOLERANCE = INTERPOLATION  # the same for integrals accurate to about 1e-10: the omitted terms oscillate
 UNRESOLVED = 0.05  # of the range: last coefficients that do not decay are rounding of a constant signal
 RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # evaluated at the ends of steps only
 FINE = 64  # points at which a series is sampled before the roots of its derivative are computed
@@ -255,6 +256,6 @@ def _stationary_points(series: Array, fine: Array, t: Array, h: Array) -> Array:
     for i in {int(fine.max(axis=1).argmax()), int(fine.min(axis=1).argmin())}:
         rate = np.trim_zeros(chebyshev.chebder(series[i]), "b")
         roots = chebyshev.chebroots(rate) if len(rate) > 1 else np.empty(0)
-        inside = roots[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1)].real
+        inside = roots[(np.abs(roots.imag) < VISIBLE) & (np.abs(roots.real) < 1)].real
         out.append(t[i] + h[i] * (1 + inside) / 2)
     return np.concatenate(out)

@@ -12,10 +12,10 @@ import mbdae
 from mbdae import Mechanism
 from mbdae.methods import EXPLICIT
 from mbdae.methods.controller import Controller, error_norm
-from mbdae.methods.order.conditions import ROUNDED
 from mbdae.methods.order.trees import plain_trees
 from mbdae.methods.order.weights import Weights
 from mbdae.system import State
+from mbdae.tolerances import PUBLISHED_DECIMALS
 
 every = pytest.mark.parametrize("name", EXPLICIT)
 
@@ -28,7 +28,7 @@ def test_conditions_hold_as_claimed_and_fail_at_the_next_order(name):
     rows = (m.exact_b, *m.exact_embedded)
     for row, claim in zip(rows, (m.order, m.order_embedded, m.order_companion), strict=True):
         residual = [max(abs(weights.sum(row, t) - 1 / t.gamma) for t in plain_trees(k)) for k in range(1, claim + 2)]
-        assert max(residual[:-1]) <= Fraction(ROUNDED)
+        assert max(residual[:-1]) <= Fraction(PUBLISHED_DECIMALS)
         assert residual[-1] > 1e-6
     assert m.error_power == 8
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...discovery import later
 from ...errors import StepError
-from ...mechanism.hybrid.mode_point import ROUNDING
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
+from ...tolerances import COINCIDENT, EVALUATION_ROUNDING, REAL, SOLUTION_ROUNDING, VISIBLE
 from .level_crossing import ITERATIONS, SHARE, SHARP
 from .load_resolution import QUARTERS, At, sample_points
 
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from ..step_map import StepMap
 
 brentq = later("scipy.optimize", "brentq")
-BAND = 1e-13  # of the size of a guard: smaller values are rounding
 LATER = 1.05  # times the predicted flight from speed and acceleration: when a row after an impact is below zero
-ROOT = 1e-6  # of a bracket: a zero of a row after an impact that is closer to the start is the start itself
+ROOT = VISIBLE  # of a bracket: a zero of a row after an impact that is closer to the start is the start itself
 HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
 
@@ -59,7 +58,7 @@ class TrackedGuard:
     @property
     def band(self) -> float:
         """Return the rounding error of the guard."""
-        return BAND * (self.unit + self.size)
+        return EVALUATION_ROUNDING * (self.unit + self.size)
 
 
 def _unit(guard: Guard, point: "ModePoint") -> float:
@@ -70,7 +69,7 @@ def _unit(guard: Guard, point: "ModePoint") -> float:
         return scale
     if guard.kind in ("rest", "step"):
         return scale * point.speed
-    return 1.0 if guard.kind == "command" else point.rounding / ROUNDING
+    return 1.0 if guard.kind == "command" else point.rounding / SOLUTION_ROUNDING
 
 
 def first_guard_root(
@@ -130,7 +129,7 @@ def _below(followed: TrackedGuard, step: "StepMap", at: At, thetas: Array) -> fl
         if _least(f0, f1, h * r0, h * r1) > 0.25 * min(f0, f1):
             return None
         rate = guard.rate
-        theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=1e-9, rtol=1e-9, maxiter=ITERATIONS))
+        theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=ITERATIONS))
         return theta if followed.value(at(theta)) < -band else None
     return None
 
@@ -185,5 +184,5 @@ def _cubic_zero(f0: float, f1: float, m0: float, m1: float) -> float:
     """Return the first zero in (0, 1) of the cubic with values f0 >= 0 > f1 and derivatives m at 0, 1; 1 if none."""
     c = [2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0]
     roots = np.roots([*c, f0] if f0 > 0 else c)
-    real = [float(x.real) for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1]
+    real = [float(x.real) for x in roots if abs(x.imag) < REAL and 0 < x.real < 1]
     return min(real, default=1.0)

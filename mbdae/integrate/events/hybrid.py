@@ -7,7 +7,6 @@ import numpy as np
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.closures.independent_rows import UNDERWAY
-from ...mechanism.formulations.friction_interface import STILL
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
@@ -15,6 +14,7 @@ from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode
 from ...system import Array, State
+from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, STILL
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import QUARTERS, At, loads_unresolved, resolving_step
 from .singularity_crossing import KNOWN
@@ -26,10 +26,9 @@ if TYPE_CHECKING:
     from ..run import RunState
     from ..step_map import StepMap
 
-TOUCHING = 1e-9  # rad or characteristic lengths: largest initial gap of an active contact
 SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the smallest ratio to the last one
 COMMANDS = ("command", "step")  # guards of jumps at known times
-SHORT = 1e-7  # of the span: loads that no longer step resolves are jumps
+SHORT = SMALLEST_PART  # of the span: loads that no longer step resolves are jumps
 MANY = 100  # transitions, plus as many per switch: if they all fall within a rest time, there is chattering
 
 
@@ -106,7 +105,7 @@ class ModeChanges(EventSource):
             return self._commanded(run, y)
         at = self._point(run.t, y)
         for s, gap in self._gaps(at):
-            if gap < -TOUCHING * self.system.mechanism.row_scales[s.rows[0]]:
+            if gap < -CLOSED * self.system.mechanism.row_scales[s.rows[0]]:
                 unit = self.system.mechanism.row_units[s.rows[0]]
                 raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
         y, mode = self._resolved_mode(run, at, set())
@@ -247,7 +246,7 @@ class ModeChanges(EventSource):
     def _count(self, t: float, fired: list[Guard]) -> None:
         most = MANY * (1 + len(self.switches))
         self.times = [*self.times[-most:], t]
-        if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, 1e-9 * abs(t)):
+        if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, COINCIDENT * abs(t)):
             names = " and ".join(repr(g.name) for g in fired)
             mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")

@@ -17,6 +17,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...solution.columns import TURN
 from ...solution.signal_value import SignalValue, find_signal, value
 from ...system import Array
+from ...tolerances import EPS
 
 if TYPE_CHECKING:
     from ..step_map import StepMap
@@ -25,8 +26,7 @@ brentq = later("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 SHARP = 2  # roundings of t: tolerance of the time of an event
-SHARE = 4 * float(np.finfo(float).eps)  # the same relative to the step
-TANGENCY_TOLERANCE = 1e-12  # of 1 + |level|: a signal this close to its level before and after an impact has a tangency
+SHARE = 4 * EPS  # the same relative to the step
 ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 

@@ -14,6 +14,7 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
+from ...tolerances import REAL, VISIBLE
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
@@ -25,9 +26,7 @@ FINEST = 64  # intervals of a step of fixed size
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
 ROUGH = 0.05  # of the distance of a load to its limit: largest deviation from a cubic
 NEAR_LIMIT = 0.02  # of the limit, or of the largest load: smallest distance considered
-LEAST = 1e-6  # of the largest load of the mode: smallest value for the largest load of a step
 NEARLY = 0.1  # of the limit, or of the largest load: extrema this close are sampled
-EPS = 1e-9  # of an imaginary part
 BESIDE = 0.1  # of five samples: distance beyond them in which an extremum counts
 At = Callable[[float], "ModePoint"]
 
@@ -51,7 +50,7 @@ def loads_unresolved(guards: Sequence["TrackedGuard"], at: At, thetas: Array, st
             worst = max(worst, (4 * step_size / (len(thetas) - 1) / longest) ** 4)
         if guard.load is not None:
             loads = _samples(guard, at, thetas)
-            size, left = _left(guard, loads, LEAST * followed.size)
+            size, left = _left(guard, loads, VISIBLE * followed.size)
             bend = max(float(np.linalg.norm(FOURTH @ five)) for five in _fives(loads))
             if guard.kind == "slip" or bend > np.abs(FOURTH).sum() * at(0.0).rounding:
                 worst = max(worst, bend / (size * ROUGH * max(left, NEAR_LIMIT)))
@@ -77,7 +76,7 @@ def sample_points(guard: Guard, at: At, thetas: Array) -> Array:
             quartics = (QUARTIC @ five).T
             near = np.sum([np.convolve(c, c) for c in quartics], axis=0) if slips else quartics[0]
             for x in np.roots(np.polyder(near)):
-                if abs(x.imag) < EPS and -BESIDE < x.real < 1 + BESIDE:
+                if abs(x.imag) < REAL and -BESIDE < x.real < 1 + BESIDE:
                     value = float(np.polyval(near, x.real))
                     if size * np.sqrt(max(value, 0.0)) > 1 - NEARLY if slips else value < NEARLY:
                         found.append(float(np.clip((k + x.real) * 4 / (len(thetas) - 1), 0.0, 1.0)))

@@ -11,6 +11,7 @@ from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.singularity import Singular, open_limit, singular, tangent, tangent_space_angle, tangent_space_rate
 from ...system import Array
+from ...tolerances import COARSE, SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from .source import EventError, EventSource
 
 if TYPE_CHECKING:
@@ -20,11 +21,8 @@ minimize_scalar = later("scipy.optimize", "minimize_scalar")
 MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
 EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singularity to a node: candidate ends of the zone
-CLOSED = 1e-12  # rad or characteristic lengths: smaller gaps, and branches apart by the root of it, count as closed
 SAMPLES = 5  # of each step
 LEVEL = 0.999  # of the largest sample: ratios that fall by less are constant
-SHARP = 1e-10  # of a step: tolerance of a minimum
-SAME = 1e-4  # of the steps that are searched: minima closer than this are one
 
 
 class Passages(EventSource):
@@ -112,7 +110,7 @@ class Passages(EventSource):
         for k in lowest.tolist():
             bounds = float(samples[max(0, k - 1)]), float(samples[min(k + 1, len(samples) - 1)])
             best = minimize_scalar(
-                lambda u: self._ratio(*at(u)), bounds=bounds, method="bounded", options={"xatol": SHARP}
+                lambda u: self._ratio(*at(u)), bounds=bounds, method="bounded", options={"xatol": SEARCH_TOLERANCE}
             )
             self._judge(run, nodes, int(best.x), *at(float(best.x)))
 
@@ -121,11 +119,11 @@ class Passages(EventSource):
         gap = max(self._gap(run.ts[n], run.ys[n]) for n in nodes)
         limit = open_limit(self.workspace, t, y, self.largest, gap)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
-        same = SAME * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
+        same = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
         if found is None or any(abs(found.t - other.t) <= same for other in self.found):
             return
         self.found.append(found)
-        if not self.controlled and not self.kept and gap > CLOSED:
+        if not self.controlled and not self.kept and gap > SOLUTION_ROUNDING:
             text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
             text = f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'"
             raise EventError("rank", text, i)

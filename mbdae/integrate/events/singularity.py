@@ -8,6 +8,7 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
+from ...tolerances import NEGLIGIBLE, VISIBLE
 from .passages import MONITORED_RATIO, Passages
 from .singularity_crossing import KNOWN, SingularityCrossing, cross_singularity
 from .source import EventError
@@ -27,8 +28,7 @@ NEARER = 0.75  # of the way of the previous attempt: start of the next one
 MET, PATIENCE = 0.5, 2  # of the last error: attempts without this reduction are limited by step errors
 TRUSTED = 1e3  # times the tolerance: largest error that may be attributed to the steps
 MOVED = 100.0  # times the tolerance: largest distance of the end of a crossing from the closures
-ENDED = 1e-6  # of the largest ratio: closer to a singularity, end velocities have lost six digits
-SINGULAR_RATIO = 1e-3  # of the ratio one step before: below, the configuration is singular
+SINGULAR_RATIO = NEGLIGIBLE  # of the ratio one step before: below, the configuration is singular
 BACK = 0.02  # of the ratio at the start of an interval: largest change over a linear backward step
 
 
@@ -177,7 +177,7 @@ class SingularityMonitor(Passages):
     def _inspect_end(self, run: "RunState") -> None:
         """Inspect the last step; reject one that ends in a singular configuration."""
         near = self.ratios[-1] < SUSPICIOUS_RATIO * self.largest
-        if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
+        if near and self._ratio(run.ts[-1], run.ys[-1]) < VISIBLE * self.largest:
             text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
             text = f"{text} velocities and multipliers: the step before is the last"
             raise EventError("rank", text, len(run.ts) - 2)

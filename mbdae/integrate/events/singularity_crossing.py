@@ -15,6 +15,7 @@ from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.singularity import Singular, singular, singular_crossing
 from ...system import Array
+from ...tolerances import CLOSED, EVALUATION_ROUNDING, INTERPOLATION, ROUNDING, SEARCH_TOLERANCE
 
 solve_ivp = later("scipy.integrate", "solve_ivp")
 minimize_scalar = later("scipy.optimize", "minimize_scalar")
@@ -24,9 +25,7 @@ SAMPLES = 24  # points of the search
 DEPTH = 0.05  # of the current pivot ratio: a singular configuration is below
 OVERSHOOT = 1.3  # times the way, at least: end of the crossing
 AHEAD = 0.7  # times the way: if the end of a run is closer, the crossing leads to it
-KNOWN = 1e-5  # rad or characteristic lengths: required accuracy of the position of a singular configuration
-CLOSE = 1e-9  # of the size of G: residual of closures in a singular configuration; bars with a gap keep a larger one
-ROOT_TOLERANCE = 1e-10  # of the way: tolerance of the smallest ratio
+KNOWN = INTERPOLATION  # rad or characteristic lengths: required accuracy of the position of a singular configuration
 
 
 class SingularityCrossing(NamedTuple):
@@ -70,9 +69,9 @@ class ContinuationPolynomial:
         derivatives = powers * x[:, None] ** np.maximum(powers - 1, 0)
         self.c = np.linalg.solve(np.vstack([values, derivatives]), np.vstack([us, self.unit * rates]))
         if not system.manifold.flat:
-            zero, rtol = np.zeros(system.nv), 1e-13
+            zero, rtol = np.zeros(system.nv), EVALUATION_ROUNDING
             span = (0.0, reach)
-            self.turn = solve_ivp(self._rate, span, zero, "DOP853", dense_output=True, rtol=rtol, atol=1e-15).sol
+            self.turn = solve_ivp(self._rate, span, zero, "DOP853", dense_output=True, rtol=rtol, atol=ROUNDING).sol
 
     def _rate(self, dt: float, x: Array) -> Array:
         return self.system.manifold.tangent(x, self.tail(dt)[: self.system.nv])
@@ -125,7 +124,7 @@ def cross_singularity(system: Index2System, run: Any, way: float, first: int) ->
         return None
     lower = ContinuationPolynomial(system, ts[:-1], y, us[:-1], rates[:-1], reach)
     moved = system.difference(path(dt), lower(dt))[: system.nv] / system.mechanism.coordinate_scales
-    if np.abs(moved).max() > KNOWN or not singular_crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE):
+    if np.abs(moved).max() > KNOWN or not singular_crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSED):
         return None
     t = run.leg.end if end == run.left() else run.t + run.sign * end
     there = path(run.sign * end)
@@ -166,7 +165,7 @@ def _lowest(value: Any, dts: Array) -> tuple[float, float] | None:
     for k in range(1, len(dts) - 1):
         if values[k] <= values[k - 1] and values[k] <= values[k + 1]:
             lo, hi = sorted((dts[k - 1], dts[k + 1]))
-            options = {"xatol": ROOT_TOLERANCE * (hi - lo)}
+            options = {"xatol": SEARCH_TOLERANCE * (hi - lo)}
             best = minimize_scalar(value, bounds=(lo, hi), method="bounded", options=options)
             return float(best.x), float(best.fun)
     return None

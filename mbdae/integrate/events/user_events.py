@@ -15,8 +15,9 @@ from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array, State, Step
+from ...tolerances import AGREEMENT, ROUNDING, SOLUTION_ROUNDING
 from .event import Event, event_value
-from .level_crossing import TANGENCY_TOLERANCE, SignalEvent, crossing_at_jump
+from .level_crossing import SignalEvent, crossing_at_jump
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
 
 brentq = later("scipy.optimize", "brentq")
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
-SAME = 1e-10  # s, or relative to t: an event this close to the start coincides with it, up to rounding errors
-BESIDE = 1e-3  # of a step: distance on either side of an event for the derivative of its function
+WIDTH = 1e-3  # of a step: distance on either side of an event for the derivative of its function
 TRIALS = 8  # steps towards a terminal event, of which three or four are needed
 
 
@@ -119,7 +119,7 @@ class UserEvents(EventSource):
     def act(self, run: "RunState") -> bool:
         """End the run: events at or, by the dense output, beyond its end are moved to it."""
         t, y, sign = run.t, run.ys[-1], run.sign
-        limit = sign * t - SAME * max(1.0, abs(t))
+        limit = sign * t - AGREEMENT * max(1.0, abs(t))
         self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
         return True
 
@@ -140,7 +140,7 @@ class UserEvents(EventSource):
     def _terminal(self, step: "StepMap") -> tuple[float, Event] | None:
         """Check a step; return its first terminal event, preceded by the event's position in the step."""
         t, h = step.t, step.h
-        same, stop = SAME * max(1.0, abs(t)), None
+        same, stop = AGREEMENT * max(1.0, abs(t)), None
         for theta, i, y in sorted(self._hits(step), key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > same:
                 break
@@ -154,7 +154,7 @@ class UserEvents(EventSource):
 
     def _hits(self, step: "StepMap") -> list[tuple[float, int, Array]]:
         """Return the zeros in a step: share of the step, index of the event, point."""
-        touch = None if step.t == self._seen else TANGENCY_TOLERANCE if np.isnan(self._seen) else 0.0
+        touch = None if step.t == self._seen else SOLUTION_ROUNDING if np.isnan(self._seen) else 0.0
         self._seen = step.t1
         hits: list[tuple[float, int, Array]] = []
         for i, event in self.functions.items():
@@ -182,7 +182,7 @@ class UserEvents(EventSource):
                 if g0 == 0 and theta0 == 0 and g1 != 0 and step.t == self.origin[0]:
                     zeros.append(0.0)
                 elif g0 * g1 < 0:
-                    zeros.append(float(brentq(value, theta0, theta1, xtol=1e-15, rtol=1e-15)))
+                    zeros.append(float(brentq(value, theta0, theta1, xtol=ROUNDING, rtol=ROUNDING)))
                 elif g1 == 0 and g0 != 0:
                     zeros.append(float(theta1))
             theta0, g0 = theta1, g1
@@ -220,7 +220,7 @@ class UserEvents(EventSource):
         taken = step.take(theta)
         if isinstance(event.function, str):
             return Occurrence(t + theta * h, taken)
-        low, high = max(0.0, theta - BESIDE), min(1.0, theta + BESIDE)
+        low, high = max(0.0, theta - WIDTH), min(1.0, theta + WIDTH)
         rise = self.evaluate(event, t + high * h, step.dense(high)) - self.evaluate(event, t + low * h, step.dense(low))
         derivative = rise / (high - low)
         miss = self.evaluate(event, t + theta * h, taken.state.y)

@@ -8,13 +8,14 @@ import numpy as np
 from ...errors import InputError, StepError
 from ...methods.controller import PI, Control, Controller, error_norm
 from ...system import Array, Step
-from .stepper import SMALLEST_SCALE, PythonStepper, smallest
+from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
+from .stepper import PythonStepper, smallest
 
 if TYPE_CHECKING:
     from ..run import RunState
 
-SMALLEST_RTOL = 100 * np.finfo(float).eps
-NEARLY = 1e-10  # of the way left: a step so near to it takes all of it
+SMALLEST_RTOL = 100 * EPS
+STARTING_STEP = 1e-5, 1e-6, 1e-3  # of Hairer's algorithm: small norms, and h for them, in units of t; of h_0
 
 
 class Adaptive(PythonStepper):
@@ -50,7 +51,7 @@ class Adaptive(PythonStepper):
         self.ready(run)
         h, left = min(self.h, self.largest, self.cap), run.left()
         self.cut = self.h if h > left else 0.0
-        if h >= left * (1 - NEARLY):
+        if h >= left * (1 - AGREEMENT):
             return left, run.leg.end
         if h < smallest(run.t, run.t1):
             limit = f"{smallest(run.t, run.t1):.1e} s, where t + h rounds to t"
@@ -103,7 +104,7 @@ class Adaptive(PythonStepper):
         if self.atol.shape not in ((), (n,)):
             raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
         size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
-        return self.atol + self.rtol * size + SMALLEST_SCALE
+        return self.atol + self.rtol * size + TINY
 
     def _first(self, run: "RunState") -> float:
         """Estimate the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
@@ -114,13 +115,14 @@ class Adaptive(PythonStepper):
             return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
 
         d0, d1 = norm(s.size(y)), norm(F)
-        h0 = min(1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1, run.left())
+        small, least, first_share = STARTING_STEP
+        h0 = min(least if min(d0, d1) < small else 0.01 * d0 / d1, run.left())
         if not h0 > 0:  # the rates overflow: the smallest step reveals the error
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0
         steepest = max(d1, d2)
-        h1 = max(1e-6, 1e-3 * h0) if steepest <= 1e-15 else (0.01 / steepest) ** (1 / self.controller.power)
+        h1 = max(least, first_share * h0) if steepest <= ROUNDING else (0.01 / steepest) ** (1 / self.controller.power)
         return min(100 * h0, h1)
 
 

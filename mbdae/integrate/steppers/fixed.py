@@ -6,14 +6,14 @@ import numpy as np
 
 from ...errors import InputError, StepError
 from ...system import Array, Step
-from .stepper import SMALLEST_SCALE, PythonStepper, smallest
+from ...tolerances import COINCIDENT, HALF_DIGITS, SOLUTION_ROUNDING, TINY
+from .stepper import PythonStepper, smallest
 
 if TYPE_CHECKING:
     from ..run import RunState
 
-NEAR = 1e-9  # of a step: how near to the grid a time counts as on it
 DETOUR = (0.309, 0.655)  # of two steps, of which the end of the first cannot be stepped on
-TOLERATED = 1e-8  # of the magnitude of a component: largest move of the state when steps are fixed
+TOLERATED = HALF_DIGITS  # of the magnitude of a component: largest move of the state when steps are fixed
 
 
 class Fixed(PythonStepper):
@@ -23,7 +23,7 @@ class Fixed(PythonStepper):
         if abs(t1 - t0) > 0 and step < smallest(t0, t1):
             raise InputError(f"step = {step} s is below {smallest(t0, t1):.1e} s, where t + h rounds to t")
         self.step, self.t0, length = step, t0, abs(t1 - t0)
-        self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
+        self.n = max(1, int(np.ceil(length / step * (1 - SOLUTION_ROUNDING))))
         self.i, self.on_grid = 0, True  # the last grid point, and whether the run is at it
         self.detour: list[float] = []  # times of the next steps off the grid
         self.aside: float | None = None  # time of the last one, if it was off the grid
@@ -37,9 +37,9 @@ class Fixed(PythonStepper):
         i, started = self.i + 1, self.on_grid
         t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
         beyond = run.sign * (t - run.leg.stop)  # the interval ends before the next grid point
-        self.on_grid = beyond <= NEAR * self.step
+        self.on_grid = beyond <= COINCIDENT * self.step
         self.i += self.on_grid
-        if beyond >= -NEAR * self.step:
+        if beyond >= -COINCIDENT * self.step:
             return run.left(), run.leg.end
         return (self.step if started else abs(t - run.t)), t
 
@@ -90,7 +90,7 @@ class Fixed(PythonStepper):
     def measure(self, run: "RunState", y: Array, move: Array) -> float:
         """Return the largest component of a move of the state away from y, in tolerances of `TOLERATED`."""
         m = run.system.measured
-        return float((np.abs(move) / (TOLERATED * run.system.magnitude(y) + SMALLEST_SCALE))[m].max(initial=0.0))
+        return float((np.abs(move) / (TOLERATED * run.system.magnitude(y) + TINY))[m].max(initial=0.0))
 
     def ready(self, run: "RunState") -> bool:
         """Return whether the compiled core may take the next steps: on the grid only."""

@@ -6,13 +6,13 @@ import numpy as np
 
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
+from ...tolerances import AGREEMENT, COINCIDENT, TINY
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import ITERATIONS, SHARE, SHARP
-from ..events.user_events import SAME
 from ..projected_step import TAKEN_BACK
-from .adaptive import NEARLY, Adaptive
-from .fixed import NEAR, TOLERATED, Fixed
-from .stepper import SMALLEST_SCALE, SPACINGS, PythonStepper, Stepper
+from .adaptive import Adaptive
+from .fixed import TOLERATED, Fixed
+from .stepper import SPACINGS, PythonStepper, Stepper
 
 if TYPE_CHECKING:
     from ..._native import Run
@@ -89,7 +89,7 @@ class NativeStepper(Stepper):
         r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
         self._events_to_native(run)
         r.kept = run.carried.capacity_left(len(run.ts))
-        r.taken_back, r.nothing = TAKEN_BACK, SMALLEST_SCALE
+        r.taken_back, r.nothing = TAKEN_BACK, TINY
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
@@ -99,11 +99,11 @@ class NativeStepper(Stepper):
         if isinstance(inner, Adaptive):
             c, pi = r.control, inner.controller
             c.h, c.cut, c.last, c.rejected = inner.h, inner.cut, pi.last, pi.rejected
-            c.largest, c.nearly, c.spacings = min(inner.largest, inner.cap), NEARLY, SPACINGS
+            c.largest, c.nearly, c.spacings = min(inner.largest, inner.cap), AGREEMENT, SPACINGS
             c.rtol, c.atol, c.nothing, c.companion = (
                 float(inner.rtol),
                 inner.atol.ravel().tolist(),
-                SMALLEST_SCALE,
+                TINY,
                 COMPANION,
             )
             c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
@@ -113,7 +113,7 @@ class NativeStepper(Stepper):
         elif isinstance(inner, Fixed):
             g = r.grid
             g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
-            g.near, r.tolerated = NEAR, TOLERATED
+            g.near, r.tolerated = COINCIDENT, TOLERATED
 
     def _events_to_native(self, run: "RunState") -> None:
         """Pass events and upcoming jumps to the core; Python evaluates functions step by step."""
@@ -121,7 +121,7 @@ class NativeStepper(Stepper):
         if self.watched is not events:
             self.watched = events
             e.watch(events.core_data() if events.by_signal else [])
-            e.same, e.spacings, e.share, e.iterations = SAME, SHARP, SHARE, ITERATIONS
+            e.same, e.spacings, e.share, e.iterations = AGREEMENT, SHARP, SHARE, ITERATIONS
             of_drivers = self.system.constraints.breaks
             j.times = sorted({*run.ahead.times, *self.system.laws.breaks(), *of_drivers})
             j.margin, j.crowd = MARGIN, MAX_CLUSTER

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from .adaptive import Adaptive
 
 SPACINGS = 16  # of the times of a run: a step below is too small
-SMALLEST_SCALE = 1e-100  # keeps the scale of a component positive where neither tolerance does
 
 
 class Stepper(ABC):

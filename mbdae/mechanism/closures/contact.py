@@ -19,11 +19,11 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import PARALLEL, ROUNDING
 from ..frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
 from .rows import displaced, rotated
 
-FLAT = 1e-6  # rad between axle and normal: a wheel that lies flat has no lowest point, and no heading
 POLAR = 0.8  # of n . z: above, tangents on a sphere are constructed from x
 
 
@@ -62,7 +62,7 @@ class ConvexBody:
         """Return the core data of the shape."""
         nil = (0.0, 0.0, 0.0)
         return {
-            "shape": [self.rim, self.tyre, self.curve, FLAT, POLAR],
+            "shape": [self.rim, self.tyre, self.curve, PARALLEL, POLAR],
             "axle": list(self.axle or nil),
             "squares": [a * a for a in self.semi_axes or nil],
             "centre": list(self.centre),
@@ -158,7 +158,7 @@ class NoSlipRows(LineRows):
     def __init__(self, shape: ConvexBody, angles: tuple[float, ...]) -> None:
         self.shape, self.m = shape, len(angles)
         self.share = np.array([np.cos(angles), np.sin(angles)])
-        self.share[np.abs(self.share) < 1e-15] = 0.0
+        self.share[np.abs(self.share) < ROUNDING] = 0.0
 
     def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
         return [{"kind": "grip", **self.shape.core_data(), "share": share.tolist()} for share in self.share.T]
@@ -176,5 +176,5 @@ def _apart(pair: Pair) -> tuple[Array, Array]:
 
 
 def _refuse_flat(x: Array) -> None:
-    if not np.sqrt((x * x).sum()).real > FLAT:
+    if not np.sqrt((x * x).sum()).real > PARALLEL:
         raise StepError("singular", "the wheel lies flat: it has no lowest point")

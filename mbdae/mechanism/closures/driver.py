@@ -13,6 +13,7 @@ from typing import Any, get_args
 from pydantic import Field, model_validator
 
 from ...errors import InputError, StepError
+from ...tolerances import COINCIDENT, THREE_DIGITS
 from ..checked_table import Table
 from ..piecewise_polynomial import Beyond, PiecewisePolynomial
 from ..time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
@@ -22,8 +23,7 @@ from .rows import Distance, FrameRows
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
 OFTEN = 2  # of them must differ: one may coincide with a jump of u''
 GOLDEN = (sqrt(5) - 1) / 2  # its multiples modulo 1 fill (0, 1) evenly and avoid any grid
-SPACING = 1e-5  # s
-NEAR = 1e-9  # of its length: how far stages may exceed a table by rounding
+SPACING, AHEAD = 1e-5, 1e-3  # s: of the quotients, and of their centre from the start
 Target = str | tuple[str, str]
 
 
@@ -119,7 +119,7 @@ class Driver(Table):
 
     def outside(self, t: float) -> str:
         """Return a message if it is not defined at time t; empty where it is, up to rounding."""
-        (first, last), near = self.span, NEAR * (self.span[1] - self.span[0])
+        (first, last), near = self.span, COINCIDENT * (self.span[1] - self.span[0])
         if isinf(near) or first - near <= t <= last + near:
             return ""
         known = ", ".join(map(repr, get_args(Beyond)))
@@ -155,7 +155,7 @@ class Driver(Table):
         Raises:
             InputError: if one of them is inconsistent.
         """
-        if isinstance(self._given, Function) and (mistake := self._mistake(t + 1e-3)):
+        if isinstance(self._given, Function) and (mistake := self._mistake(t + AHEAD)):
             raise InputError(mistake)
 
     def check_run(self, t0: float, t1: float) -> None:
@@ -179,7 +179,7 @@ class Driver(Table):
         given = ((0, "rate"), (1, "acceleration")) if self.speed is None else ((1, "rate"),)
         for k, what in given:
             quotient = (behind[k] - before[k]) / (2 * SPACING)
-            if abs(quotient - here[k + 1]) > 1e-3 * (1 + abs(quotient)):
+            if abs(quotient - here[k + 1]) > THREE_DIGITS * (1 + abs(quotient)):
                 return (
                     f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {t:g} s, "
                     f"but its function's derivative is {quotient:.6g}"

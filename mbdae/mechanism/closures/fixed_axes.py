@@ -5,12 +5,10 @@ from typing import ClassVar
 import numpy as np
 
 from ...system import Array
+from ...tolerances import THREE_DIGITS
 from ..frames import Pair
 from .closure import Axis, BetweenFrames, Z
 from .rows import unit_axis
-
-TILT = 1e-3  # rad
-FITS = 1e-3  # of the radii: numbers of three digits are consistent, wheels that do not mesh are not
 
 
 class FixedAxisClosure(BetweenFrames):
@@ -33,7 +31,7 @@ class FixedAxisClosure(BetweenFrames):
         """Return the angle in rad by which the axis has turned between both frames, 0 if negligible; see `unfit`."""
         k = pair.Ra @ unit_axis(self.axis)
         sine = float(np.linalg.norm(np.cross(k, pair.Rb @ relative @ (pair.Ra.T @ k))))
-        return float(np.arcsin(min(1.0, sine))) if sine > TILT else 0.0
+        return float(np.arcsin(min(1.0, sine))) if sine > THREE_DIGITS else 0.0
 
     def foreign_axes(self, pair: Pair) -> tuple[Array, str]:  # noqa: D102
         k = pair.Ra @ unit_axis(self.axis)

@@ -7,24 +7,20 @@ from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
 
 from ...discovery import later
 from ...errors import StepError
+from ...tolerances import BELOW_ROUNDING, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
 
 csr_array = later("scipy.sparse", "csr_array")
 reverse_cuthill_mckee = later("scipy.sparse.csgraph", "reverse_cuthill_mckee")
-RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
 GROWTH_TOLERANCE = 1e-2
-ROUNDING = 1e-14
-SMALLEST_PIVOT = 1e-14  # of the largest, in the system of the rows in use: below, it is singular
-AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: rows this close to dependence leave the branch to rounding
-UNDERWAY = 1e-7  # the same for a run that follows its branch with loops closed to the square of this
+SMALLEST_PIVOT = SUM_ROUNDING  # of the largest, in the system of the rows in use: below, it is singular
+UNDERWAY = TRUNCATION  # like AMBIGUOUS_PIVOT, for a run that follows its branch with loops closed to its square
 MANY_ROWS = 32  # rows: above, sparse and band factors serve, and all are inspected only when triggered
 RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last selection: smaller triggers one
 # of the largest row: a dependent row with this much of a probe triggers a selection, too
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
-CONVERGED, EXTRA_CG_ITERATIONS = (
-    1e-32,
-    20,
-)  # of a squared residual; the core also needs more iterations than exact arithmetic
+CONVERGED = BELOW_ROUNDING**2  # of a squared residual
+EXTRA_CG_ITERATIONS = 20  # the core also needs more than exact arithmetic
 FALLEN = 100.0  # of the ratio of pivots at the start: still small below this multiple
 
 
@@ -59,7 +55,7 @@ def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def rank(diagonal: np.ndarray) -> int:
     """Return the number of pivots above 1e-8 of the largest, which is the first."""
-    return int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[:1]))
+    return int(np.count_nonzero(diagonal > PIVOT_RANK * diagonal[:1]))
 
 
 def rank_has_grown(diagonal: np.ndarray, r: int) -> bool:
@@ -73,7 +69,7 @@ def rank_has_grown(diagonal: np.ndarray, r: int) -> bool:
 def geometric_rank(G: np.ndarray) -> int:
     """Rank of the rows of G (ng, nv) for bodies of any mass: in G M^-1/2 light bodies next to heavy ones hide rows."""
     size = np.linalg.norm(G, axis=1)
-    kept = size > RANK_TOLERANCE * size.max(initial=0.0)
+    kept = size > PIVOT_RANK * size.max(initial=0.0)
     return rank(pivots((G[kept] / size[kept, None]).T)[1])
 
 
@@ -96,7 +92,7 @@ def fixed_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, bes
         sizes = pivots(G.T)[1]
         if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < beside:
             raise StepError("rank", f"the run would begin next to a singular configuration, at t = {t:.17g}")
-    return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * RANK_TOLERANCE) if r else 0.0
+    return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * PIVOT_RANK) if r else 0.0
 
 
 def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
@@ -219,5 +215,5 @@ def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
     configuration, directions that vanish to rounding carry no force and are omitted.
     """
     left, sizes, right, _ = dgesdd(G, full_matrices=0)
-    rank = min(rank, int(np.count_nonzero(sizes > ROUNDING * sizes[:1])))
+    rank = min(rank, int(np.count_nonzero(sizes > SUM_ROUNDING * sizes[:1])))
     return left[:, :rank].dot(right[:rank].dot(force) / sizes[:rank])

@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
+from ...tolerances import SOLUTION_ROUNDING
 from ..frames import find_joint
 from ..joints import subspace
 
@@ -248,7 +249,7 @@ def common_period(shares: Sequence[float], name: str) -> float:
         return 0.0
     ratios = [Fraction(s / shares[-1]).limit_denominator(LARGEST_DENOMINATOR) for s in shares]
     for share, ratio in zip(shares, ratios, strict=True):
-        if abs(float(ratio) * shares[-1] - share) > 1e-12 * share:
+        if abs(float(ratio) * shares[-1] - share) > SOLUTION_ROUNDING * share:
             raise InputError(
                 f"{name!r}: the ratio {share / shares[-1]!r} of two unbounded joints is no fraction with a denominator "
                 f"up to {LARGEST_DENOMINATOR}: the angles do not tell how far it is kept; bound one joint"

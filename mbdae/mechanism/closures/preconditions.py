@@ -11,15 +11,14 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
+from ...tolerances import RANK, THREE_DIGITS
 from ..frames import Pair, find_joint
 from .closure import Closure
-from .fixed_axes import TILT
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
 
-RANK = 1e-9  # of the largest singular value
 
 
 def assuming(mech: "Mechanism") -> list[Closure]:
@@ -77,7 +76,7 @@ def _free_rotation(mech: "Mechanism", closure: Closure, pair: Pair, G: Array) ->
     if not turns.size or np.linalg.matrix_rank(turns, RANK * np.abs(turns).max()) > 2:
         return ""
     axes, words = foreign
-    return words if np.abs(axes @ turns).max() > TILT * np.abs(turns).max() else ""
+    return words if np.abs(axes @ turns).max() > THREE_DIGITS * np.abs(turns).max() else ""
 
 
 def _placed(system: "Index2System", closures: list[Closure]) -> Iterator[tuple[Closure, Pair]]:

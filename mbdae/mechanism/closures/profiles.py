@@ -18,14 +18,14 @@ from pydantic import Field, model_validator
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import BELOW_ROUNDING, RANK
 from ..checked_table import Table
 from .motion_laws import DEGREE, spline
 
 SAMPLES = 8  # of a polynomial or half a wave of the highest harmonic, and no fewer than:
 LEAST = 64
 ITERATIONS = 12  # of Newton's method, which doubles the digits of a sample
-ROUNDING = 1e-16  # of the length: a step that ends the search
-SHARP = 1e-9  # of c'.c': below, the nearest point is close to a centre of curvature
+SHARP = RANK  # of c'.c': below, the nearest point is close to a centre of curvature
 Point = tuple[float, float]
 
 
@@ -91,7 +91,7 @@ class PlaneCurve:
             derivative = d.dot(d) - (x - c).dot(dd)
             step = (x - c).dot(d) / derivative if np.real(derivative) > SHARP * np.real(d.dot(d)) else 0.0
             s = s + step
-            if abs(step) <= ROUNDING * self.length and not np.iscomplexobj(x):
+            if abs(step) <= BELOW_ROUNDING * self.length and not np.iscomplexobj(x):
                 break
         found = self.at(s)
         if not np.real(found.d.dot(found.d) - (x - found.c).dot(found.dd)) > SHARP * np.real(found.d.dot(found.d)):
@@ -112,7 +112,7 @@ class PlaneCurve:
             bend = dd.dot(n)
             step = d.dot(n) / bend if np.real(bend) < 0 else 0.0
             s = s - step
-            if abs(step) <= ROUNDING * self.length and not np.iscomplexobj(n):
+            if abs(step) <= BELOW_ROUNDING * self.length and not np.iscomplexobj(n):
                 break
         found = self.at(s)
         if not np.real(found.dd.dot(n)) < 0:
@@ -138,7 +138,7 @@ class PlaneCurve:
         """Core data."""
         kind = {"harmonic": self.harmonic, "closed": self.closed, "side": self.side}
         sizes = {"starts": self.starts.tolist(), "numbers": self.numbers.ravel().tolist(), "degree": DEGREE}
-        return {**kind, **sizes, "samples": self.samples.tolist(), "search": [ITERATIONS, ROUNDING, SHARP]}
+        return {**kind, **sizes, "samples": self.samples.tolist(), "search": [ITERATIONS, BELOW_ROUNDING, SHARP]}
 
 
 class PointProfile(Table):

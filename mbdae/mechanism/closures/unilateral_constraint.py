@@ -8,8 +8,6 @@ from ..checked_table import Table
 from .joint_pair import JointPair
 from .joint_rows import Coordinate
 
-REST = 1e-6  # s: shorter flights end in rest
-
 
 class UnilateralOptions(Table):
     """Options of unilateral rows.

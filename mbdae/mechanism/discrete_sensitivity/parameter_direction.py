@@ -11,6 +11,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ...finite_differences import ABOVE, BELOW, NARROWER, STENCIL, TIMES, central_difference, converged_difference
 from ...system import Array
+from ...tolerances import SUM_ROUNDING
 from ..closures.constraints import Constraints
 from ..forces import bind_forces
 from ..formulations.index2 import Index2System
@@ -19,9 +20,8 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: also moves positions of centimetres
-KNOT = 1e-5  # of the value, where it is a time between polynomials of a curve
+KNOT_WIDTH = 1e-5  # of the value, where it is a time between polynomials of a curve
 FIRST = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they detect degree 2
-ROUNDING = 1e-14  # of a number: tolerance of its third difference
 
 
 class PerturbedMechanisms(Mapping[int, "Mechanism"]):
@@ -140,7 +140,7 @@ class Parameter:
         if any(_times(x, "breaks") != _times(own, "breaks") for x in others):
             raise InputError(f"parameter {self.name!r} moves the instants of {own.name!r}: no derivative")
         if any(_times(x, "knots") != _times(own, "knots") for x in others):
-            self.use(min(self.h, KNOT * self.width / WIDTH))
+            self.use(min(self.h, KNOT_WIDTH * self.width / WIDTH))
 
     def changed(self, own: Sequence[Any], of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
         """Return the indices of the forces, or of the closures and drivers, that it changes."""
@@ -156,9 +156,9 @@ class Parameter:
         """Return the derivative of a component of a mechanism: from the first values where these are exact."""
         (a, b, c), here = (value(m) for m in self.first), value(self.mech)
         size = np.abs(here) + np.abs(b) + np.abs(c)
-        if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= ROUNDING * size).all():
+        if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= SUM_ROUNDING * size).all():
             return np.array((c - a) / (6 * self.h))
-        if self.side and (np.abs(c - 3 * b + 3 * a - here) <= ROUNDING * size).all():
+        if self.side and (np.abs(c - 3 * b + 3 * a - here) <= SUM_ROUNDING * size).all():
             return np.array((4 * a - b - 3 * here) / ((4 if self.side == "above" else -4) * self.h))
         return converged_difference(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).derivative
 

@@ -23,6 +23,7 @@ import pinocchio as pin
 from ...errors import InputError, MbdaeError, NotCompiled
 from ...finite_differences import converged_difference
 from ...system import Array
+from ...tolerances import INTERPOLATION, RANK, SOLUTION_ROUNDING, TRUNCATION
 from ..closures.constraints import Constraints
 from ..forces.joint_friction import KineticFrictionElement
 from ..formulations.closure_friction import ClosureFriction
@@ -36,8 +37,7 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: a part that closures cannot follow; and rounding
-APART = 1e-5  # relative difference of two widths where there is no derivative
+REACHED, NOTHING = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp|: a part that closures cannot follow; and rounding
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
 
@@ -111,7 +111,7 @@ class Parameters:
             return {k: np.array([x[k] for x in found]).T for k in near}
 
         held = converged_difference(sampled, p.h)
-        if not held.discrepancy <= APART:
+        if not held.discrepancy <= INTERPOLATION:
             raise InputError(f"parameter {p.name!r} has no derivative along this run: differences do not converge")
         p.use(held.h)
 
@@ -249,7 +249,7 @@ class Parameters:
         kept = self.system.constraints.positional
         g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1][kept], self.system.jacobian(q)[kept]
         for p, column in zip(self.all, g.T, strict=True):
-            left = column + G @ np.linalg.lstsq(G, -column, rcond=1e-9)[0]
+            left = column + G @ np.linalg.lstsq(G, -column, rcond=RANK)[0]
             if np.abs(left).max(initial=0.0) > max(REACHED * np.abs(column).max(initial=0.0), NOTHING):
                 raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
 

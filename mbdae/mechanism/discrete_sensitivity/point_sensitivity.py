@@ -14,17 +14,17 @@ import pinocchio as pin
 from ...errors import AssemblyError, InputError, StepError
 from ...finite_differences import converged_difference, numerical_jacobian
 from ...system import Array
+from ...tolerances import INTERPOLATION, ITERATION_ROUNDING, PIVOT_RANK
 from ..formulations.equation_partials import gamma_partials, time_partials
 from ..hybrid.switches import inactive_rows
 from .friction_partials import friction_partials
 from .parameter_direction import Parameter
-from .parameter_partials import APART, Parameters
+from .parameter_partials import Parameters
 
 if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
     from ..formulations.compiled_systems import CompiledSystem
 
-ASSEMBLED = 1e-11  # rad or characteristic lengths, at the characteristic rate: residual of assembly
 SHORT = 3  # number of times the width of starts shrinks: the assembly tolerance must not dominate
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions
 
@@ -198,11 +198,11 @@ class PointSensitivity:
         if not assembled:
             return out
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
-        out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
+        out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=PIVOT_RANK) @ (G @ out[:nv] + g)[kept]
         pin.computeJointJacobians(s.model, s.workspace, q)
         B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
-        out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=1e-8) @ left
+        out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=PIVOT_RANK) @ left
         return out
 
     def _free_coordinates(self, table: Mapping[str, Any], of_v: bool = False) -> Array:
@@ -219,12 +219,12 @@ class PointSensitivity:
             InputError: if the start jumps.
         """
         s, mech = self.system, self.parameters.mech
-        noise = ASSEMBLED * np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
+        scales = np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
         found = converged_difference(
             lambda h: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},
-            p.width, np.append(noise, np.zeros(s.ns + 1)), SHORT,
+            p.width, np.append(ITERATION_ROUNDING * scales, np.zeros(s.ns + 1)), SHORT,
         )  # fmt: skip
-        if not found.discrepancy <= APART:
+        if not found.discrepancy <= INTERPOLATION:
             raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
         return found.derivative
 
@@ -254,4 +254,4 @@ class PointSensitivity:
 
 def _decide(G: Array) -> bool:
     """Return whether the rows determine all free coordinates of a start."""
-    return int(np.linalg.matrix_rank(G, 1e-8)) == G.shape[1] if G.size else not G.shape[1]
+    return int(np.linalg.matrix_rank(G, PIVOT_RANK)) == G.shape[1] if G.size else not G.shape[1]

@@ -14,12 +14,12 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, StepError
+from ...tolerances import INPUT_DIGITS
 from ..callbacks import called, checked, function_name
 from ..frames import find_joints, joint_names
 from .force import Array, Joints, PythonForce, start_values
 from .linear import LinearElement, Term
 
-COINCIDE = 1e-6  # of a period: largest distance of a time from its sampling instant
 Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 
 
@@ -115,11 +115,11 @@ class SampledElement(LinearElement):
         """
         if sign < 0:
             raise InputError(f"controller {self.name!r} is sampled: a run with it cannot go backwards in time")
-        return self.offset + (floor((t - self.offset) * self.rate + COINCIDE) + 1) / self.rate
+        return self.offset + (floor((t - self.offset) * self.rate + INPUT_DIGITS) + 1) / self.rate
 
     def sampler(self) -> dict[str, Any]:
         """Return the core data."""
-        return {**self.known, "rate": self.rate, "offset": self.offset, "coincide": COINCIDE}
+        return {**self.known, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS}
 
     def _again(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         return np.zeros(len(v)), self.jump(t, q, v, s)
@@ -127,7 +127,7 @@ class SampledElement(LinearElement):
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the new torque and memory if t is a sampling instant."""
         k = (t - self.offset) * self.rate
-        if abs(k - round(k)) > COINCIDE:
+        if abs(k - round(k)) > INPUT_DIGITS:
             return s
         tau, x = self.sample(t, q, v, s[self.m :].copy())
         what = f"controller {self.name!r}"

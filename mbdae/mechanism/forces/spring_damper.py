@@ -6,12 +6,11 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
+from ...tolerances import EVALUATION_ROUNDING
 from ..frames import Pair, anchor, skew, unit_gap
 from ..time_functions import Constant, TimeFunction
 from ..wrench_partials import line_wrench_partials
 from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
-
-COINCIDE = 1e-13  # m, and relative to positions: points this close differ by rounding only
 
 
 class SpringDamper(Force):
@@ -62,7 +61,7 @@ class SpringDamperElement(PairElement):
         self.pair.locate()
         (a, b), spec = (self.pair.pa, self.pair.pb), self.spec
         linear = not (spec.damping or spec.stiffness * spec.length or spec.force != Constant(value=0.0))
-        return not linear and bool(np.abs(b - a).max() <= COINCIDE * (1 + np.abs(a).max()))
+        return not linear and bool(np.abs(b - a).max() <= EVALUATION_ROUNDING * (1 + np.abs(a).max()))
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
         self.pair.locate()

@@ -5,8 +5,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
-
-ROUNDED = 1e-12  # of the largest entry of a tensor: smaller negative eigenvalues are rounded zeros
+from ...tolerances import SOLUTION_ROUNDING
 
 
 def judged_inertia(mass: float, com: Array, tensor: Array, of: str) -> pin.Inertia:
@@ -24,6 +23,6 @@ def judged_inertia(mass: float, com: Array, tensor: Array, of: str) -> pin.Inert
     if mass < 0:
         raise InputError(f"the mass of {of} is negative: {mass:g} kg")
     size = np.abs(tensor).max()
-    if np.isfinite(size) and np.linalg.eigvalsh(tensor).min() < -ROUNDED * size:
+    if np.isfinite(size) and np.linalg.eigvalsh(tensor).min() < -SOLUTION_ROUNDING * size:
         raise InputError(f"the inertia of {of} is not positive semi-definite")
     return pin.Inertia(mass, com, tensor)

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ...file_io import text_of
-from ..assembly import START
+from ...tolerances import INPUT_DIGITS
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
@@ -146,7 +146,7 @@ def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismF
 def _remark_open(mech: Mechanism, name: str) -> None:
     """Warn if a source specifies all joint values and violates a closure; assembly will move the joints."""
     gap = mech.gap_as_given
-    if gap and gap.relative > START:
+    if gap and gap.relative > INPUT_DIGITS:
         warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
 
 

@@ -19,19 +19,18 @@ import numpy as np
 
 from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
+from ...tolerances import ROUNDING, SOLUTION_ROUNDING, STILL, TINY
 from ..closures.closure import Closure, kinds_of
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
 from ..closures.kinds.rolling import RollingClosure
 from ..forces.coulomb_friction import CoulombFriction
-from .friction_interface import NOTHING, STILL, TURNS, FrictionInterface, unit_direction
+from .friction_interface import TURNS, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
     from .index2 import Index2System
 
 ITERATIONS = 50
-CONVERGED = 1e-15  # relative to the largest T
-STALLED = 1e-12  # relative to the largest T: changes below this are accepted if they no longer halve
 
 
 class ClosureFriction:
@@ -155,7 +154,7 @@ class ClosureFriction:
         for k, place in enumerate(self.places):
             F = lam[place.rows]
             size[k] = np.sqrt(F @ F)
-            gradient[k, place.rows] = F / (size[k] + NOTHING)
+            gradient[k, place.rows] = F / (size[k] + TINY)
         return size, gradient
 
     def solve(self, t: float, factor: Array, lam: Array, responses: Array) -> Array:
@@ -177,7 +176,8 @@ class ClosureFriction:
                 self._wedges(t, partials)
             move = np.linalg.solve(partials, factor * size - T)
             T, change = T + move, float(np.abs(move).max())
-            if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= STALLED * np.abs(T).max()):
+            size_T = np.abs(T).max()
+            if change <= ROUNDING * size_T or (change >= 0.5 * last and change <= SOLUTION_ROUNDING * size_T):
                 return T
             last = change
         names = ", ".join(repr(p.closure.name) for p, active in zip(self.places, self.active, strict=True) if active)

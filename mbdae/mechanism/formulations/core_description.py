@@ -3,6 +3,7 @@
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ... import tolerances as tol
 from ...errors import NotCompiled
 from .. import manifold
 from ..closures import independent_rows
@@ -24,10 +25,10 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
     limits: Tolerances = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
-        series_end=manifold.SERIES_END,
-        same_point=manifold.SAME_POINT,
+        series_end=tol.BELOW_ROUNDING,
+        same_point=tol.ROUNDING,
         smallest_pivot=independent_rows.SMALLEST_PIVOT,
-        independent=independent_rows.RANK_TOLERANCE,
+        independent=tol.PIVOT_RANK,
         worst_conditioning=independent_rows.WORST_CONDITIONING,
         grown=independent_rows.GROWTH_TOLERANCE,
         many=independent_rows.MANY_ROWS,
@@ -35,27 +36,28 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         probed=independent_rows.PROBE_TOLERANCE,
         converged=independent_rows.CONVERGED,
         spare=independent_rows.EXTRA_CG_ITERATIONS,
-        truncation=projection.TRUNCATION,
-        rounding=projection.ROUNDING,
+        truncation=tol.TRUNCATION,
+        rounding=tol.SUM_ROUNDING,
         falling=projection.FALLING,
         open=projection.OPEN,
         stalled=projection.STALLED,
-        kept=projection.VELOCITY_TOLERANCE,
+        kept=tol.VISIBLE,
         iterations=projection.ITERATIONS,
-        unmoved=projection.UNMOVED,
+        unmoved=tol.EVALUATION_ROUNDING,
         row_scales=mechanism.row_scales.tolist(),
         q_scales=mechanism.q_scales.tolist(),
         coordinate_scales=mechanism.coordinate_scales.tolist(),
         meeting=ggl.ITERATIONS,
-        met=ggl.ROUNDING,
-        halted=ggl.STALLED,
-        gaping=ggl.OPEN,
-        still=friction_interface.STILL,
+        met=tol.ROUNDING,
+        halted=tol.SEARCH_TOLERANCE,
+        gaping=tol.SAME_STATE,
+        still=tol.STILL,
         turned=friction_interface.TURNED,
         loading=closure_friction.ITERATIONS,
-        loaded=closure_friction.CONVERGED,
-        settled=closure_friction.STALLED,
-        nothing=friction_interface.NOTHING,
+        loaded=tol.ROUNDING,
+        settled=tol.SOLUTION_ROUNDING,
+        nothing=tol.TINY,
+        restaged=tol.SOLUTION_ROUNDING,
     )
     return limits
 

@@ -19,11 +19,12 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ...system import Array
+from ...tolerances import EPS, ROUNDING
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from .equation_partials import equation_partials
 from .null_space import NullSpace, close_loops, constraint_null_space
-from .spectrum import EPS, null_space
+from .spectrum import null_space
 from .term_sizes import TermSizes
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 GRAVITY = "gravity"
 STATE_ITERATIONS = 20  # iterations for states
-ROUNDED = 1e-15  # of a state: smaller changes are rounding
 
 
 class ForceBalance(NamedTuple):
@@ -204,7 +204,7 @@ class Statics:
             rates, _, hs = self.rates(q, s)
             change = partial_inverse(hs, EPS * self.sizes.states(hs)) @ rates
             s = s - change
-            if (np.abs(change) <= ROUNDED * np.abs(s)).all():
+            if (np.abs(change) <= ROUNDING * np.abs(s)).all():
                 break
         return s
 

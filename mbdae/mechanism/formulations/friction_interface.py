@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...system import Array
+from ...tolerances import TINY
 from ..closures.closure import Closure, Z
 from ..closures.contact import ContactHeightRow
 from ..closures.line_rows import at_rest
@@ -13,9 +14,7 @@ from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
 
 TURNS = ("turns", "bears")  # friction torques, in a bearing with a radius
-STILL = 1e-9  # of the characteristic speed: a slower slip has no defined direction; in m/s outside of runs
 TURNED = 0.7  # cosine: a slip that rotates further within one step has no reliable direction
-NOTHING = 1e-300  # avoids division by zero
 
 
 class FrictionInterface(NamedTuple):
@@ -105,4 +104,4 @@ class FrictionInterface(NamedTuple):
 
 def unit_direction(x: Array) -> Array:
     """Unit vector along x; 0 for a zero vector."""
-    return x / (np.sqrt(x @ x) + NOTHING)
+    return x / (np.sqrt(x @ x) + TINY)

@@ -14,6 +14,7 @@ from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
 from ...system import Array, Solver, State
+from ...tolerances import ROUNDING, SAME_STATE, SEARCH_TOLERANCE
 from ..closures import independent_rows
 from ..closures.closure_error import largest_error
 from .implicit_stage import Linearized, padded
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 ITERATIONS = 12
-ROUNDING = 1e-15  # of 1 + |q|: corrections below this are skipped; G belongs to the point before them
-STALLED = 1e-10  # of 1 + |q|: corrections below this are accepted if they no longer shrink
-OPEN = 1e-7  # rad or characteristic lengths: largest residual of rows that are not in use
 
 
 class GGLSystem(Index2System):
@@ -134,7 +132,7 @@ class GGLChart(Index2Chart):
             size = abs(factor) * np.abs(B @ dmu / mech.coordinate_scales).max()
             if info or not np.isfinite(size):
                 break
-            if size <= ROUNDING * scale or (size > 0.5 * last and size <= STALLED * scale):
+            if size <= ROUNDING * scale or (size > 0.5 * last and size <= SEARCH_TOLERANCE * scale):
                 self._watch(that, g, m.integrate(self.q, xhat_i))
                 s.slip = slips @ self.mu
                 return dx, Ghat[self.rows]
@@ -143,7 +141,7 @@ class GGLChart(Index2Chart):
 
     def _watch(self, t: float, g: Array, q: Array) -> None:
         mech = self.system.mechanism
-        if np.abs(g / mech.row_scales).max(initial=0.0) > OPEN:
+        if np.abs(g / mech.row_scales).max(initial=0.0) > SAME_STATE:
             gap = largest_error(mech, g)
             names = contradicting_positions(self.system, t, q)
             why = f"{names} contradict each other" if names else "other rows keep it no more"

@@ -16,14 +16,13 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
+from ...tolerances import EPS, VISIBLE
 from .equation_partials import equation_partials
 from .null_space import NullSpace, constraint_null_space
-from .spectrum import EPS
 
 if TYPE_CHECKING:
     from .equilibrium_equations import ForceBalance, Statics
 
-STEADY = 1e-6  # of the largest term: largest residual acceleration of a steady motion
 
 
 class LinearMotion(NamedTuple):
@@ -132,20 +131,20 @@ def refuse_unsteady(statics: "Statics", here: "ForceBalance") -> None:
     z, pull = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(here.q, here.s))
     if v.any():
         g_t, units = system.g_t(statics.t), statics.units[: len(G)]
-        if (np.abs(G @ v + g_t) > STEADY * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
+        if (np.abs(G @ v + g_t) > VISIBLE * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
             raise InputError("these speeds do not fit the closures: give those of a steady motion")
         loops = constraint_null_space(here.free.U, G, units, sizes.l)
         pull = pull - loops.smallest(system.gamma(here.q, v, statics.t))
     most = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
-    if (np.abs(pull) > STEADY * most).any():
+    if (np.abs(pull) > VISIBLE * most).any():
         worst = int((np.abs(pull) / sizes.l).argmax())
         name, size = system.mechanism.coordinate_joint(worst), abs(pull[worst])
         raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
     K, _, hq, hs = statics.partials(here.q, here.s, here.lam)
-    if (np.abs(free.Z.T @ K @ v) > STEADY * sizes.speed * (z.T @ (here.terms @ sizes.l))).any() or (
-        np.abs(hq @ v) > STEADY * sizes.speed * (np.abs(hq) @ sizes.l)
+    if (np.abs(free.Z.T @ K @ v) > VISIBLE * sizes.speed * (z.T @ (here.terms @ sizes.l))).any() or (
+        np.abs(hq @ v) > VISIBLE * sizes.speed * (np.abs(hq) @ sizes.l)
     ).any():
         raise InputError("these speeds are not steady: the forces change along the motion")
     change = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(here.s)
-    if (np.abs(statics.rates(here.q, here.s)[0]) > STEADY * change).any():
+    if (np.abs(statics.rates(here.q, here.s)[0]) > VISIBLE * change).any():
         raise InputError("this is no equilibrium: states of controllers or motors change")

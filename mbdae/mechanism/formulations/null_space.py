@@ -15,17 +15,16 @@ from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import CLOSED, RANK
 from ..closures import independent_rows
 from ..closures.closure_error import largest_error
 
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-RANK = 1e-9  # of the largest singular value of R^-1 G M^-1/2
 ITERATIONS = 20
 FALLING = 0.5  # of a residual: a full correction that leaves more of it is rounding, or overshoots
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of corrections
-OPEN = 1e-9  # rad or characteristic lengths: largest residual of a closed loop
 Rows = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""
 
@@ -113,7 +112,7 @@ def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = 
         if not size or not np.isfinite(size):
             break
         x = constraint_null_space(one, G, np.ones(len(G)), length).smallest(-g)
-        for share in SHARES if size > OPEN else SHARES[:1]:
+        for share in SHARES if size > CLOSED else SHARES[:1]:
             nearer = system.manifold.integrate(q, share * x)
             found = residual(nearer)
             if np.linalg.norm(found[0]) < (1 - FALLING * share) * size:
@@ -121,8 +120,8 @@ def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = 
         else:
             break
         q, (g, G) = nearer, found
-    if not np.linalg.norm(g) <= OPEN:
-        if len(g) > system.ng and np.linalg.norm(g[: system.ng]) <= OPEN:
+    if not np.linalg.norm(g) <= CLOSED:
+        if len(g) > system.ng and np.linalg.norm(g[: system.ng]) <= CLOSED:
             raise StepError("newton", "what controllers ask for cannot be reached")
         gap = largest_error(system.mechanism, g[: system.ng] * units)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")

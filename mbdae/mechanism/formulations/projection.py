@@ -7,21 +7,17 @@ from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import CLOSED, NEGLIGIBLE, SUM_ROUNDING, TRUNCATION, VISIBLE
 from ..closures.closure_error import largest_error
-from .row_selection import SHARE
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .index2 import Index2System
 
-TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
-ROUNDING = 1e-14  # of 1 + |q|, or of |v|: residuals below are left alone
 FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
 CONTRADICTED = 0.1  # of |g|: rows contradict each other if no correction to first order removes more
-UNMOVED = 1e-13  # rad or m: the partials of smaller projections are left out
-VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of its largest terms, or of the speeds: less counts as zero
-OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
+OPEN, STALLED = CLOSED, CLOSED  # residuals above, with corrections above, are a failure
 
 
 def project_state(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
@@ -39,7 +35,7 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
         system: a workspace.
         t: time.
         y: the point.
-        tight: iterate below `ROUNDING` until |g| stops falling: near singular configurations v changes by |g| /
+        tight: iterate below `SUM_ROUNDING` until |g| stops falling: near singular configurations v changes by |g| /
             sigma^2.
 
     Raises:
@@ -80,7 +76,7 @@ def project_positions(
     path, move, kept, mech = [q], 0.0, system.constraints.positional, system.mechanism
     scales = mech.row_scales
     for _ in range(ITERATIONS):
-        if not tight and not np.linalg.norm(g / scales) > ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
+        if not tight and not np.linalg.norm(g / scales) > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
             break
         x = _smallest(U, G[kept], g[kept], scales[kept])
         move = float(np.abs(x / mech.coordinate_scales).max())
@@ -154,7 +150,7 @@ def refuse_contradicting_accelerations(system: "Index2System", t: float, y: Arra
 
 
 def _refuse(system: "Index2System", t: float, G: Array, x: Array, r: Array, what: str) -> None:
-    """Raise where G x + r, (ng,), is more than `VELOCITY_TOLERANCE` of its largest terms."""
+    """Raise where G x + r, (ng,), is more than `VISIBLE` of its largest terms."""
     names, size = _missed(system, t, G, x, r)
     if names:
         missed = f"no {what} meet all of them, what is left is {size:.1g} of the largest"
@@ -162,17 +158,17 @@ def _refuse(system: "Index2System", t: float, G: Array, x: Array, r: Array, what
 
 
 def _missed(system: "Index2System", t: float, G: Array, x: Array, r: Array) -> tuple[str, float]:
-    """Return the names of the rows where G x + r != 0, empty within `VELOCITY_TOLERANCE`; its size, of its terms."""
+    """Return the names of the rows where G x + r != 0, empty within `VISIBLE`; its size, of its terms."""
     scales = system.mechanism.row_scales
     left, terms = np.abs(G @ x + r) / scales, (np.abs(G) @ np.abs(x) + np.abs(r)) / scales
-    if left.max() <= VELOCITY_TOLERANCE * terms.max():
+    if left.max() <= VISIBLE * terms.max():
         return "", 0.0
     return _names(system.mechanism, left, system.g_t(t)), left.max() / terms.max()
 
 
 def _names(mech: "Mechanism", left: Array, first: Array) -> str:
     """The rows that take part in a residual of rows by their scales, (ng,), those where ``first`` is not 0 first."""
-    rows = np.flatnonzero(np.abs(left) > SHARE * np.abs(left).max())
+    rows = np.flatnonzero(np.abs(left) > NEGLIGIBLE * np.abs(left).max())
     rows = rows[np.argsort(first[rows] == 0, kind="stable")]
     return " and ".join(dict.fromkeys(repr(mech.row_names[int(i)]) for i in rows))
 
@@ -193,7 +189,7 @@ def _speed(system: "Index2System", v: Array) -> float:
 def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
     """Say whether G v + g_t, (ng,), is more than rounding; any value counts where joints stick."""
     size = np.linalg.norm(rate / system.mechanism.row_scales)
-    return system.sticks or bool(size > ROUNDING * _speed(system, v))
+    return system.sticks or bool(size > SUM_ROUNDING * _speed(system, v))
 
 
 def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:

@@ -7,12 +7,12 @@ from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
 from ...system import Array, State
+from ...tolerances import NEGLIGIBLE
 from ..closures import independent_rows
 
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-SHARE = 1e-3  # of the largest row of a combination: rows with less do not take part
 
 
 def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
@@ -42,7 +42,7 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
 def _weakest(system: "Index2System", B: Array, rank: int) -> str:
     """Name the closures whose rows form the weakest of so many independent combinations."""
     combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2
-    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > SHARE * combination.max())]
+    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > NEGLIGIBLE * combination.max())]
     return ", ".join(dict.fromkeys(repr(name) for name in names))
 
 

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.linalg import eig, solve_triangular
 
 from ...system import Array
+from ...tolerances import EPS
 
-EPS = float(np.finfo(float).eps)
 CERTAIN = 100.0  # multiple of its rounding error above which a number is known to be nonzero
 
 

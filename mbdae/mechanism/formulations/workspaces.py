@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...system import Array, Counts
+from ...tolerances import AMBIGUOUS_PIVOT
 from ..closures import independent_rows
 from ..forces import is_custom
 
@@ -25,7 +26,7 @@ class RunRecord:
         """Return to the state of a new workspace, in the same mode."""
         self.counts = Counts()
         self.rank: int | None = None
-        self.beside = independent_rows.AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
+        self.beside = AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
         self.floor = 0.0  # smallest pivot ratio: below it, the rank has fallen
         self.rows: Array | None = None
         self.held = False  # freezes the rows in use, except in `update_independent_rows`

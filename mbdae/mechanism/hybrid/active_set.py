@@ -11,10 +11,8 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, STILL, TRUNCATION
 from .friction_lcp import FrictionBound, solve_friction_lcp
-from .impact import NEAR
-from .impact_law import RANK
-from .mode_point import ROUNDING
 from .onset import Later, pressing
 from .switch import LoadCandidate
 from .switches import with_names
@@ -23,9 +21,6 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
     from .switches import Mode
 
-APPROACHING = 1e-9  # of the largest acceleration
-HELD = 1e-9  # of the accelerations that a limit causes: smaller ones are zero
-LOADED = 1e-10  # of the largest multiplier, including those of newly slipping rows: smaller ones are zero
 
 Candidates = dict[int, tuple[LoadCandidate, ...]]  # by index of the switch
 
@@ -64,7 +59,7 @@ class _ActiveSet:
         self.at, self.always, self.switches = at, always, at.system.mechanism.switches
         self.mode, self.left = list(at.system.mode), Candidates()
         for s in self.switches:
-            candidates = s.load_candidates(at, self.mode[s.at], NEAR)
+            candidates = s.load_candidates(at, self.mode[s.at], SOLUTION_ROUNDING)
             if candidates and at.is_at_rest(candidates[0].row):
                 self.left[s.at] = candidates
         for s in self.switches:
@@ -121,21 +116,21 @@ class _ActiveSet:
         """Return whether a row neither presses nor separates, to the rounding of the forces at the point."""
         at, row = self.at, self.at.G[c.row]
         along = np.linalg.solve(np.triu(at.system.inertia(at.t, at.q)).T, row)
-        least = HELD / ROUNDING * at.rounding * float(along @ along) / (float(np.abs(row).max()) or 1.0)
-        zero = max(LOADED * self.largest, at.rounding)
+        least = STILL / SOLUTION_ROUNDING * at.rounding * float(along @ along) / (float(np.abs(row).max()) or 1.0)
+        zero = max(MODE_ROUNDING * self.largest, at.rounding)
         return bool(abs(self.lam[c.row]) <= zero and abs(self.rates[c.row]) <= least)
 
     def _held(self, c: LoadCandidate) -> bool:
         if c.slips:  # some redundant rows may be at a limit while all of them stick
-            return bool(abs(self.rates[c.row]) <= HELD * self.scale[c.row])
-        near = LOADED * self.largest
+            return bool(abs(self.rates[c.row]) <= STILL * self.scale[c.row])
+        near = MODE_ROUNDING * self.largest
         return bool(c.lower + near < self.lam[c.row] < c.upper - near)
 
     def _approaches(self, c: LoadCandidate) -> bool:
         inward = -self.rates[c.row] if np.isfinite(c.lower) else self.rates[c.row]
         mech = self.at.system.mechanism
         largest = mech.characteristic_rate**2 + float(np.abs(self.rates / mech.row_scales).max())
-        return bool(inward > APPROACHING * largest * mech.row_scales[c.row])
+        return bool(inward > STILL * largest * mech.row_scales[c.row])
 
     def _solve(self) -> tuple[Array, Array, Array]:
         """Solve the complementarity problem of the active candidates."""
@@ -150,7 +145,7 @@ class _ActiveSet:
         bounds = np.array([c.lower for c in candidates]), np.array([c.upper for c in candidates])
         B, Q = self._mass_metric(base)
         C = _across(Q, B[:, rows])
-        C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # active anyway
+        C[:, np.linalg.norm(C, axis=0) <= TRUNCATION * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # active anyway
         lam[rows] = self._loads(C, rates[rows], *bounds)
         width = bounds[1] - bounds[0]
         scale[rows] += (C * C).sum(axis=0) * np.where(np.isfinite(width), width, 0.0)
@@ -181,7 +176,7 @@ class _ActiveSet:
         if not len(kept):
             return B, np.zeros((len(B), 0))
         left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
-        return B, left[:, sizes > RANK * sizes[:1]]
+        return B, left[:, sizes > TRUNCATION * sizes[:1]]
 
 
 def _releases(candidates: tuple[LoadCandidate, ...]) -> bool:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ...discovery import later
 from ...system import Array
+from ...tolerances import ROUNDING, TRUNCATION
 
 lsq_linear = later("scipy.optimize", "lsq_linear")
-RANK = 1e-7  # of the largest singular value
 
 
 def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
@@ -26,13 +26,13 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
         lower: lower bounds of the multipliers, (k,).
         upper: upper bounds of the multipliers, (k,).
     """
-    d = np.linalg.lstsq(C.T, c, rcond=RANK)[0]
+    d = np.linalg.lstsq(C.T, c, rcond=TRUNCATION)[0]
     sizes = np.linalg.norm(C, axis=0)
-    sizes[~(sizes > RANK * sizes.max(initial=0.0))] = 1.0
+    sizes[~(sizes > TRUNCATION * sizes.max(initial=0.0))] = 1.0
     scale = float(np.linalg.norm(d)) or 1.0
     bounds = lower * sizes / scale, upper * sizes / scale
     if len(c) == 1:
         x = np.clip(-(C[:, 0] / sizes[0]) @ d / scale, *bounds)
     else:
-        x = lsq_linear(C / sizes, -d / scale, bounds, method="bvls", tol=1e-15, max_iter=100 * len(c)).x
+        x = lsq_linear(C / sizes, -d / scale, bounds, method="bvls", tol=ROUNDING, max_iter=100 * len(c)).x
     return x * scale / sizes

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...tolerances import COINCIDENT
 from ..closures.clutch import Clutch
 from ..frames import find_joint
 from .switch import Guard, ImpactRow, LoadCandidate, Margins, Switch, UnilateralRow, Value
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 FREE, LOCKED, BACK = 0, 1, 2
-AT_TOOTH = 1e-9  # of a pitch: largest distance at which the pawl is in the tooth
 
 
 class OneWayClutch(UnilateralRow):
@@ -116,7 +116,7 @@ class Ratchet(OneWayClutch):
 
     def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
         place = self.sign * (motion.q[:, self.columns] @ self.shares - self.tooth) / self.pitch
-        return (place - np.floor(np.maximum.accumulate(place) + AT_TOOTH)) * self.pitch, None
+        return (place - np.floor(np.maximum.accumulate(place) + COINCIDENT)) * self.pitch, None
 
     def gap(self) -> Value:
         """Return the distance back to the last tooth, fixed at the first evaluation."""
@@ -125,7 +125,7 @@ class Ratchet(OneWayClutch):
         def value(point: "ModePoint") -> float:
             place = self.in_pitches(point)
             if not last:
-                last.append(np.floor(place + AT_TOOTH))
+                last.append(np.floor(place + COINCIDENT))
             return (place - last[0]) * self.pitch
 
         return value
@@ -138,7 +138,7 @@ class Ratchet(OneWayClutch):
 
     def _in_tooth(self, point: "ModePoint") -> bool:
         place = self.in_pitches(point)
-        return abs(place - round(place)) < AT_TOOTH
+        return abs(place - round(place)) < COINCIDENT
 
     def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()

@@ -16,14 +16,13 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import ROUNDING, SOLUTION_ROUNDING
 from .box_lcp import solve_box_lcp
 
 SHARES = (1.0, 0.5, 0.2, 0.05)  # relaxation factors of the limits, tried in order
 MOST = 60  # iterations with each; one reduces the error to about mu |W_tn|/W_nn of it
-SAME = 1e-15  # of the largest limit: changes below this mean convergence
 NEWTON = 8  # iterations; within one linear piece of the problem one is enough
 WIDTH = 1e-3  # of a limit: finite-difference width
-CONVERGED = 1e-12  # of the largest limit: convergence at the level of rounding
 
 
 class FrictionBound(NamedTuple):
@@ -61,7 +60,7 @@ def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: d
         x = problem.loads(bound)
         new = problem.limits(x)
         change, size = float(np.abs(new - bound).max()), float(new.max())
-        if change <= SAME * size or (change <= CONVERGED * size and change >= last / 2):
+        if change <= ROUNDING * size or (change <= SOLUTION_ROUNDING * size and change >= last / 2):
             return x
         if k == MOST - 1 and (found := problem.newton(new)) is not None:
             return found
@@ -104,7 +103,7 @@ class _Limited:
             x = self.loads(bound)
             new = self.limits(x)
             size = float(new.max())
-            if float(np.abs(new - bound).max()) <= CONVERGED * size:
+            if float(np.abs(new - bound).max()) <= SOLUTION_ROUNDING * size:
                 return x
             moves = np.diag(WIDTH * np.maximum(bound, size))
             S = np.eye(len(bound)) - np.array([(self.limits(self.loads(bound + m)) - new) / m.sum() for m in moves]).T

@@ -19,13 +19,13 @@ import numpy as np
 
 from ...discovery import later
 from ...system import Array
+from ...tolerances import SAME_STATE, UNINVOLVED
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 linprog = later("scipy.optimize", "linprog")
-NONE = 1e-9  # of unit null vectors: smaller components do not take part
-ACTIVE = 1e-7  # of kappa: active limits
+ACTIVE = SAME_STATE  # of kappa: active limits
 
 
 def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
@@ -37,9 +37,9 @@ def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float])
         limits: F_i of all sticking rows by index.
     """
     lam, free = point.lam, point.null_multipliers
-    if not free.shape[1] or np.abs(free[row]).max() < NONE:
+    if not free.shape[1] or np.abs(free[row]).max() < UNINVOLVED:
         return abs(float(lam[row])) / limits[row]
-    rows = [k for k in limits if np.abs(free[k]).max() >= NONE]
+    rows = [k for k in limits if np.abs(free[k]).max() >= UNINVOLVED]
     F = np.array([limits[k] for k in rows])
     return least_utilisation(lam[rows] / F, free[rows] / F[:, None])
 
@@ -52,7 +52,7 @@ def least_utilisation(load: Array, N: Array) -> float:
         N: null vectors, relative to the limits, (m, k).
     """
     left, sizes, _ = np.linalg.svd(N)
-    k, ones = int(np.count_nonzero(sizes > NONE * sizes[:1])), np.ones((len(load), 1))
+    k, ones = int(np.count_nonzero(sizes > UNINVOLVED * sizes[:1])), np.ones((len(load), 1))
     basis, motions = left[:, :k], left[:, k:]
     if motions.shape[1] == 1:
         return float(abs(motions[:, 0] @ load) / np.abs(motions).sum())

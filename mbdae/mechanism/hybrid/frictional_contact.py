@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...tolerances import VISIBLE
 from ..closures.closure import UnilateralClosure
 from ..forces.coulomb_friction import CoulombFriction
 from .rolling_stiction import RollingStiction
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OPEN, GRIPS, SLIDES = 0, 1, 2
-CLOSE = 2e-6  # of the limit: loads closer to it have reached it, and the contact slides
+CLOSE = 2*VISIBLE  # of the limit: loads closer to it have reached it, and the contact slides
 
 
 class FrictionalContact(Unilateral):

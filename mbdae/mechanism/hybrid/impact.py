@@ -7,16 +7,14 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
-from .impact_law import STILL, FrictionRow, ImpactSolution, solve_impact
+from ...tolerances import EVALUATION_ROUNDING, MODE_ROUNDING, SOLUTION_ROUNDING, VISIBLE
+from .impact_law import FrictionRow, ImpactSolution, solve_impact
 from .switch import ImpactRow
 from .switches import with_names
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
 
-NEAR = 1e-12  # rad or characteristic lengths: closer rows are in contact: the height of a microsecond's flight
-EXACT = 1e-13  # of the largest speed: accuracy of kept rows after an impact
-JUMP = 1e-6  # of the largest speed: speed violation of newly active rows
 
 
 class Impact(NamedTuple):
@@ -76,8 +74,8 @@ class _ImpactProblem:
     def __init__(self, at: "ModePoint", always: Array) -> None:
         self.at, self.switches = at, at.system.mechanism.switches
         self.scales, mode = at.system.mechanism.row_scales, at.system.mode
-        self.rate, self.still = at.rate / self.scales, STILL * at.speed
-        near = {s.at: s.impact_rows(at, mode[s.at], NEAR) for s in self.switches}
+        self.rate, self.still = at.rate / self.scales, MODE_ROUNDING * at.speed
+        near = {s.at: s.impact_rows(at, mode[s.at], SOLUTION_ROUNDING) for s in self.switches}
         self.found = {i: rows for i, rows in near.items() if rows}
         hit = self._hit()
         self.closing = self._contacts(hit)
@@ -98,7 +96,7 @@ class _ImpactProblem:
 
     def _keep(self, hit: list[int], always: Array) -> None:
         bilateral = [s.row for i, s in self._rows(hit) if not self.found[i][0].sign]
-        self.violated = [k for k in (*always, *bilateral) if abs(self.rate[k]) > EXACT * self.at.speed]
+        self.violated = [k for k in (*always, *bilateral) if abs(self.rate[k]) > EVALUATION_ROUNDING * self.at.speed]
         self.kept = [*always, *(s.row for _, s in self._rows(hit) if not s.sign and np.isnan(s.share))]
 
     def keep_resting_rows(self, soft: set[int]) -> None:
@@ -133,7 +131,7 @@ class _ImpactProblem:
 
     def record(self, impact: ImpactSolution) -> Impact | None:
         """Return the impulses by name; None for small velocity projections onto the rows of a mode."""
-        joined = [k for k in dict.fromkeys(self.violated) if abs(self.rate[k]) > JUMP * self.at.speed]
+        joined = [k for k in dict.fromkeys(self.violated) if abs(self.rate[k]) > VISIBLE * self.at.speed]
         if not self.approaching and not joined:
             return None
         whole = self._impulses(impact)

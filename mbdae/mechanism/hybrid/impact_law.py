@@ -22,15 +22,11 @@ import numpy as np
 from ...discovery import later
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
 nnls = later("scipy.optimize", "nnls")
-STILL = 1e-10  # of the largest speed: smaller ones count as zero
 ROUNDS = 200  # of successive impacts at one instant; the last one with e = 0
-RANK = 1e-7  # of the largest singular value, and of a row: smaller remainders are dependent
-SHARP = 1e-12  # of the speed: accuracy of impulses recovered from velocities
-CONTRADICTION = 1e-6  # of the largest speed: largest speed that redundant rows may contradict
-GAIN = 1e-10  # of the kinetic energy: smaller gains are rounding
 
 
 class FrictionRow(NamedTuple):
@@ -82,7 +78,7 @@ def solve_impact(
         e: coefficients of restitution, (m,).
         v: velocities before, (nv,).
         frictional: friction rows.
-        speed: the largest of rows; `STILL` and `CONTRADICTION` are fractions of it.
+        speed: the largest of rows; `MODE_ROUNDING` and `VISIBLE` are fractions of it.
 
     Raises:
         StepError: if kept rows and contact rows contradict each other, or friction has no solution or increases the
@@ -105,7 +101,7 @@ def solve_impact(
         friction += q
         P += impulse
         x = new
-    if frictional and work > GAIN * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
+    if frictional and work > MODE_ROUNDING * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction makes energy here, with restitution above 0")
     return ImpactSolution(np.linalg.solve(U, x), total, P, work, friction)
 
@@ -122,7 +118,7 @@ class _Impact:
         )
         self.b, self.frictional = b, frictional
         self.Q, self.pinv = _range(self.BG)
-        self.still, self.speed = STILL * speed, speed
+        self.still, self.speed = MODE_ROUNDING * speed, speed
         self.size = float(np.linalg.norm(U @ v))
 
     def impact(self, x: Array, which: Array, goal: Array) -> tuple[Array, Array, Array]:
@@ -133,10 +129,10 @@ class _Impact:
         """
         closed = x - self.pinv.T @ (self.BG.T @ x + self.b)
         A = self._across(self.BU[:, which])
-        able = np.linalg.norm(A, axis=0) > RANK * np.linalg.norm(self.BU[:, which], axis=0)
+        able = np.linalg.norm(A, axis=0) > TRUNCATION * np.linalg.norm(self.BU[:, which], axis=0)
         short = goal - self.BU[:, which].T @ closed
         short[(short > 0) & (short <= self.still)] = 0.0
-        if (short[~able] > CONTRADICTION * self.speed).any():
+        if (short[~able] > VISIBLE * self.speed).any():
             raise StepError("impact", "closures block the relative velocity of the impact")
         on = [i for i, row in enumerate(self.frictional) if row.by in which]
         if on:
@@ -174,7 +170,7 @@ def _range(B: Array) -> tuple[Array, Array]:
     if not B.shape[1]:
         return np.zeros((len(B), 0)), np.zeros((0, len(B)))
     left, sizes, right = np.linalg.svd(B, full_matrices=False)
-    r = int(np.count_nonzero(sizes > RANK * sizes[:1]))
+    r = int(np.count_nonzero(sizes > TRUNCATION * sizes[:1]))
     return left[:, :r], (right[:r].T / sizes[:r]) @ left[:, :r].T
 
 
@@ -192,15 +188,15 @@ def _least(A: Array, f: Array, size: float) -> Array:
     E, last = np.vstack([An, fn / scale]), np.append(np.zeros(len(A)), 1.0)
     u, _ = nnls(E, last)
     rest = 1.0 - float(fn / scale @ u)
-    if not rest > RANK:
-        if f.max() <= CONTRADICTION * (1 + size):  # residual of a state at rest
+    if not rest > TRUNCATION:
+        if f.max() <= VISIBLE * (1 + size):  # residual of a state at rest
             return np.zeros(len(f))
         raise StepError("impact", "no impulses separate all contacts of this impact")
     out = u > 0
-    x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # to rounding, for this active set
-    tight = An.T @ x <= fn + SHARP * scale  # only rows that do not open faster can push
+    x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=TRUNCATION)[0]  # to rounding, for this active set
+    tight = An.T @ x <= fn + SOLUTION_ROUNDING * scale  # only rows that do not open faster can push
     p = np.zeros(len(f))
     p[tight], miss = nnls(An[:, tight], x)
-    if miss > SHARP * size or (An.T @ x < fn - SHARP * scale).any():
+    if miss > SOLUTION_ROUNDING * size or (An.T @ x < fn - SOLUTION_ROUNDING * scale).any():
         p = u / rest * scale
     return p / sizes

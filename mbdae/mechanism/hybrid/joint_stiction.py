@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...tolerances import COINCIDENT, VISIBLE
 from ..closures.brake import Brake
 from ..forces.joint_friction import KineticFrictionElement
 from ..frames import find_joint
 from .friction_utilisation import friction_utilisation
-from .switch import AT_LIMIT, Guard, LoadCandidate, Switch
+from .switch import Guard, LoadCandidate, Switch
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 IDLE, STUCK, AHEAD, BACK = 0, 1, 2, 3
-LESS = 1e-6  # of the limit if static and kinetic friction are equal: at the limit itself nothing would move
 
 
 class JointStiction(Switch):
@@ -73,8 +73,8 @@ class JointStiction(Switch):
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         limit = self.spec.static
-        if state == STUCK and self.margin(point) < AT_LIMIT:
-            limit = min(self.spec.kinetic, (1.0 - LESS) * limit)
+        if state == STUCK and self.margin(point) < COINCIDENT:
+            limit = min(self.spec.kinetic, (1.0 - VISIBLE) * limit)
         return (LoadCandidate(self.row, -limit, limit),)
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:  # noqa: D102

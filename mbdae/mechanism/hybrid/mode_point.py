@@ -7,15 +7,13 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
+from ...tolerances import MODE_ROUNDING, PIVOT_RANK, SOLUTION_ROUNDING
 from ..closures.constraints import Constraints
-from ..closures.independent_rows import RANK_TOLERANCE
 from ..pinocchio_data import make_data
-from .impact_law import STILL
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
-ROUNDING = 1e-12  # of the largest force
 
 
 class AllRows:
@@ -94,7 +92,7 @@ class ModePoint:
         """Return a basis of the multipliers without effect in the mode, (ng, k), G^T null = 0."""
         there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
         left, sizes, _ = np.linalg.svd(self.G[there])
-        r = int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes[:1]))
+        r = int(np.count_nonzero(sizes > PIVOT_RANK * sizes[:1]))
         out = np.zeros((self.system.ng, len(there) - r))
         out[there] = left[:, r:]
         return out
@@ -113,7 +111,8 @@ class ModePoint:
     def rounding(self) -> float:
         """Rounding error of multipliers: the multiplier of an unloaded row is below it."""
         U = np.triu(self.system.inertia(self.t, self.q))
-        return ROUNDING * float(np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0))
+        largest = np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0)
+        return SOLUTION_ROUNDING * float(largest)
 
     def acceleration(self, row: int) -> float:
         """Return G v' + gamma of a row."""
@@ -131,4 +130,4 @@ class ModePoint:
 
     def velocity_tolerance(self, row: int) -> float:
         """Return the speed below which a row counts as at rest, in its unit."""
-        return STILL * self.speed * float(self.system.mechanism.row_scales[row])
+        return MODE_ROUNDING * self.speed * float(self.system.mechanism.row_scales[row])

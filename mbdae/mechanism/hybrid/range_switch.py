@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...errors import InputError
+from ...tolerances import SAME_STATE, STILL
 from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
 from ..frames import find_joint
@@ -15,8 +16,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OFF, ON = 0, 1
-SLOW = 1e-9  # of the largest speed: slower joints do not cross a window
-AHEAD = 1e-7  # rad or characteristic lengths: lookahead of a joint at the boundary of a window
+AHEAD = SAME_STATE  # rad or characteristic lengths: lookahead of a joint at the boundary of a window
 
 
 class RangeSwitch(Switch):
@@ -69,7 +69,7 @@ class RangeSwitch(Switch):
 
     def longest(self, point: "ModePoint") -> float:
         """Return the time in which the joint crosses the shortest window."""
-        return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW * point.speed * self._scale(point))
+        return self.spec.shortest / max(abs(float(point.v[self.v])), STILL * point.speed * self._scale(point))
 
     def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         there = self.next_state(point, (), (), False) == ON

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...tolerances import COINCIDENT
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import AT_LIMIT, Guard, LoadCandidate, Switch, Value
+from .switch import Guard, LoadCandidate, Switch, Value
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -87,7 +88,7 @@ class RollingStiction(Switch):
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
     def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
-        if self.slips(point) or (state == GRIPS and self.margin(point) < AT_LIMIT):
+        if self.slips(point) or (state == GRIPS and self.margin(point) < COINCIDENT):
             return ()
         system, before = point.system, point.system.mode
         system.enter(tuple(GRIPS if i == self.at else k for i, k in enumerate(before)))

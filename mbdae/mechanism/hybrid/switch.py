@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 Value = Callable[["ModePoint"], float]
 Load = Callable[["ModePoint"], "float | Array"]
 ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
-AT_LIMIT = 1e-9  # of the limit: loads closer to it have reached it
 
 
 class Guard(NamedTuple):

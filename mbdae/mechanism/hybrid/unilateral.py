@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...system import Array
+from ...tolerances import SHORTEST_FLIGHT
 from ..closures.closure import UnilateralClosure
-from ..closures.unilateral_constraint import REST, Stop, UnilateralOptions
+from ..closures.unilateral_constraint import Stop, UnilateralOptions
 from ..forces.coulomb_friction import CoulombFriction
 from .switch import Guard, ImpactRow, LoadCandidate, Margins, Switch, UnilateralRow
 
@@ -29,7 +30,7 @@ class Unilateral(UnilateralRow):
 
     def __init__(self, spec: UnilateralOptions, name: str, row: int, sign: float, others: tuple[int, ...] = ()) -> None:
         super().__init__(name, row, sign)
-        self.others, self.restitution, self.rest = others, spec.restitution or 0.0, spec.rest or REST
+        self.others, self.restitution, self.rest = others, spec.restitution or 0.0, spec.rest or SHORTEST_FLIGHT
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102

@@ -10,6 +10,7 @@ import pinocchio as pin
 from pydantic import Field, ValidationError
 
 from ...errors import InputError
+from ...tolerances import COINCIDENT
 from ..checked_table import Table, one_line
 
 Place = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
@@ -20,7 +21,7 @@ SOLIDS = {  # kind: shape class, its sizes, and their number
     "ellipsoid": (coal.Ellipsoid, lambda s: list(s.radii), 3),
     "box": (coal.Box, lambda s: list(2 * s.halfSide), 3),
 }
-LEVEL = 1 - 1e-9  # cosine of an inclination
+LEVEL = 1 - COINCIDENT  # cosine of an inclination
 UP = np.array([0.0, 0.0, 1.0])
 LARGEST = 2**28  # bytes of points or faces: packed data may expand to a thousand times its size
 Size = Annotated[float, Field(ge=0)]

@@ -12,6 +12,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from ...tolerances import COINCIDENT, INPUT_DIGITS, SOLUTION_ROUNDING
 from ..joints import subspace
 from ..pinocchio_data import make_data
 
@@ -161,8 +162,8 @@ def _disc(inertia: pin.Inertia, axis: np.ndarray, width: float) -> tuple[float, 
     about = float(axis @ inertia.inertia @ axis)
     across = (np.trace(inertia.inertia) - about) / 2
     symmetric = about * np.outer(axis, axis) + across * (np.eye(3) - np.outer(axis, axis))
-    centred = np.linalg.norm(np.cross(axis, inertia.lever)) < 1e-9
-    if not centred or not np.allclose(inertia.inertia, symmetric, rtol=1e-6, atol=1e-9 * about):
+    centred = np.linalg.norm(np.cross(axis, inertia.lever)) < COINCIDENT
+    if not centred or not np.allclose(inertia.inertia, symmetric, rtol=INPUT_DIGITS, atol=COINCIDENT * about):
         return None
     radius = np.sqrt(2 * about / inertia.mass)
     height = np.sqrt(max(12 * across / inertia.mass - 3 * radius**2, 0.0))
@@ -222,14 +223,15 @@ def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]
     """Return the end points of the links of body i, except its own joint [m]."""
     ends = [model.jointPlacements[c].translation for c in model.children[i]]
     ends += [p for j, p in points if j == i]
-    far = [pin.SE3(np.eye(3), p) for p in ends if np.linalg.norm(p) > 1e-9]
+    far = [pin.SE3(np.eye(3), p) for p in ends if np.linalg.norm(p) > COINCIDENT]
     return [placement.translation for placement in _distinct(far)]
 
 
 def _distinct(placements: Iterable[pin.SE3]) -> list[pin.SE3]:
     kept: list[pin.SE3] = []
     for placement in placements:
-        if not any(np.allclose(placement.translation, k.translation, rtol=1e-6, atol=1e-12) for k in kept):
+        p = placement.translation
+        if not any(np.allclose(p, k.translation, rtol=INPUT_DIGITS, atol=SOLUTION_ROUNDING) for k in kept):
             kept.append(placement)
     return kept
 

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from ...system import Array
+from ...tolerances import TINY
 from ..closures.contact import ContactHeightRow
 from ..discrete_sensitivity.friction_partials import shape
-from ..formulations.friction_interface import NOTHING, TURNS, FrictionInterface
+from ..formulations.friction_interface import TURNS, FrictionInterface
 from .motion_tangent import MotionTangent, of_point
 
 
@@ -32,7 +33,7 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         phi, psi = shape(float(np.sqrt(slip @ slip)), place.force.width)
         along = A.T @ slip
         F += c * size * phi * along
-        dF += c * phi * np.outer(along, lam @ dlam / (size + NOTHING)) + c * size * psi * np.outer(along, slip @ ds)
+        dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)
         dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ ds)
     for near, p, dp in zip(parameters.perturbed_friction, parameters.all, motion.d.p, strict=True):
         found = {}

@@ -17,6 +17,7 @@ from math import prod
 from typing import Any
 
 from ...errors import InputError
+from ...tolerances import PUBLISHED_DECIMALS
 from ..exact_numbers import Number, exact
 from ..radau import Method
 from ..tableau import Row
@@ -24,9 +25,6 @@ from .assumptions import assumptions
 from .condition_report import Check, ConditionReport, Embedded, Failure
 from .trees import RootedTree, iterate_y, trees_z
 from .weights import Weights
-
-ROUNDED = 1e-20
-"""A residual up to this counts as zero for tableaus whose decimals were rounded."""
 
 PROVEN = 5  # the highest order that is checked where nothing is claimed
 
@@ -45,7 +43,7 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
         The orders found, the first condition that fails above each, and the simplifying assumptions.
     """
     weights, b = Weights(tableau), tableau.exact_b
-    tolerance = ROUNDED if tableau.rounded else 0.0
+    tolerance = PUBLISHED_DECIMALS if tableau.rounded else 0.0
 
     def search(weight: Weight, trees: Trees, highest: int) -> Check:
         return _search(weight, trees, max_order or highest, tolerance)
@@ -77,7 +75,7 @@ def proven(tableau: Method) -> dict[str, Any]:
     Raises:
         InputError: for one of order 0.
     """
-    weights, b, tolerance = Weights(tableau), tableau.exact_b, ROUNDED if tableau.rounded else 0.0
+    weights, b, tolerance = Weights(tableau), tableau.exact_b, PUBLISHED_DECIMALS if tableau.rounded else 0.0
 
     def found(row: Row, trees: Trees) -> int:
         return _search(lambda t: weights.sum(row, t), trees, PROVEN, tolerance).order

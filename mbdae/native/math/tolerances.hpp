@@ -35,6 +35,8 @@ struct Tolerances {
   double still, turned;             // a speed, a cosine
   int loading;                      // iterations
   double loaded, settled, nothing;  // of the largest T, twice
+  // sensitivity/coupled_stages.cpp
+  double restaged;  // of 1 + |x|: the last change of stages that are computed again, whose square is left
 };
 
 }  // namespace mbdae

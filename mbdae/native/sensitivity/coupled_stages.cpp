@@ -8,7 +8,6 @@ namespace mbdae {
 namespace {
 
 constexpr int iterations = 20, halvings = 6;  // of Newton's iteration, and of the step, to obtain a guess
-constexpr double converged = 1e-12;           // of 1 + |x|: the last change, whose square is left
 
 }  // namespace
 
@@ -88,7 +87,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       const Rows<double> moves = RowsIn(change.data(), n, m);
       const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
       steps_->move(moves);
-      if (size <= converged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+      if (size <= s_.limits.restaged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
     }
   }
   throw StepTooLong();

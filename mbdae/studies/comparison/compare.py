@@ -13,6 +13,7 @@ from ...mechanism import Mechanism
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
+from ...tolerances import INTERPOLATION, SUM_ROUNDING
 from ..method_variant import Variant, default_variants, variants
 from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Trial
@@ -96,7 +97,7 @@ def compare(
     shared, because = common(problem, runs, backend)
     motion = replace(motion, backend=shared, because=because)
     pair = variants(reference)
-    if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
+    if len(pair) != 2 or not SUM_ROUNDING < reference_rtol < INTERPOLATION:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
     if workers < 1 or repeats < 0:
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")

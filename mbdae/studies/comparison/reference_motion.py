@@ -15,13 +15,13 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.index1 import Index1System
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
+from ...tolerances import EPS, EVALUATION_ROUNDING, SOLUTION_ROUNDING, SUM_ROUNDING, VISIBLE
 from ..drift.drift import drift
 from ..method_variant import Variant
 from .comparison import OF_TEXTBOOK
 from .run_result import COUNTS, RunResult
 
-EPS = float(np.finfo(float).eps)
-TIGHTEST, LOOSEST = 1e-13, 1e-6  # tolerances of a reference
+TIGHTEST, LOOSEST = EVALUATION_ROUNDING, VISIBLE  # tolerances of a reference
 Samples = dict[str, Array]  # at the common times: q (m, nq), v (m, nv), lam (m, ng); y (m, ny), z (m, nz)
 
 
@@ -158,7 +158,10 @@ class ReferenceMotion:
     def _exact(self) -> Samples | None:
         """Return the exact solution, if known from this start."""
         exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
-        if exact is None or not np.allclose(exact(self.t_span[0])[0], self.problem.point(), rtol=1e-12, atol=1e-12):
+        if exact is None:
+            return None
+        start = self.problem.point()
+        if not np.allclose(exact(self.t_span[0])[0], start, rtol=SOLUTION_ROUNDING, atol=SOLUTION_ROUNDING):
             return None
         y, z = zip(*map(exact, self.times), strict=True)
         return dict(zip(OF_TEXTBOOK, (np.array(y), np.array(z)), strict=True))
@@ -171,8 +174,8 @@ def _carried(system: Any, sol: Solution, i: int, t: float) -> Array:
         return ys[i]
     if any(abs(x.t - ts[i]) <= abs(t - ts[i]) and (x.t - ts[i]) * (t - ts[i]) >= 0 for x in sol.singular):
         return sol.point(t)
-    atol = 1e-14 * (1.0 + np.abs(ys[i]))
-    options = {"rtol": 1e-12, "atol": atol}
+    atol = SUM_ROUNDING * (1.0 + np.abs(ys[i]))
+    options = {"rtol": SOLUTION_ROUNDING, "atol": atol}
     if isinstance(system, Index1System):
         carried = solve_ivp(lambda s, y: system.rate(s, y)[0], (ts[i], t), ys[i], "DOP853", **options)
         return system.normal(carried.y[:, -1])

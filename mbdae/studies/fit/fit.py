@@ -23,6 +23,7 @@ from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
+from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE
 from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values, reals, scaled, teller
 from ..sweep.sweep_run import check_settings
 from .data import records
@@ -33,8 +34,6 @@ from .result import Attempt, Fit
 __all__ = ["fit"]
 
 SPANS = (0.16, 0.4, 1.0)  # of the samples
-TOLERANCE = 1e-10  # of the search, relative
-ROUGH = 1e-4  # the same, of the shorter spans
 Parameters = Mapping[str, Any]
 
 
@@ -185,7 +184,7 @@ class _Search:
         problem = self.problem
         x, message, converged, r = start, "", False, np.empty(0)
         for share in problem.span_fractions(self.spans, len(start)):
-            problem.share, tolerance = share, TOLERANCE if share == 1 else ROUGH
+            problem.share, tolerance = share, SEARCH_TOLERANCE if share == 1 else COARSE
             self.tell(f"{where}{share:.0%} of the samples")
             problem.solved(x)
             result = least_squares(
@@ -237,7 +236,7 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
     chi2, dof = float(r @ r), len(r) - len(x)
     variance = 1.0 if problem.given or dof <= 0 else chi2 / dof
     found = precision(J, names, scale, high - low, variance)
-    near = TOLERANCE * (high - low) + 1e-6 * scale
+    near = SEARCH_TOLERANCE * (high - low) + INPUT_DIGITS * scale
     at_bounds = list(members(names, (x - low < near) | (high - x < near)))
     sols = problem.solved(x)
     runs = list(zip(sols, problem.found, strict=True))

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...system import Array
+from ...tolerances import RANK
 from .result import TIED
 
-LOST = 1e-9  # of the largest singular value of the Jacobian, in scales of the parameters: no information
 SHARE = 0.1  # of a null vector: parameters with as much are in the combination that is not told
 DETERMINED = 1e-2  # of the range between the bounds: a larger deviation of two parameters ties them together
 
@@ -33,7 +33,7 @@ def precision(J: Array, names: Sequence[str], scale: Array, widths: Array, varia
         variance: of a residual.
     """
     _, sizes, V = np.linalg.svd(J, full_matrices=False)
-    kept = sizes > LOST * sizes.max(initial=0.0)
+    kept = sizes > RANK * sizes.max(initial=0.0)
     null = V[~kept] if len(V) == len(names) else np.eye(len(names))
     covariance = (V[kept].T / sizes[kept] ** 2) @ V[kept] * np.outer(scale, scale) * variance
     deviations = np.sqrt(np.diag(covariance))

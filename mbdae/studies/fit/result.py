@@ -9,17 +9,17 @@ import numpy as np
 from ...file_io import write_page
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...tolerances import SOLUTION_ROUNDING, THREE_DIGITS, VISIBLE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__: list[str] = []
 
-IMPROBABLE = 1e-6  # of chi-squared: smaller probabilities exclude noise
+IMPROBABLE = VISIBLE  # of chi-squared: smaller probabilities exclude noise
 TIED = 0.999  # correlation above which only a combination of two parameters is identifiable
 
 
-SAME = 1e-3  # of chi-squared: searches that end in the same minimum
 
 
 class Attempt(NamedTuple):
@@ -85,7 +85,7 @@ class Fit(Tabular):
     @property
     def agreeing(self) -> int:
         """Number of searches that ended at this minimum."""
-        return sum(s.chi2 <= self.chi2 * (1 + SAME) + 1e-12 for s in self.searches)
+        return sum(s.chi2 <= self.chi2 * (1 + THREE_DIGITS) + SOLUTION_ROUNDING for s in self.searches)
 
     @property
     def refuted(self) -> bool:

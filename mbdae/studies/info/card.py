@@ -11,6 +11,7 @@ from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import kind_of
 from ...mechanism.reactions import rank, scaled
 from ...tabular import Tabular
+from ...tolerances import AGREEMENT
 
 NOT_MODELLED = (
     "contact of shapes",
@@ -197,7 +198,7 @@ def card(mech: Mechanism) -> Card:
         g_loaded=float(np.abs(mech.residual(loaded, v)[0]).max(initial=0)),
         g=float(np.abs(g).max(initial=0)),
         Gv=float(np.abs(Gv).max(initial=0)),
-        open=f", {gap.name!r} open by {gap.text}" if gap and gap.size > 1e-10 else "",
+        open=f", {gap.name!r} open by {gap.text}" if gap and gap.size > AGREEMENT else "",
         motors=tuple(m.name for m in mech.motors),
         parameters=tuple((mech.source or {}).get("parameters", ())),
         solve=mech.settings.given,

@@ -15,6 +15,7 @@ from ...mechanism.hybrid.switches import Mode
 from ...mechanism.joint_wrenches import joint_wrenches
 from ...solution.problem import mechanism_of
 from ...system import Array
+from ...tolerances import HALF_DIGITS, NEGLIGIBLE, RANK
 from ..kinematics.passing import Passed, passages
 from ..kinematics.result import Kinematics
 from .actuators import Actuators, actuators_of, weights_of
@@ -23,8 +24,6 @@ from .result import InverseDynamics
 
 __all__ = ["inverse_dynamics"]
 
-RANK = 1e-9  # of the largest singular value of G
-REACHED = 1e-8  # of the largest force: tolerated residual without actuation
 
 
 def inverse_dynamics(
@@ -162,7 +161,7 @@ def _least(A: Array, b: Array, weight: Array) -> Array:
 
 def _check_reached(acting: Actuators, Z: Array, S: Array, b: Array, effort: Array, t: float) -> None:
     left = Z.T @ (b - S.T @ effort)
-    if np.abs(left).max(initial=0.0) <= REACHED * max(np.abs(b).max(), 1e-3):
+    if np.abs(left).max(initial=0.0) <= HALF_DIGITS * max(np.abs(b).max(), NEGLIGIBLE):
         return
     missing = Z @ left
     joint = acting.mechanism.coordinate_joint(int(np.abs(missing).argmax()))

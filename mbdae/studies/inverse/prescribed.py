@@ -15,6 +15,7 @@ from ...mechanism.frames import find_joint
 from ...mechanism.position_search import close_position
 from ...solution.solution import Solution
 from ...system import Array
+from ...tolerances import COARSE, RANK, SEARCH_TOLERANCE
 from ..kinematics.driven_mechanism import start_pose
 from ..kinematics.result import Kinematics
 
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
-RANK = 1e-9  # of the largest singular value of G
-CONVERGED = 1e-10  # rad or characteristic lengths: size of the last correction
-CONTRADICTS = 1e-4  # rad or characteristic lengths: tolerated violation of the closures by a table
 ITERATIONS = 20
 
 
@@ -121,7 +119,7 @@ def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
     for i in range(len(t)) if free.ng else ():
         for values, size, what in zip(_misses(system, q[i], v[i], a[i]), sizes, ("", "/s", "/s^2"), strict=True):
             gap = largest_error(free, values, what)
-            if gap.relative > CONTRADICTS * size:
+            if gap.relative > COARSE * size:
                 raise InputError(f"the motion opens closure {gap.name!r} by {gap.text} at t = {t[i]:.9g}")
     return Prescribed(t, q, v, a, {}, (t, "t (s)"))
 
@@ -209,7 +207,7 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
         q, G = found.q, found.G
         if i == 0:
             _check_dof(free, G, at)
-        if not (found.missed < CONTRADICTS and np.abs(found.g / free.row_scales).max(initial=0.0) < CONTRADICTS):
+        if not (found.missed < COARSE and np.abs(found.g / free.row_scales).max(initial=0.0) < COARSE):
             raise InputError(f"the closures do not let the joints follow the table at point {i + 1}: they miss it by "
                              f"{found.missed:.3g} rad or characteristic lengths")  # fmt: skip
         v = _solve(G, np.zeros(len(G)), at, targets[1, i])
@@ -239,7 +237,7 @@ def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Arr
         x = _solve(G, -g, at, miss)
         size = float(np.abs(x / scales).max())
         q = system.manifold.integrate(q, x / max(1.0, 2.0 * size))
-        if size < CONVERGED:
+        if size < SEARCH_TOLERANCE:
             break
     return _Posed(q, g, G, float(np.abs(miss / scales[at]).max()))
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import SAME_POSE
 from .branch_points import BranchPoint
 from .curve_sampling import Events, events
-from .pose_curve import NEAR, TURN, CurvePoint, PoseCurve
+from .pose_curve import TURN, CurvePoint, PoseCurve
 
 MOST_BRANCHES = 32
 STEP = 0.02  # from a branch point onto a branch
@@ -79,7 +80,7 @@ class _BranchSearch:
             return None
         poses = (self.start, self.start._replace(tau=-self.start.tau))
         found = (curve.passing(i, pose) for pose in poses)
-        return next((x for x in found if x is not None and abs(x.u - self.start.u) < NEAR * curve.unit), None)
+        return next((x for x in found if x is not None and abs(x.u - self.start.u) < SAME_POSE * curve.unit), None)
 
     def _pass(self, curve: PoseCurve, i: int, point: BranchPoint) -> tuple[BranchPoint, bool]:
         """Mark both directions of a curve at a branch point; return whether a curve came from there before."""
@@ -126,4 +127,5 @@ def _input_row(curve: PoseCurve, point: BranchPoint) -> Array:
 
 def is_same_point(curve: PoseCurve, a: BranchPoint, b: BranchPoint) -> bool:
     """Whether two branch points are one pose at one value of the input."""
-    return abs(a.u - b.u) < 100 * NEAR * curve.unit and bool(np.abs(curve.wrapped(a.q, b.q)).max() < 100 * NEAR)
+    near = 100 * SAME_POSE
+    return abs(a.u - b.u) < near * curve.unit and bool(np.abs(curve.wrapped(a.q, b.q)).max() < near)

@@ -12,13 +12,13 @@ from scipy.linalg import null_space
 
 from ...errors import StepError
 from ...system import Array
+from ...tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDING, VISIBLE
 
 if TYPE_CHECKING:
     from .pose_curve import CurvePoint, PoseCurve
 
 POLISH = 6  # Newton steps onto a branch point
 LONGEST = 0.05  # how far it may lie from where the sign changes
-MEET = 1e-10  # branches that pass each other at less cross
 
 
 @dataclass(frozen=True)
@@ -56,22 +56,22 @@ def branch_point(curve: "PoseCurve", i: int) -> BranchPoint | None:
     for _ in range(POLISH):
         g, G = curve.closures(q, u)
         left, sizes, right = np.linalg.svd(G[:-1])
-        if r > 1 and sizes[r - 2] < 1e-6 * sizes[0]:
+        if r > 1 and sizes[r - 2] < VISIBLE * sizes[0]:
             return None
         N, new = right[r - 1 :].T, _new_null(left[:, r - 1 :], curve.nodes[i].left)
         K = curve.bending(np.append(new, 0.0))
         rows = np.vstack([right[: r - 1], N.T @ K])
         rest = np.concatenate([left[:, : r - 1].T @ g[:-1] / sizes[: r - 1], N.T @ (G[:-1].T @ new)])
-        x = -np.linalg.lstsq(rows, rest, rcond=1e-10)[0]
+        x = -np.linalg.lstsq(rows, rest, rcond=AGREEMENT)[0]
         q, u = curve.integrate(q, x), u + float(g[-1] + G[-1] @ x)
-        if np.abs(x).max() < 1e-13:
+        if np.abs(x).max() < EVALUATION_ROUNDING:
             break
-    if np.abs(curve.difference(at.q, q)).max() > LONGEST or abs(new @ g[:-1]) > MEET:
+    if np.abs(curve.difference(at.q, q)).max() > LONGEST or abs(new @ g[:-1]) > AGREEMENT:
         raise StepError("newton", f"two branches pass each other near {u:.9g}")
-    if abs(sizes[r - 1]) > 1e-9 * sizes[0]:
+    if abs(sizes[r - 1]) > RANK * sizes[0]:
         return None
     a, b, c = (form := N.T @ (K + K.T) @ N / 2)[0, 0], form[0, 1], form[1, 1]
-    if not b * b - a * c > 1e-12 * np.abs(form).max() ** 2:
+    if not b * b - a * c > SOLUTION_ROUNDING * np.abs(form).max() ** 2:
         return None
     values, vectors = np.linalg.eigh(form)  # of one sign each: y = sqrt(-w_0) e_1 +- sqrt(w_1) e_0
     first, second = np.sqrt(values[1]) * vectors[:, 0], np.sqrt(-values[0]) * vectors[:, 1]
@@ -89,7 +89,7 @@ def _nearest(curve: "PoseCurve", i: int, h: float) -> "CurvePoint":
             at = curve.at(i, sigma)
         except (StepError, np.linalg.LinAlgError, ValueError):
             break
-        if abs(at.sigma) < 1e-6:
+        if abs(at.sigma) < VISIBLE:
             break
         low, high, a, b = (sigma, high, at.sigma, b) if at.sigma * a > 0 else (low, sigma, a, at.sigma)
     return at

@@ -15,12 +15,12 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from ...system import Array
-from .pose_curve import LONGEST, NEAR, CurvePoint, PoseCurve
+from ...tolerances import COINCIDENT, SAME_POSE, STILL
+from .pose_curve import LONGEST, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-DEAD = 1e-9  # of the arclength's rate: where the input's is smaller, it turns back
 
 
 class Circuit(NamedTuple):
@@ -81,7 +81,7 @@ def _passages(curve: PoseCurve, u: float) -> list[CurvePoint]:
 def _monotone(curve: PoseCurve, i: int, a: CurvePoint, b: CurvePoint) -> list[tuple[float, CurvePoint]]:
     """Points of a step between which the input rises or falls: its ends, and a dead point between them."""
     ends = [(0.0, a), (b.s - a.s, b)]
-    if a.speed * b.speed >= 0 or min(abs(a.speed), abs(b.speed)) < DEAD * curve.unit:
+    if a.speed * b.speed >= 0 or min(abs(a.speed), abs(b.speed)) < STILL * curve.unit:
         return ends
     sigma = curve.zero(i, lambda p: p.speed)
     return [ends[0], (sigma, curve.at(i, sigma)), ends[1]]
@@ -90,7 +90,7 @@ def _monotone(curve: PoseCurve, i: int, a: CurvePoint, b: CurvePoint) -> list[tu
 def _between(curve: PoseCurve, u: float, p0: CurvePoint, p1: CurvePoint) -> Iterator[float]:
     """The values u + 2 pi k of the input that are passed between two points."""
     low, high = sorted((p0.u - u, p1.u - u))
-    near = NEAR * curve.unit
+    near = SAME_POSE * curve.unit
     turns = range(1)
     if curve.period:
         turns = range(int(np.ceil((low - near) / curve.period)), int(np.floor((high + near) / curve.period)) + 1)
@@ -104,7 +104,7 @@ def _between(curve: PoseCurve, u: float, p0: CurvePoint, p1: CurvePoint) -> Iter
 def _beside(curve: PoseCurve, p: CurvePoint, w: float) -> bool:
     """Whether the input is above w; beside the first pose of a circuit, which is at w, where it is within the curve."""
     first, last = p is curve.nodes[0], curve.ended == "closed" and p is curve.nodes[-1]
-    if not (first or last) or abs(p.u - w) > NEAR * curve.unit:
+    if not (first or last) or abs(p.u - w) > SAME_POSE * curve.unit:
         return p.u >= w
     side = _side(p, curve)
     return (p.bend if not side else side if first else -side) > 0
@@ -112,14 +112,14 @@ def _beside(curve: PoseCurve, p: CurvePoint, w: float) -> bool:
 
 def _side(p: CurvePoint, curve: PoseCurve) -> int:
     """The sign of the input's rate, 0 at a dead point."""
-    return int(np.sign(p.speed)) if abs(p.speed) > DEAD * curve.unit else 0
+    return int(np.sign(p.speed)) if abs(p.speed) > STILL * curve.unit else 0
 
 
 def _passage(curve: PoseCurve, i: int, step: tuple[float, float], w: float) -> CurvePoint:
     """The point behind node i with the input w, in a part of the step."""
     low, high = (curve.at(i, sigma).u - w for sigma in step)
     if low * high < 0:
-        at = curve.at(i, float(brentq(lambda x: curve.at(i, x).u - w, *step, xtol=1e-9)))
+        at = curve.at(i, float(brentq(lambda x: curve.at(i, x).u - w, *step, xtol=COINCIDENT)))
     else:
         at = curve.at(i, step[0] if abs(low) < abs(high) else step[1])
     return curve.at_input(at, w) or at

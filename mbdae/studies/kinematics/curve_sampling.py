@@ -7,12 +7,12 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from ...errors import StepError
+from ...tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, STILL
 from .branch_points import BranchPoint
 from .pose_curve import CurvePoint, PoseCurve
 
 SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are searched for zeros
-CLOSE = 1e-5  # of the input: a value so near a branch point is the branch point
-STATIONARY = 1e-9  # of the arclength's rate: a smaller one of the input is a dead point
+CLOSE = INTERPOLATION  # of the input: a value so near a branch point is the branch point
 
 
 class OnCurve(NamedTuple):
@@ -37,7 +37,7 @@ def events(curve: PoseCurve) -> Events:
     branches: dict[int, BranchPoint] = {}
     hidden = _touching(curve)
     nodes = curve.nodes
-    still = STATIONARY * curve.unit
+    still = STILL * curve.unit
     if abs(nodes[0].speed) < still:
         dead.append(OnCurve(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):
@@ -80,8 +80,8 @@ def _lowest(curve: PoseCurve, i: int, size: float) -> float:
         except (StepError, ValueError, np.linalg.LinAlgError):
             return 0.0
 
-    found = minimize_scalar(value, bounds=(0.0, h), method="bounded", options={"xatol": 1e-7 * h})
-    return curve.at(i, float(found.x), roughly=True).u if found.fun < 1e-4 * size else np.nan
+    found = minimize_scalar(value, bounds=(0.0, h), method="bounded", options={"xatol": SAME_STATE * h})
+    return curve.at(i, float(found.x), roughly=True).u if found.fun < COARSE * size else np.nan
 
 
 def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
@@ -111,9 +111,9 @@ def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: i
     low = start.sigma if start.node == i else 0.0
     high = end.sigma if end.node == i else b.s - a.s
     if low or high < b.s - a.s:  # beside a dead point
-        sigma = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-9)
+        sigma = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=COINCIDENT)
     else:
-        sigma = _inverse(a, b, u, 1e-12 * curve.unit)
+        sigma = _inverse(a, b, u, SOLUTION_ROUNDING * curve.unit)
     for aside in (0.0, CLOSE, -CLOSE):  # a singular pose has no tangent: one beside it
         near = curve.at(i, min(max(sigma + aside * (b.s - a.s), low), high), roughly=True)
         if (found_there := curve.at_input(near, near.u if aside else u)) is not None:
@@ -123,7 +123,7 @@ def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: i
 
 def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -> CurvePoint:
     try:
-        return curve.at(i, brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-15))
+        return curve.at(i, brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=ROUNDING))
     except ValueError:
         raise StepError("newton", f"the loops cannot be closed at {u:.9g}") from None
 

@@ -16,11 +16,11 @@ from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.frames import find_joint
 from ...mechanism.position_search import close_position
 from ...system import Array
+from ...tolerances import RANK, VISIBLE
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-RANK = 1e-9  # of the largest singular value of G
 Hold = str | Iterable[str] | Mapping[str, float | None]
 
 
@@ -173,7 +173,7 @@ def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> boo
     columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
     for u in left.T:
         K = columns[:, None] * system.constraints.partials(np.zeros(system.nv), np.append(u, 0.0) / rows)[0] * columns
-        if np.abs(Z.T @ K @ Z).max() > 1e-6 * np.abs(G).max(initial=1.0):
+        if np.abs(Z.T @ K @ Z).max() > VISIBLE * np.abs(G).max(initial=1.0):
             return True
     return False
 
@@ -189,6 +189,6 @@ def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
     liking = [1.0 + (mech.joint_kind(j).startswith("P") or j in acting) for j in names]
     columns = Q[:, [find_joint(mech.model, j).idx_v for j in names]] * np.array(liking)
     diagonal, order = qr(columns, mode="r", pivoting=True)
-    if len(names) < n or abs(diagonal[n - 1, n - 1]) < 1e-6:
+    if len(names) < n or abs(diagonal[n - 1, n - 1]) < VISIBLE:
         return []
     return sorted((names[i] for i in order[:n]), key=names.index)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...mechanism.coordinate_units import coordinate_units
+from ...tolerances import COINCIDENT
 from ..figures import COLOURS, NAMES, WIDTH, beside, escaped, fixed_layout, own_style, sheet
 from .result import Kinematics, neighbours
 
@@ -24,7 +25,7 @@ def curves(found: Kinematics) -> "Figure":
     """
     signals = found.signals()
     unit = {n: u for n, u in coordinate_units(found.mechanism).items() if n.startswith("q.") and u != "1"}
-    moving = [n for n in unit if np.ptp(signals[n]) > 1e-9]
+    moving = [n for n in unit if np.ptp(signals[n]) > COINCIDENT]
     kinds = list(dict.fromkeys(unit[n] for n in moving))
     rows = [(part, kind) for part in PARTS for kind in kinds]
     extra = bool(found.output)

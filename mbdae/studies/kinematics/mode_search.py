@@ -15,14 +15,14 @@ from ...mechanism.frames import find_joint
 from ...mechanism.joints import angle_components, lengths
 from ...mechanism.position_search import gauss_newton, is_closed
 from ...system import Array
+from ...tolerances import RANK, SAME_POSE
 from .circuits import circuit
-from .pose_curve import NEAR, PoseCurve
+from .pose_curve import PoseCurve
 
 HITS = 3  # of each mode, by random starts
 MISSED = 0.01  # how often a mode as easy as the others may be missed
 NONE = 200  # starts of which none closes: then it is given up
-SAME = 100 * NEAR  # poses so near are one mode
-FLAT = 1e-9  # smallest over largest singular value of all rows: not counted as a mode
+SAME = 100 * SAME_POSE  # poses so near are one mode
 ON_CURVE = 8  # as many singular poses lie on a curve of them: modes are points, and seldom double
 
 
@@ -93,7 +93,7 @@ class ModeSearch:
         return self
 
     def _on_curve(self) -> bool:
-        return sum(self.margin(m.q) < FLAT for m in self.modes[: 2 * ON_CURVE]) >= ON_CURVE
+        return sum(self.margin(m.q) < RANK for m in self.modes[: 2 * ON_CURVE]) >= ON_CURVE
 
     def margin(self, q: Array) -> float:
         """Smallest singular value of all rows over the largest: 0 where two modes coincide."""
@@ -140,7 +140,7 @@ class ModeSearch:
         if found is not None:
             return found
         number = 1 + max((m.circuit for m in self.modes), default=0)
-        if self.margin(q) < FLAT:
+        if self.margin(q) < RANK:
             self.warnings.append(f"circuit {number}: its first pose is singular")
             self.modes.append(FoundMode(q, number, True))
             return self.modes[-1]

@@ -13,12 +13,11 @@ from ...mechanism import Mechanism
 from ...mechanism.hybrid.mode_point import AllRows
 from ...mechanism.hybrid.switch import Margins, Switch
 from ...system import Array
+from ...tolerances import HALF_DIGITS, VISIBLE
 from .pose_curve import PoseCurve
 
-PASSED = 1e-6  # rad or characteristic lengths: less is the rounding of a motion that rests on a stop
 NEARBY = 1e-2  # of a cubic's depth: that of the curve itself
 NEWTON = 5  # iterations from a root of the cubic
-FLAT = 1e-8  # rad or characteristic lengths per unit of the arclength: a curve along a stop has no root
 SHOWN = 4  # passages of one stop that a text names
 
 
@@ -79,7 +78,7 @@ def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
                 here = curve.at(i, s - x[i])
                 motion = _judged(all_rows, [s], [here.q], [here.tau * curve.columns])
                 value, rate = switch.margins(motion) or (np.zeros(1), None)
-                if rate is None or not abs(rate[0]) > FLAT * mech.row_scales[switch.row]:
+                if rate is None or not abs(rate[0]) > HALF_DIGITS * mech.row_scales[switch.row]:
                     break
                 s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
         return here.u
@@ -125,7 +124,7 @@ def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float
         rate: its derivative, (n,); when left out the function is one of straight lines.
     """
     if len(x) < 2:
-        return [(float(x[0]), float(x[0]), float(-value[0]), float(x[0]))] if value.min(initial=0.0) < -PASSED else []
+        return [(float(x[0]), float(x[0]), float(-value[0]), float(x[0]))] if value.min(initial=0.0) < -VISIBLE else []
     linear = rate is None
     curve: PPoly = PPoly(np.array([np.diff(value) / np.diff(x), value[:-1]]), x) if linear else CubicHermiteSpline(
         x, value, rate
@@ -139,7 +138,7 @@ def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float
     for a, b in pairwise(ends):
         inside = np.flatnonzero((at >= a) & (at <= b))
         deepest = inside[depth[inside].argmax()] if len(inside) else None
-        if deepest is not None and depth[deepest] > PASSED and curve((a + b) / 2) < 0:
+        if deepest is not None and depth[deepest] > VISIBLE and curve((a + b) / 2) < 0:
             out.append((float(a), float(b), float(depth[deepest]), float(at[deepest])))
     return out
 

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesdd
 from scipy.optimize import brentq
 
+from ... import tolerances as tol
 from ...errors import StepError
 from ...system import Array
 from .branch_points import BranchPoint, branch_point
@@ -25,16 +26,14 @@ from .branch_points import BranchPoint, branch_point
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-FIRST, LARGEST, SMALLEST = 0.02, 0.4, 1e-7  # steps of the arclength
-JUMP = 1e-5  # a longer step over which branches do not meet is taken back
+FIRST, LARGEST, SMALLEST = 0.02, 0.4, tol.SMALLEST_PART  # steps of the arclength
+JUMP = tol.INTERPOLATION  # a longer step over which branches do not meet is taken back
 TURN = 0.9  # least cosine between tangents, and between left null spaces, at both ends of a step
 BENT = 0.02  # of a step: a predictor that misses by more is shortened, by less lengthened
 ITERATIONS = 12
-CONVERGED = 1e-9  # of a correction that converges quadratically: the next would be rounding
-NEAR = 1e-6  # poses so near are one
+CONVERGED = tol.COINCIDENT  # of a correction that converges quadratically: the next would be rounding
 LONGEST = 100.0  # rad and characteristic lengths: how far the input, and what slides, is followed
 MOST = 5000  # nodes of a curve
-EPS = float(np.finfo(float).eps)
 
 
 class CurvePoint(NamedTuple):
@@ -119,7 +118,8 @@ class PoseCurve:
             raise StepError("newton", f"the loops cannot be closed at {u:.6g}")
         q, u, (left, _, right), e = found
         tau = right[self.r]
-        forward = tau @ along if along is not None else e @ tau if abs(e @ tau) > 1e-12 * self.unit else 1.0
+        along_e = e @ tau if abs(e @ tau) > tol.SOLUTION_ROUNDING * self.unit else 1.0
+        forward = tau @ along if along is not None else along_e
         tau = tau if forward > 0 else -tau
         first = CurvePoint(0.0, q, u, tau, tau, 0.0, 0.0, 1.0, left[:, self.r :], 1.0)
         self.nodes, self.crossings = [self._point(found, first, 0.0)], {}
@@ -141,7 +141,7 @@ class PoseCurve:
                 del self.nodes[-1]
                 h /= 4
                 continue
-            h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, 1e-12)) ** (1 / 3), 0.4, 2.0)))
+            h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3), 0.4, 2.0)))
             again = self.passing(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
             if again is not None and self.comes_back(again.u - start.u):
                 self.nodes[-1], self.ended = again, "closed"
@@ -160,7 +160,7 @@ class PoseCurve:
     def comes_back(self, change: float) -> bool:
         """Whether a change of the input is none, or a multiple of its period."""
         rest = change - self.period * round(change / self.period) if self.period else change
-        return abs(rest) < NEAR * self.unit
+        return abs(rest) < tol.SAME_POSE * self.unit
 
     def _crosses(self) -> bool:
         """Look for the branch point in the last step; False where it jumped from one branch to another."""
@@ -187,17 +187,17 @@ class PoseCurve:
             return None
         for _ in range(4):  # the nearest point of the step: the way along a tangent is not the arclength
             along = at.s - a.s + float(rest @ at.tau)
-            if not -NEAR <= along <= 1.5 * h:
+            if not -tol.SAME_POSE <= along <= 1.5 * h:
                 return None
             at = self.at(i, min(max(along, 0.0), h))
             rest = self.wrapped(at.q, pose.q)
-            if abs(rest @ at.tau) < NEAR:
+            if abs(rest @ at.tau) < tol.SAME_POSE:
                 break
-        if not (np.abs(rest).max() < 1e-3 * h + NEAR and at.tau @ pose.tau > TURN):
+        if not (np.abs(rest).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > TURN):
             return None
         found = self._correct(self.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
         again = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
-        return again if again is not None and np.abs(self.wrapped(again.q, pose.q)).max() < NEAR else None
+        return again if again is not None and np.abs(self.wrapped(again.q, pose.q)).max() < tol.SAME_POSE else None
 
     def wrapped(self, q0: Array, q1: Array) -> Array:
         """q1 (-) q0 up to full turns of its angles, (nv,)."""
@@ -231,7 +231,7 @@ class PoseCurve:
     def zero(self, i: int, value: Callable[[CurvePoint], float]) -> float:
         """The arclength behind node i where a value is zero that has another sign at node i + 1."""
         h = self.nodes[i + 1].s - self.nodes[i].s
-        return float(brentq(lambda sigma: value(self.at(i, sigma)), 0.0, h, xtol=1e-15, rtol=1e-14))
+        return float(brentq(lambda sigma: value(self.at(i, sigma)), 0.0, h, xtol=tol.ROUNDING, rtol=tol.SUM_ROUNDING))
 
     def at_input(self, near: CurvePoint, u: float) -> CurvePoint | None:
         """The point with the input u near another one; None where it is not found: [G; e_in] x = -[g; c - u]."""
@@ -259,7 +259,7 @@ class PoseCurve:
         for _ in range(ITERATIONS):
             g, G = self.closures(q, u)
             left, sizes, right = _svd(G[:-1])
-            if self.r and not sizes[self.r - 1] > EPS * sizes[0]:
+            if self.r and not sizes[self.r - 1] > tol.EPS * sizes[0]:
                 return None
             if last <= CONVERGED:
                 return q, u if land else u + float(g[-1]), (left, sizes, right), G[-1]
@@ -270,7 +270,7 @@ class PoseCurve:
                     return None
                 x = x - tau * (g[-1] + G[-1] @ x) / speed
             size = float(np.abs(x).max())
-            if not size < 1.0 or (size > last and last < 1e-5):
+            if not size < 1.0 or (size > last and last < tol.INTERPOLATION):
                 return None
             q, last = self.integrate(q, x), size
         return None

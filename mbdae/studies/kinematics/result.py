@@ -16,6 +16,7 @@ from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...tolerances import SOLUTION_ROUNDING
 from .branch_points import BranchPoint
 from .passing import Passed, lines_of
 
@@ -87,7 +88,7 @@ class Kinematics(Tabular):
     @cached_property
     def moving(self) -> Array:
         """Where the drive is at no dead point, (n,)."""
-        return np.abs(self.speed) > 1e-12
+        return np.abs(self.speed) > SOLUTION_ROUNDING
 
     @cached_property
     def rates(self) -> Array:

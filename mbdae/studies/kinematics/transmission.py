@@ -14,9 +14,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.frames import find_joint, support
 from ...mechanism.joint_wrenches import joint_wrenches
 from ...system import Array
-
-STANDING = 1e-9  # of the tangent: a smaller share of the input is a dead point
-UNLOADED = 1e-12  # of a unit load's power, in rad and characteristic lengths: smaller ones are no force
+from ...tolerances import SOLUTION_ROUNDING, STILL
 
 
 def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
@@ -60,7 +58,7 @@ def transmission(
         G = system.jacobian(pose) * columns / units[:, None]
         if crossing[i]:
             continue
-        if abs(G[-1] @ (tau / columns)) < STANDING:  # a dead point: the output's load is nothing beside the input's
+        if abs(G[-1] @ (tau / columns)) < STILL:  # a dead point: the output's load is nothing beside the input's
             lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
         else:
             lam = minimum_norm(G, mech.nv, -load)
@@ -76,6 +74,6 @@ def transmission(
         V = system.workspace.J.reshape(6, -1) @ (tau * moving)
         moves = V[:3] + np.cross(V[3:], point)
         sizes = np.linalg.norm(force) * np.linalg.norm(moves)
-        if sizes > UNLOADED:
+        if sizes > SOLUTION_ROUNDING:
             out[i] = np.arcsin(min(1.0, abs(force @ moves) / sizes))
     return out

@@ -14,6 +14,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.spectrum import CERTAIN, Spectrum
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...tolerances import ITERATION_ROUNDING, ROUNDING
 from ..sweep.sweep_run import maker_of
 from .modes import modes
 
@@ -24,8 +25,6 @@ __all__ = ["root_locus"]
 
 SPEED = "v."
 ACROSS = 1e-2  # of an interval: distance on either side of a crossing
-EXACT = 1e-11  # of a value: tolerance of a change
-RELATIVE = 1e-15  # of a value: tolerance of a crossing
 Model = str | Path | Callable[..., Mechanism]
 
 
@@ -184,7 +183,7 @@ def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> floa
     """Return where between two values the number of growing eigenvalues changes, by bisection."""
     before, reach = roots(low).growing.sum(), ACROSS * (high - low)
     crossed = None
-    while abs(high - low) > EXACT * max(abs(low), abs(high)):
+    while abs(high - low) > ITERATION_ROUNDING * max(abs(low), abs(high)):
         if crossed is None and abs(high - low) < abs(reach):
             crossed = _crossing(roots, (low + high) / 2, reach)
             if not np.isnan(crossed):
@@ -214,7 +213,7 @@ def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) ->
             return np.nan
         root = (a.values + across.values)[crossing[0]] / 2
         ends = growth(value - reach), growth(value + reach)
-        exact = RELATIVE * max(abs(value), abs(reach))
+        exact = ROUNDING * max(abs(value), abs(reach))
         return float(brentq(growth, value - reach, value + reach, xtol=exact)) if ends[0] * ends[1] < 0 else np.nan
     except MbdaeError:
         return np.nan

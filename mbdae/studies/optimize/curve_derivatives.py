@@ -21,6 +21,7 @@ from ...mechanism.frames import WORLD, frame_names, paths
 from ...solution.columns import coordinates
 from ...solution.signal_value import signal_values
 from ...system import Array
+from ...tolerances import COINCIDENT, RANK
 from ..kinematics.result import Kinematics
 
 HOLDING = "holding"
@@ -93,7 +94,7 @@ class CurveSignals(Mapping[str, Array]):
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
             G, B = s.rate_partials(u, q, v, all_rows)
             Q, g = self.parameters.of_rows(u, q, v)
-            G_inverse = np.linalg.pinv(G, rcond=1e-9)
+            G_inverse = np.linalg.pinv(G, rcond=RANK)
             dq = -G_inverse @ g
             yield dq, -G_inverse @ (B @ dq + Q)
 
@@ -146,5 +147,5 @@ def check_whole(found: Kinematics, span: Sequence[float]) -> None:
         at = [*(u for u, _ in found.dead_points), *(b.u for b in found.branch_points)]
         raise InputError(f"{found.drive!r} meets a {what or 'dead point'} at {min(at, default=found.u[0]):.6g}: "
                          "poses at equal inputs have no derivatives there")  # fmt: skip
-    if abs(found.u[-1] - span[1]) > 1e-9 * (1 + abs(span[1])):
+    if abs(found.u[-1] - span[1]) > COINCIDENT * (1 + abs(span[1])):
         raise InputError(f"{found.drive!r} comes from {span[0]:.6g} to {found.u[-1]:.6g} only, not to {span[1]:.6g}")

@@ -16,6 +16,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 from ...errors import InputError, MbdaeError, UnknownNameError, is_number
 from ...mechanism import Mechanism
 from ...system import Array
+from ...tolerances import VISIBLE
 from ..sensitivity.cost import Cost
 from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, teller
 from .objective import Measured, Motion, Moves, curves, runs
@@ -26,8 +27,6 @@ __all__ = ["optimize"]
 
 SEARCHES = ("SLSQP", "L-BFGS-B")  # of scipy
 ROUNDED = 8  # of SLSQP: no step along its direction reduces the cost
-FLAT = 1e-6  # of the initial cost per scale of a parameter: largest derivative at a rounding-limited end
-HOLDS = 1e-6  # of its size: tolerated constraint violation
 Pair = tuple[float | None, float | None]
 
 
@@ -157,7 +156,7 @@ class Problem:
         """Return the constraint violation in constraint sizes; 0 if satisfied."""
         found = [(x, self.sizes[name], *self.limits[name]) for name, x in tried.constraints.items()]
         parts = [max(low - x, x - high) / size for x, size, low, high in found]
-        return max((x for x in parts if x > HOLDS), default=0.0)
+        return max((x for x in parts if x > VISIBLE), default=0.0)
 
     def rank(self, tried: Evaluation) -> tuple[float, float]:
         """Return a sort key: feasible points first, by cost; others by violation."""
@@ -213,7 +212,7 @@ class Problem:
     def flat(self, z: Array, low: Array, high: Array) -> bool:
         """Return whether the cost has zero derivative within the bounds."""
         inside = np.clip(z - self.derivatives(z), low, high) - z
-        return bool(np.abs(inside).max(initial=0.0) < FLAT)
+        return bool(np.abs(inside).max(initial=0.0) < VISIBLE)
 
 
 def _check_ends(iterations: Any, tolerance: Any) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from ...mechanism import Mechanism
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
+from ...tolerances import VISIBLE
 from ..kinematics.result import Kinematics
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ class Optimum(Tabular):
 
 def _touches(x: float, low: float, high: float) -> bool:
     size = high - low if np.isfinite(high - low) else 1.0 + abs(x)
-    return bool(min(x - low, high - x) < 1e-6 * size)
+    return bool(min(x - low, high - x) < VISIBLE * size)
 
 
 def _finite(x: float) -> float | None:

@@ -26,6 +26,7 @@ from ...methods.radau import Method
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
+from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE
 from ..sensitivity.run_parameters import mechanism_factory
 from ..sensitivity.sensitivity import sensitivity
 from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
@@ -33,11 +34,10 @@ from .result import OrderStudy
 
 __all__ = ["check_gradients"]
 
-CLOSE = 1e-9  # of the derivative: tolerated difference between tangent and quotients
 UNSURE = 10.0  # times the spread of the quotients: smaller differences are not significant
 WIDTHS = (3e-4, 1e-3, 3e-3)  # of quotients, relative to the parameter
 FINER = 4  # times the coarsest number of steps, if no run with those finishes
-SMALLEST = 1e-3  # smallest random velocity that closures allow: below, there is none
+SMALLEST = NEGLIGIBLE  # smallest random velocity that closures allow: below, there is none
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ class GradientStudy(OrderStudy):
 
     def wrong(self, name: str) -> bool:
         """Return whether quotients refute a method's tangent."""
-        return self.differences[name] > max(CLOSE, UNSURE * self.uncertainties[name])
+        return self.differences[name] > max(COINCIDENT, UNSURE * self.uncertainties[name])
 
     @property
     def holds(self) -> bool:
         """True if every tangent is exact, and every slope was judged and reaches its claim."""
-        return super().holds and all(x <= CLOSE for x in self.differences.values())
+        return super().holds and all(x <= COINCIDENT for x in self.differences.values())
 
     @property
     def refuted(self) -> bool:
@@ -79,7 +79,7 @@ class GradientStudy(OrderStudy):
         out = [f"derivatives with respect to {self.of}: tangent beside quotients, observed (claimed) order, {where}"]
         for name, row in self.orders.items():
             difference, unsure = self.differences[name], self.uncertainties[name]
-            more = f" (quotients: {unsure:.0e})" if difference > CLOSE else ""
+            more = f" (quotients: {unsure:.0e})" if difference > COINCIDENT else ""
             seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
             bad = [f"{x.quantity}: {x.verdict}" for x in row if x.verdict != "holds"]
             out.append("  ".join([f"{name:8s} {difference:7.0e}{more}", *seen, *(["; ".join(bad)] if bad else [])]))
@@ -225,4 +225,4 @@ class GradientMeasurement(Measurement):
 
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity."""
-        return np.finfo(float).eps * (1 + sizes)
+        return EPS * (1 + sizes)

@@ -20,12 +20,12 @@ from ...methods import method as find_method
 from ...methods.radau import Method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
+from ...tolerances import EPS, SOLUTION_ROUNDING
 from .rates import ABOVE, HALVINGS, above, done, fit
 from .result import ObservedOrder
 
 LEAST_OUTPUTS = 10
 LARGEST_RUN = 120_000  # solves in one run of the study
-EPS = float(np.finfo(float).eps)
 Progress = Callable[[str], None]
 Found = TypeVar("Found")
 
@@ -83,7 +83,7 @@ class Measurement:
     def common_nodes(self, sol: Solution, every: int = 1) -> Array:
         """Return the nodes at the common times, or every second, ...: after a jump, if there is one."""
         times = np.arange(every, self.steps + 1, every) * self.T / self.steps
-        return np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1
+        return np.searchsorted(sol.t, times * (1 + SOLUTION_ROUNDING), side="right") - 1
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
         """Return the largest difference of each quantity over the common times."""

@@ -9,6 +9,7 @@ from ...errors import InputError, as_list
 from ...mechanism.contacts import path, rolling
 from ...mechanism.frames import joint_paths, paths
 from ...system import Array
+from ...tolerances import COINCIDENT
 from ..figures import COLOURS
 from .threejs import node, typed
 
@@ -90,7 +91,7 @@ def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> dict[
     if not _alike(mech, other):
         raise InputError(f"ghost {name!r} is of {other.title!r}, whose joints are not those of {mech.title!r}")
     low, high = sorted((ghost.t[0], ghost.t[-1])) if len(ghost.t) else (np.inf, -np.inf)
-    slack = 1e-9 * (high - low)
+    slack = COINCIDENT * (high - low)
     inside = (times >= low - slack) & (times <= high + slack)
     if not inside.any():
         raise InputError(f"ghost {name!r} has no time in common with {times[0]:g} to {times[-1]:g} s")

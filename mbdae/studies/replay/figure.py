@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from ...solution.solution import Solution
 from ...system import Array
+from ...tolerances import TINY
 from ..figures import WIDTH, fixed_layout, sheet
 from .glb import GREY, SPRING, towards
 from .solids import coil, coloured_surfaces, solid
@@ -37,7 +38,7 @@ def posture(sol: Solution) -> "Figure":
     corners = np.concatenate([c for c, _ in found]) @ view.T
     colours = np.concatenate([np.tile(rgba, (len(c), 1)) for c, rgba in found])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
     colours[:, :3] *= (0.5 + 0.5 * np.abs(normals @ LAMP))[:, None]
     order = np.argsort(corners[:, :, 2].mean(axis=1))
     width, height, _ = np.ptp(corners.reshape(-1, 3), axis=0)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...mechanism.scene.surfaces import Surface
 from ...system import Array
+from ...tolerances import COINCIDENT, INPUT_DIGITS, TINY
 from .animation_tracks import continuous
 from .mode_tracks import ACTIVE_COLOUR, IMPACT_COLOUR
 from .solids import coil, coloured_surfaces, solid
@@ -23,8 +24,7 @@ GREY = (0.7, 0.7, 0.7, 1.0)
 SPRING = (0.8, 0.22, 0.2, 1.0)
 UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # turns z up into y up
 FLOAT, UINT = 5126, 5125  # component types
-TINY = 1e-6  # a scale of 0 leaves no normals
-FLASH, SUDDEN = 0.25, 1e-3  # s of viewing: how long an impact is seen, and how fast it appears
+FLASH, SUDDEN = 0.25, 0.001  # s of viewing: how long an impact is seen, and how fast it appears
 EDGE = np.cos(0.6)  # rad: triangles that are turned more meet at an edge
 VERTICES, INDICES = 34962, 34963  # uses of a view of the buffer
 
@@ -164,7 +164,7 @@ class _Animation:
         """Balls at the places of a mark, whose sizes (n,) change at the seconds (n,)."""
         if not sizes.any():
             return
-        scales = np.maximum(sizes, TINY)[:, None] * np.ones(3)
+        scales = np.maximum(sizes, INPUT_DIGITS)[:, None] * np.ones(3)  # a scale of 0 leaves no normals
         for points in mark.places:
             ball = self.file.mesh(kind, [solid("sphere", (3 * self.width,))], rgba)
             node = self._add_node(f"{mark.name} {kind}", ball, {"translation": points})
@@ -178,7 +178,7 @@ class _Animation:
 
     def _add_line(self, name: str, mesh: int, begin: Array, lines: Array, stretch: Array) -> None:
         """A mesh along z, turned into lines (m, 3) and stretched."""
-        tracks = {"translation": begin, "rotation": towards(lines), "scale": _along(np.maximum(stretch, TINY))}
+        tracks = {"translation": begin, "rotation": towards(lines), "scale": _along(np.maximum(stretch, INPUT_DIGITS))}
         self._add_node(name, mesh, tracks)
 
     def _add_node(self, name: str, mesh: int, tracks: dict[str, Array]) -> int:
@@ -202,7 +202,7 @@ def normals(surface: Surface) -> Array:
     a, b, c = surface.points[surface.faces].astype(float).swapaxes(0, 1)
     area = np.cross(b - a, c - a)
     sizes = np.linalg.norm(area, axis=1)
-    unit = np.where(sizes[:, None] > 0, area / np.maximum(sizes, 1e-300)[:, None], [0.0, 0.0, 1.0])
+    unit = np.where(sizes[:, None] > 0, area / np.maximum(sizes, TINY)[:, None], [0.0, 0.0, 1.0])
     point = surface.faces.ravel()
     order, count = np.argsort(point, kind="stable"), np.bincount(point)
     first = np.cumsum(count) - count
@@ -212,7 +212,7 @@ def normals(surface: Surface) -> Array:
     near = np.einsum("ij,ij->i", unit[mine], unit[other]) > EDGE
     sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
     sizes = np.linalg.norm(sums, axis=1)
-    return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1e-300)[:, None], unit[np.arange(len(point)) // 3])
+    return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, TINY)[:, None], unit[np.arange(len(point)) // 3])
 
 
 def _holding(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
@@ -250,7 +250,7 @@ def _along(z: Array) -> Array:
 
 def towards(ways: Array) -> Array:
     """Quaternions (m, 4) that turn z into directions (m, 3)."""
-    d = ways / np.maximum(np.linalg.norm(ways, axis=1), 1e-300)[:, None]
+    d = ways / np.maximum(np.linalg.norm(ways, axis=1), TINY)[:, None]
     out = np.column_stack([-d[:, 1], d[:, 0], np.zeros(len(d)), 1 + d[:, 2]])
-    out[1 + d[:, 2] < 1e-9] = 1, 0, 0, 0
+    out[1 + d[:, 2] < COINCIDENT] = 1, 0, 0, 0
     return continuous(_unit(out))

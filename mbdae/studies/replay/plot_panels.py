@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import InputError, as_list
 from ...solution.signals import find, signals, units
 from ...system import Array
+from ...tolerances import BELOW_ROUNDING
 from ..figures import NAMES
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
 Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
-ROUNDING = 1e-16  # of |g|: below is nothing to see
 MOST = 7  # curves of one pane that can be told apart
 STEPPED = ("energy", "work", "g", "Gv")  # errors of a run are shown at its steps: between them is interpolation
 WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
@@ -133,7 +133,7 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
         word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else WORDS.get(kind, kind)
         title = f"{word} ({kind}){group.note}" if kind not in ("", "1", word) else word + group.note
         drift = set(names) <= {"g", "Gv"}
-        out.append(PlotPanel(title, _short(curves), drift, ROUNDING if drift else 0.0))
+        out.append(PlotPanel(title, _short(curves), drift, BELOW_ROUNDING if drift else 0.0))
     return out
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...mechanism.scene.surfaces import Surface, surfaces, welded
 from ...system import Array
+from ...tolerances import COINCIDENT
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Shape
@@ -57,7 +58,7 @@ def coil(radius: float, wire: float, length: float) -> Surface:
 def _turned(r: Array, z: Array) -> Array:
     """Corners (m, 3, 3) of what a profile (n,) makes as it turns about z."""
     u = 2 * np.pi * (np.arange(AROUND + 1) % AROUND) / AROUND
-    r = np.where(r > 1e-9 * r.max(), r, 0.0)  # poles are points
+    r = np.where(r > COINCIDENT * r.max(), r, 0.0)  # poles are points
     return _quads(np.stack([np.outer(r, np.cos(u)), np.outer(r, np.sin(u)), np.outer(z, np.ones_like(u))], axis=2))
 
 

@@ -21,8 +21,7 @@ from ...mechanism.signal_derivatives import (
 )
 from ...solution.columns import CONTACT, frame_units, load_units, moving_frames
 from ...system import Array
-
-ROUNDING = 1e-11  # of the largest vector of a kind: smaller ones are what rounding leaves of zero
+from ...tolerances import ITERATION_ROUNDING
 
 
 class DerivativeFamily(NamedTuple):
@@ -75,7 +74,7 @@ def along(x: Array, derivatives: Array) -> Array:
     They are 0 where a vector vanishes beside the largest of the n: its remainder has a direction by rounding only.
     """
     size = np.linalg.norm(x, axis=-1, keepdims=True)
-    there = size > ROUNDING * size.max(axis=0, initial=0.0)
+    there = size > ITERATION_ROUNDING * size.max(axis=0, initial=0.0)
     return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=there), derivatives)
 
 

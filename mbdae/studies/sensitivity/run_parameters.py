@@ -18,12 +18,12 @@ from ...mechanism.formats.loaded_model import LoadedModel, number
 from ...mechanism.formats.template import Template
 from ...solution.solution import Solution
 from ...system import Array
+from ...tolerances import COINCIDENT
 from ..sweep.sweep_run import Made, maker_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
 
-ALIKE = 1e-9  # of derivatives
 CHECKS = 9  # points of a run where differences are to hold
 
 Names = Sequence[str] | Mapping[str, float]
@@ -166,5 +166,5 @@ def _moves_alike(other: Mechanism, sol: Solution) -> None:
         t, y = float(sol.nodes[0][i]), sol.nodes[1][i]
         with suppress(StepError):
             own, found = (m.system().derivative(t, y)[0] for m in (sol.mechanism, other))
-            if np.abs(found - own).max() > ALIKE * (1 + np.abs(own).max()):
+            if np.abs(found - own).max() > COINCIDENT * (1 + np.abs(own).max()):
                 raise InputError("with these values the model moves otherwise than the run: give its own")

@@ -15,13 +15,13 @@ from ...mechanism.coordinate_units import coordinate_units
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...tolerances import COINCIDENT
 from .run_parameters import Model, Names, bound
 from .signal_jacobian import SignalJacobian
 from .terminal_event import ending
 
 __all__ = ["sensitivity"]
 
-SAME = 1e-9  # of 1 + |y|: where a run began at its mechanism's own start
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def _own_start(trace: Trajectory) -> Array:
     out, own, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
     with suppress(MbdaeError):  # it may not close
         own = np.concatenate(s.mechanism.start_at(t))
-    if len(own) and np.abs(own - y[:nx]).max() <= SAME * (1 + np.abs(own).max()):
+    if len(own) and np.abs(own - y[:nx]).max() <= COINCIDENT * (1 + np.abs(own).max()):
         out = sensitivity.start(t, y)
     given = (np.array(list(s.mechanism.states.values())) != y[nx:-1]).any()
     out[2 * s.nv : -1] = 0.0 if given else sensitivity.start_states()

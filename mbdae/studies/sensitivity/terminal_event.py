@@ -13,10 +13,10 @@ from ...integrate.trajectory import LinearMap, Trajectory, TrajectoryPart
 from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
 from ...system import Array
+from ...tolerances import INPUT_DIGITS
 from .signal_jacobian import SignalJacobian
 
 WIDTH = 1e-3  # of differences of event functions, which are the user's
-LATE = 1e-6  # of the span: how far from its event a run ends at most
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,6 @@ def _with_event_time(trace: Trajectory, end: EventTimeDerivative, name: str, val
     t, size = float(trace.ts[-1]), float(np.abs(trace.ts[-1] - trace.ts[0]))
     if not rise:
         raise InputError(f"event {name!r} does not change where the run ends, at t = {t:.9g} s: its time does not move")
-    if abs(value) > LATE * size * abs(rise):
+    if abs(value) > INPUT_DIGITS * size * abs(rise):
         raise InputError(f"event {name!r} is not that in which the run ended: it is {value:.3g} at t = {t:.9g} s")
     return end

@@ -18,16 +18,14 @@ import numpy as np
 
 from ...errors import InputError, MbdaeError, StepError
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.spectrum import CERTAIN, EPS, Curvature, curvature, null_space, scale_of
+from ...mechanism.formulations.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
 from ...system import Array
+from ...tolerances import EPS, ITERATION_ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
 from .trust_region import symmetric
 
-LARGEST, LEAST = 0.03, 1e-7  # of a step: rad or characteristic lengths, and of the range of the factor
-ROUNDED = 1e-11  # of the terms of forces: balanced
+LARGEST, LEAST = 0.03, SMALLEST_PART  # of a step: rad or characteristic lengths, and of the range of the factor
 CORRECTIONS, POINTS, LOCATED = 8, 5000, 40
 TURNED = 0.95  # cosine of the largest angle between tangents of neighbours
-STILL = 1e-6  # of a tangent: the factor does not change along it
-SAME = 1e-7  # of the range of the factor: roots that are one of several eigenvalues
 BACK = -2.0  # ranges of the factor: where a path that runs away ends
 
 
@@ -130,7 +128,7 @@ class Continuation:
         roots.sort(key=lambda root: root[0])
         while roots:
             at = roots[0][1]
-            m = sum(abs(other.u - at.u) <= SAME for _, other in roots)
+            m = sum(abs(other.u - at.u) <= SAME_STATE for _, other in roots)
             out.append((at, self._point("branch", at, buckling_shapes(at, m, beside))))
             roots = roots[m:]
         return out
@@ -156,12 +154,12 @@ class Continuation:
                 q = self.statics.close(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
                 next_u = u + float(x[-1])
                 there = self.balance(q, here.s, next_u)
-                if size <= ROUNDED and not residual(there) < 0.5 * size:
+                if size <= ITERATION_ROUNDING and not residual(there) < 0.5 * size:
                     break
                 here, u = there, next_u
         except StepError:
             return None
-        if residual(here) > ROUNDED:
+        if residual(here) > ITERATION_ROUNDING:
             return None
         found = self.tangent(u, self.balance(here.q, here.s, u), at)
         before, after = (np.append(p.dq / self.l, p.du) for p in (at, found))
@@ -201,7 +199,7 @@ class Continuation:
         Q, R = np.linalg.qr(self.tangent_map(here, d) @ null)
         onward = np.eye(len(Q))[-1] if before is None else np.append(before.dq / self.l, before.du)
         c = Q.T @ onward
-        if before is None and np.linalg.norm(c) < STILL:
+        if before is None and np.linalg.norm(c) < VISIBLE:
             at = f"at factor {self.first:g} forces let it rest anywhere or turn back"
             raise InputError(f"{at}: no path leads on from there; begin at another factor")
         way = Q @ c / np.abs(Q @ c).max()

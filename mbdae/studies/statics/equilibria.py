@@ -13,10 +13,10 @@ from ...mechanism.formulations.equilibrium_equations import ForceBalance, Static
 from ...mechanism.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
+from ...tolerances import RANK, SAME_STATE, TINY
 from ..kinematics.assembly_modes import assembly_modes
 from ..kinematics.driven_mechanism import driven_mechanism, left_open, require_one_dof, start_pose
 from ..kinematics.kinematics import kinematics
-from ..kinematics.mode_search import FLAT
 from ..kinematics.result import Kinematics
 from .equilibrium import Equilibrium, labels, velocities
 from .stability import verdict
@@ -25,7 +25,6 @@ from .trust_region import TrustRegion
 __all__ = ["equilibria"]
 
 POINTS = 361
-ALIKE = 1e-7  # rad or characteristic lengths: poses so near are one
 INPUTS = 3  # values of the input, over its range, at which circuits are searched
 BESIDE = 0.25  # of the way between two poses of a curve: a pose so near is on it
 
@@ -68,7 +67,7 @@ def equilibria(
     out: list[Equilibrium] = []
     for curve in _circuits(first, span, tuple(held)):
         for here, search in _balanced(statics, curve, s0):
-            if all(np.abs(_apart(mech, e.q[None], here.q)).max() > ALIKE for e in out):
+            if all(np.abs(_apart(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
                 still, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
                 judged, left = verdict(statics, here), search.residual
                 out.append(
@@ -117,7 +116,7 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
         for warning in found.warnings:
             warnings.warn(f"equilibria over {drive!r}: {warning}", stacklevel=3)
         for mode in found.modes:
-            if mode.margin < FLAT or any(_passes(mech, curve, mode.q) for curve in curves):
+            if mode.margin < RANK or any(_passes(mech, curve, mode.q) for curve in curves):
                 continue
             try:
                 curves.append(kinematics(mech, drive, span=span, hold=hold, points=POINTS, q=mode.q))
@@ -133,7 +132,7 @@ def _passes(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
         poses = curve.q[stretch.first : stretch.last]
         away = _apart(mech, poses, q)
         steps = np.diff(away, axis=0)
-        size = np.maximum((steps**2).sum(1), 1e-300)
+        size = np.maximum((steps**2).sum(1), TINY)
         share = np.clip(-(away[:-1] * steps).sum(1) / size, 0, 1)
         nearest = np.linalg.norm(away[:-1] + share[:, None] * steps, axis=1)
         if (nearest <= BESIDE * np.sqrt(size)).any():

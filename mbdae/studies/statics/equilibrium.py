@@ -20,6 +20,7 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ...tolerances import ROUNDING, SOLUTION_ROUNDING
 from .stability import Verdict, verdict
 from .trust_region import TrustRegion
 
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["equilibrium"]
 
-ROUNDING = 1e-15
 Find = Literal["stable", "any"]
 FIND = get_args(Find)
 
@@ -142,7 +142,8 @@ class Equilibrium(Tabular):
             if c.frames:
                 r = self.reaction(c.name)
                 force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
-                lines.append(f"  {c.name} carries {force:.6g} N" + (f", {torque:.6g} N m" if torque > 1e-12 else ""))
+                moment = f", {torque:.6g} N m" if torque > SOLUTION_ROUNDING else ""
+                lines.append(f"  {c.name} carries {force:.6g} N{moment}")
         return "\n".join(lines)
 
 

@@ -10,10 +10,11 @@ from ...mechanism.formulations.equilibrium_equations import ForceBalance, Static
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at
 from ...mechanism.formulations.spectrum import curvature, null_space, spectrum
 from ...system import Array
+from ...tolerances import COARSE
 from .trust_region import symmetric, symmetric_part
 
 ASIDE = 1e-2  # rad or characteristic lengths: a neighbour
-LOST = 1e-4  # of the smallest singular value there: its value where rank is lost
+LOST = COARSE  # of the smallest singular value there: its value where rank is lost
 
 
 @dataclass(frozen=True)

@@ -13,24 +13,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ... import tolerances as tol
 from ...errors import StepError
-from ...mechanism.formulations.spectrum import CERTAIN, EPS, curvature, scale_of, spectrum
+from ...mechanism.formulations.spectrum import CERTAIN, curvature, scale_of, spectrum
 from ...mechanism.joints import lengths
 from ...system import Array
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 
-START, LARGEST, LEAST = 0.3, 1.5, 1e-12  # rad or slides: radii of trust
+START, LARGEST, LEAST = 0.3, 1.5, tol.SOLUTION_ROUNDING  # rad or slides: radii of trust
 SLIDES = 5.0  # characteristic lengths: forces bend more where a mechanism turns by 1 rad than where it slides by 1
 TAKEN, GOOD = 0.1, 0.7  # of the work promised
-NEARLY = 1e-5  # of the terms of forces: from there on Newton steps go on to rounding
-EXACT = 1e-17  # of the terms of forces: nothing
-ROUNDED = 1e-11  # of the terms of forces: less counts as zero if Newton's step is short, too
-BALANCED = 1e-8  # of the terms of forces: the rest where rounding lets no step make it less
-SHORT_OF = 1e-3  # rad or slides: Newton's step at an equilibrium
-FLAT = 1e-9  # of what a step would be without stiffness: sigma where there is neither stiffness nor a limit
-SYMMETRIC = 1e-7  # of the terms of H: if it differs from its transpose by less, forces have a potential
+NEARLY = tol.INTERPOLATION  # of the terms of forces: from there on Newton steps go on to rounding
+SHORT_OF = tol.THREE_DIGITS  # rad or slides: Newton's step at an equilibrium
+FLAT = tol.RANK  # of what a step would be without stiffness: sigma where there is neither stiffness nor a limit
+SYMMETRIC = tol.SAME_STATE  # of the terms of H: if it differs from its transpose by less, forces have a potential
 RELAXED, SHORT = 3, 0.5  # steps that let stiff springs rest, and their length as a share of the step before
 HALVED = 0.5  # of rho: the most that a step to rounding may leave
 HALVINGS, ENOUGH = 4, 0.9  # of a step to an equilibrium of any kind, and what it may leave of rho
@@ -80,13 +78,13 @@ class TrustRegion:
             elif not (self.newton() if find == "any" else self.descend()):
                 break
         self.polish()
-        return self.residual <= BALANCED
+        return self.residual <= tol.HALF_DIGITS
 
     def at_rest(self) -> bool:
         """Whether forces balance to rounding, or nearly so and the way to where they do is short."""
         share = self.residual
-        near = share <= ROUNDED and self.length(self.here, newton_step(self.here)) <= SHORT_OF
-        return near or share <= CERTAIN * EPS
+        near = share <= tol.ITERATION_ROUNDING and self.length(self.here, newton_step(self.here)) <= SHORT_OF
+        return near or share <= CERTAIN * tol.EPS
 
     def lowest(self) -> Array | None:
         """The direction y (k,) in which forces push straight away the most; None where they do not."""
@@ -100,7 +98,7 @@ class TrustRegion:
 
     def polish(self) -> None:
         """Newton's steps as long as they are short and halve rho."""
-        while self.iterations < ITERATIONS and self.residual > EXACT:
+        while self.iterations < ITERATIONS and self.residual > tol.BELOW_ROUNDING:
             y = newton_step(self.here)
             there = self.moved(y) if 0 < self.length(self.here, y) < START else None
             if there is None or not np.linalg.norm(there.rho) < HALVED * np.linalg.norm(self.here.rho):
@@ -141,7 +139,7 @@ class TrustRegion:
     def newton(self) -> bool:
         """One step that makes rho less, towards an equilibrium of any kind; a step downhill where none does."""
         rho, y = self.here.rho, newton_step(self.here)
-        y *= min(1.0, LARGEST / max(1e-300, self.length(self.here, y)))
+        y *= min(1.0, LARGEST / max(tol.TINY, self.length(self.here, y)))
         for _ in range(HALVINGS):
             there = self.moved(y)
             if there and np.linalg.norm(there.rho) < ENOUGH * np.linalg.norm(rho):
@@ -185,12 +183,12 @@ class TrustRegion:
 def newton_step(here: "ForceBalance") -> Array:
     """The step y (k,) with H y = rho, of least size along directions in which no stiffness is known."""
     d = scale_of(here.noise)
-    return np.linalg.lstsq(here.H / np.outer(d, d), here.rho / d, rcond=CERTAIN * EPS)[0] / d
+    return np.linalg.lstsq(here.H / np.outer(d, d), here.rho / d, rcond=CERTAIN * tol.EPS)[0] / d
 
 
 def symmetric(X: Array, e: Array) -> bool:
     """Whether X (k, k), known to e (k, k), is its own transpose as far as partials are known."""
-    return bool((np.abs(X - X.T) <= SYMMETRIC / EPS * (e + e.T) / 2).all())
+    return bool((np.abs(X - X.T) <= SYMMETRIC / tol.EPS * (e + e.T) / 2).all())
 
 
 def symmetric_part(H: Array) -> tuple[Array, Array]:
@@ -225,7 +223,7 @@ def shortened(Z: Array, H: Array, noise: Array, rho: Array, radius: float) -> Ar
     def at(sigma: float) -> Array:
         return Q @ np.divide(c, w + sigma, out=np.zeros_like(c), where=c != 0)
 
-    low = max(0.0, -w[0]) + CERTAIN * EPS * size + FLAT * np.linalg.norm(rho) * np.abs(Z).max() / radius
+    low = max(0.0, -w[0]) + CERTAIN * tol.EPS * size + FLAT * np.linalg.norm(rho) * np.abs(Z).max() / radius
     if w[0] > unknown[0]:
         low = 0.0
 

@@ -12,6 +12,7 @@ from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.frames import find_joint
 from ...mechanism.position_search import close_position
 from ...system import Array
+from ...tolerances import HALF_DIGITS, INPUT_DIGITS, RANK, VISIBLE
 from ..kinematics.kinematics import kinematics
 
 if TYPE_CHECKING:
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 POSES = 121  # per slider
 MOST = 16  # sliders per page
-INDEPENDENT = 1e-6  # of the size of a free direction: below, a coordinate depends on those chosen before
-SLACK = 1e-6  # rad or characteristic lengths: tolerated excess over a limit
-CLOSED = 1e-8  # of |g|: a joint outside all loops leaves them closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +65,7 @@ def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
     """Return independent joints of one coordinate at q, as many as there are degrees of freedom, or fewer."""
     G = system.jacobian(q)
     _, sizes, right = np.linalg.svd(G) if len(G) else (0, np.zeros(0), np.eye(mech.nv))
-    rank = int(np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)))
+    rank = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
     motions = right[rank:].T.copy()
     wanted = [d.joint for d in mech.drivers if d.joint] + list(mech.start_values.q)
     joints = [n for n in dict.fromkeys([*wanted, *mech.joint_names]) if find_joint(mech.model, n).nv == 1]
@@ -75,7 +73,7 @@ def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
     for name in joints:
         row = motions[find_joint(mech.model, name).idx_v]
         size = np.linalg.norm(row)
-        if size > INDEPENDENT:
+        if size > VISIBLE:
             out.append(name)
             motions -= np.outer(motions @ row, row) / size**2
     return out
@@ -87,13 +85,13 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
     dead: tuple[float, ...] = ()
     system = mech.system()
     u, poses = _alone(mech, name, q)
-    if max(_gap(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < CLOSED:
+    if max(_gap(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < HALF_DIGITS:
         ended = "limits" if limits_of(mech, name) is not None else "closed" if unit == "rad" else "range"
     else:
         try:
             found = kinematics(mech, name, hold=others, q=q, points=POSES)
             u, poses, ended = found.u, found.q, found.stretches[0].ended
-            ended = "closed" if unit == "rad" and abs(abs(u[-1] - u[0]) - 2 * np.pi) < SLACK else ended
+            ended = "closed" if unit == "rad" and abs(abs(u[-1] - u[0]) - 2 * np.pi) < INPUT_DIGITS else ended
             dead = tuple(sorted({round(float(x), 12) for x, _ in found.dead_points}))
         except MbdaeError:  # a mobility without such a joint, an unlimited stroke, or a singular pose
             u, poses, ended = _marched(mech, name, others, q)
@@ -123,7 +121,7 @@ def _stretch(slider: Slider) -> Slider:
         u=u[chosen],
         q=slider.q[k[chosen]],
         start=int(np.flatnonzero(chosen == here)[0]),
-        dead_points=tuple(d for d in slider.dead_points if np.abs(ends - d).min() < SLACK * np.ptp(u)),
+        dead_points=tuple(d for d in slider.dead_points if np.abs(ends - d).min() < INPUT_DIGITS * np.ptp(u)),
         ended="dead" if slider.ended == "closed" and len(turns) else slider.ended,
         beyond=tuple(slider.beyond[i] for i in k[chosen]),
     )
@@ -168,7 +166,7 @@ def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[A
 def _beyond(mech: Mechanism, poses: Array) -> Iterator[str]:
     low, high = mech.model.lowerPositionLimit, mech.model.upperPositionLimit
     single = {find_joint(mech.model, n).idx_q: n for n in mech.joint_names if limits_of(mech, n) is not None}
-    slack = SLACK * mech.q_scales
+    slack = INPUT_DIGITS * mech.q_scales
     for pose in poses:
         yield next((n for i, n in single.items() if not low[i] - slack[i] <= pose[i] <= high[i] + slack[i]), "")
 

@@ -6,7 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from mbdae.mechanism.formulations.spectrum import EPS, curvature, null_space, spectrum
+from mbdae.mechanism.formulations.spectrum import curvature, null_space, spectrum
+from mbdae.tolerances import EPS
 
 
 def vibrating(K):

@@ -9,12 +9,13 @@ import pytest
 from scipy.optimize import least_squares
 
 import mbdae
+from mbdae import tolerances
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.loaded_model import number
 from mbdae.mechanism.formats.model_library import find
 from mbdae.mechanism.formats.template import Template
 from mbdae.studies.fit.data import records
-from mbdae.studies.fit.fit import ROUGH, SPANS, TOLERANCE
+from mbdae.studies.fit.fit import SPANS
 from mbdae.studies.fit.fit_residuals import FitResiduals
 
 COMMANDS = (
@@ -132,7 +133,7 @@ def test_fewer_runs_than_with_quotients(tmp_path):
     problem = FitResiduals(Template(str(path)), list(given), records(data), [{}], 1e-4, None, dict(STEP))
     x, low, high = np.array(list(given.values())).T
     for share in problem.span_fractions(SPANS, 2):
-        problem.share, tolerance = share, ROUGH if share < 1 else TOLERANCE
+        problem.share, tolerance = share, tolerances.COARSE if share < 1 else tolerances.SEARCH_TOLERANCE
         x = least_squares(problem.residuals, x, "2-point", (low, high), x_scale=(high - low) / 10, ftol=tolerance,
                           xtol=tolerance, gtol=tolerance).x  # fmt: skip
     assert x == pytest.approx(list(truth.values()), rel=1e-3)

@@ -7,13 +7,13 @@ from pydantic import field_validator
 
 from ....errors import StepError
 from ....system import Array
+from ....tolerances import PARALLEL, THREE_DIGITS
 from ...frames import Pair, cross
 from ..closure import Axis, Z
-from ..fixed_axes import FITS, TILT, FixedAxisClosure
+from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
 from ..rows import displaced, rotated, unit_axis
 
-PARALLEL = 1e-6  # rad between axes, which then have no common point
 Radii = tuple[float, float]
 
 
@@ -51,10 +51,12 @@ class BevelClosure(FixedAxisClosure):
         (a, b), (ra, rb) = self.axes(), self.radii
         ka, kb = pair.Ra @ a, pair.Rb @ b
         e = np.cross(ka, kb)
-        if (past := abs(float((pair.pb - pair.pa) @ e)) / float(np.linalg.norm(e))) > FITS * (abs(ra) + abs(rb)):
+        past = abs(float((pair.pb - pair.pa) @ e)) / float(np.linalg.norm(e))
+        if past > THREE_DIGITS * (abs(ra) + abs(rb)):
             return f"its axes do not meet, they pass each other at {past:.3g} m"
         here, before = (float(np.arccos(np.clip(x, -1, 1))) for x in (ka @ kb, (relative @ a) @ b))
-        return f"the angle of its axes is {here:.4g} rad, after {before:.4g} rad" if abs(here - before) > TILT else ""
+        changed = abs(here - before) > THREE_DIGITS
+        return f"the angle of its axes is {here:.4g} rad, after {before:.4g} rad" if changed else ""
 
     def foreign_axes(self, pair: Pair) -> tuple[Array, str]:  # noqa: D102
         a, b = self.axes()

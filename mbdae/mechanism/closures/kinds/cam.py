@@ -5,9 +5,9 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from ....system import Array
+from ....tolerances import THREE_DIGITS
 from ...frames import Pair
 from ..closure import Axis, BetweenFrames
-from ..fixed_axes import TILT
 from ..profile_rows import FlatFace, Roller
 from ..profiles import AnyProfile, Profile
 from ..rows import unit_axis
@@ -48,7 +48,7 @@ class CamClosure(BetweenFrames):
 
     def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
         lean = abs(float(pair.Rb @ unit_axis(self.axis) @ pair.Ra[:, 2])) if self.axis else 0.0
-        return f"its flat face leans by {lean:.3g} rad against the plane of the profile" if lean > TILT else ""
+        return f"its flat face leans by {lean:.3g} rad against the plane of the profile" if lean > THREE_DIGITS else ""
 
     @classmethod
     def of(cls, a: str, b: str, profile: AnyProfile, name: str = "", **more: Any) -> "CamClosure":

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from ....errors import InputError
 from ....system import Array
+from ....tolerances import COINCIDENT
 from ...time_functions import Harmonic
 from ..closure import BetweenJoints
 from ..joint_rows import BoundCoordinateRow, BoundJointRow, Coordinate, JointRow, common_period, coordinate
@@ -112,7 +113,7 @@ class BoundMotionLawRow(BoundCoordinateRow):
         shares = [turn] if self.joints[0].nq == 2 else []
         if self.joints[1].nq == 2:
             n = turn / length if length else 0.0
-            if not length or abs(n - round(n)) > 1e-9:
+            if not length or abs(n - round(n)) > COINCIDENT:
                 what = "does not repeat itself in a turn" if length else "is not periodic"
                 raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
             shares += [abs(rise * round(n))] if rise else []

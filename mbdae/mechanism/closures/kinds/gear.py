@@ -7,9 +7,10 @@ from pydantic import field_validator
 
 from ....errors import StepError
 from ....system import Array
+from ....tolerances import THREE_DIGITS
 from ...frames import Pair, cross
 from ..closure import Axis, Z
-from ..fixed_axes import FITS, FixedAxisClosure
+from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit
 from ..rows import displaced, rotated, unit_axis
 
@@ -46,7 +47,7 @@ class GearClosure(FixedAxisClosure):
             return f"its axes are not parallel, by {angle:.3g} rad"
         k, d, (a, b) = pair.Ra @ unit_axis(self.axis), pair.pb - pair.pa, self.radii
         apart = float(np.linalg.norm(d - k * (k @ d)))
-        if abs(apart - abs(a + b)) <= FITS * (abs(a) + abs(b)):
+        if abs(apart - abs(a + b)) <= THREE_DIGITS * (abs(a) + abs(b)):
             return ""
         return f"its axes are {apart:.4g} m apart, and radii of {a:g} and {b:g} m ask for {abs(a + b):.4g} m"
 

@@ -7,10 +7,10 @@ from pydantic import Field, model_validator
 
 from ....errors import StepError
 from ....system import Array
+from ....tolerances import THREE_DIGITS
 from ...frames import Pair
 from ..closure import Axis, UnilateralClosure, Vector
 from ..contact import ContactHeightRow, ConvexBody, NoSlipRows
-from ..fixed_axes import FITS
 from ..rows import unit_axis
 
 GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "none": ()}
@@ -105,7 +105,7 @@ class RollingClosure(UnilateralClosure):
         except StepError:  # a wheel that lies flat, which the row itself reports
             return ""
         size = self.radius or max(self.semi_axes or (1.0,))
-        if abs(height) <= FITS * size:
+        if abs(height) <= THREE_DIGITS * size:
             return ""
         return f"contact is false, and joints do not keep it on its surface: it is {height:.3g} m off"
 

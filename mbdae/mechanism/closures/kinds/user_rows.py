@@ -12,13 +12,13 @@ from pydantic_core import PydanticOmit
 from ....errors import InputError, StepError
 from ....finite_differences import numerical_derivative
 from ....system import Array
+from ....tolerances import INTERPOLATION
 from ...callbacks import called, checked, function_name
 from ...frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow
 
 STEP = 4e-3  # rad or m, central differences of order 6: 3e-17 of the seventh derivative against 1e-13 of rounding
-FITS = 1e-5  # of 1 + |G|: allowed difference between G and the derivative of g
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
 
@@ -174,7 +174,7 @@ class BoundUserRows(BoundJointRow):
     def _check(self, q: Array, G: Array) -> None:
         for k, e in enumerate(np.eye(len(G))):
             found = float(self._along(lambda x: self._at(x)[0], q, e))
-            if abs(found - G[k]) > FITS * (1 + abs(G[k])):
+            if abs(found - G[k]) > INTERPOLATION * (1 + abs(G[k])):
                 row = f" of row {self.number}" if self.rows.size > 1 else ""
                 what = f"G{row} is {G[k]:.6g} along velocity {k}, but the derivative of g is {found:.6g}"
                 raise InputError(f"{self.what}: {what}")

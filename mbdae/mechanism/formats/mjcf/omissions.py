@@ -7,6 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from ....tolerances import COARSE
 from ...imported_model import FRICTION, LIMITS, name_list
 from ...scene.shapes import LEVEL, ground, mesh
 from .actuators import actuator_name
@@ -54,7 +55,7 @@ def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS], level
             return ground()
         case kinds.mjGEOM_PLANE:  # a size of 0 means infinite
             wide = 2 * float(m.stat.extent)
-            return coal.Box(2 * a or wide, 2 * b or wide, wide * 1e-4)
+            return coal.Box(2 * a or wide, 2 * b or wide, wide * COARSE)
         case kinds.mjGEOM_MESH:
             i = int(m.geom_dataid[g])
             if i not in meshes:

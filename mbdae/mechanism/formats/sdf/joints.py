@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
+from ....tolerances import PARALLEL
 from ...imported_model import Mimic
 from ..recorded import Recorded
 from .elements import AXES_IN_MODEL, MODEL, SdfElements
@@ -20,7 +21,6 @@ MOVING: dict[str, Callable[..., Any]] = {
     "ball": pin.JointModelSpherical,
 }
 AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "ball": 0, "fixed": 0}
-PERPENDICULAR = 1e-6  # cosine of the angle between axes, at the accuracy of files
 BOUNDLESS = 1e16  # value of the format for a joint without a limit
 
 
@@ -128,7 +128,7 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
         raise InputError(f"{of.file}: joint {name!r} joins {links[0]!r} with itself")
     place, tags = of.placement_of(name), ("axis", "axis2")[: AXES[kind]]
     axes = tuple(_axis(of, name, kind, e.first(tag), place) for tag in tags)
-    if len(axes) == 2 and abs(np.dot(axes[0].xyz, axes[1].xyz)) > PERPENDICULAR:
+    if len(axes) == 2 and abs(np.dot(axes[0].xyz, axes[1].xyz)) > PARALLEL:
         raise InputError(f"{of.file}: the axes of joint {name!r} are not perpendicular")
     mimic, follows = _mimic(of, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
     return SdfJoint(name, kind, links[0], links[1], place, axes, mimic, follows)
