@@ -50,6 +50,7 @@ class Tolerances:
         loaded: float,
         settled: float,
         nothing: float,
+        restaged: float,
     ) -> None: ...
 
 class Tableau:

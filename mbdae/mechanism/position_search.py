@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ITERATIONS = 100
 WIDTHS = (0.1, 0.4, 1.5, 3.0)  # displacements of the guess when it leads nowhere, or far
 STARTS = 6  # of each width
-NEAR = 0.05  # distance that counts as near the guess in any case
+NEAR = 0.05  # of a coordinate from the guess: counts as near in any case
 SLIDES = 10
 DAMPING = 0.1  # of |g|, at the start
 SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
@@ -50,9 +50,10 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
         return q
     search = _PositionSearch(system, q, free, t, [], [])
     search.start_from((q,))
-    if search.closed and search.distance(search.closed[0]) < NEAR:
+    if search.closed and search.largest_move(search.closed[0]) < NEAR:
         return search.closed[0]
-    search.widen(reach=1.2 * float(np.linalg.norm(_newton(G, g, free))) + NEAR)
+    each = float(np.abs(g).max() / (np.linalg.norm(g) or 1.0))  # the damping does not grow with the number of loops
+    search.widen(reach=1.2 * float(np.abs(_newton(G, g, free, DAMPING * each)).max()) + NEAR)
     if not search.closed:
         search.turn_back()
     if search.closed:
@@ -86,6 +87,11 @@ class _PositionSearch:
         mech = self.system.mechanism
         return float(np.linalg.norm(mech.manifold.difference(self.guess, q) / mech.coordinate_scales))
 
+    def largest_move(self, q: Array) -> float:
+        """Return the largest distance of a coordinate: unlike the norm, it does not grow with the number of loops."""
+        mech = self.system.mechanism
+        return float(np.abs(mech.manifold.difference(self.guess, q) / mech.coordinate_scales).max())
+
     def start_from(self, starts: Iterable[Array]) -> None:
         """Search from some configurations."""
         more = [gauss_newton(self.system, start, self.free, self.t) for start in starts]
@@ -98,7 +104,7 @@ class _PositionSearch:
         Large ones are tried only where none is closed.
         """
         for width in WIDTHS:
-            if any(self.distance(x) <= reach for x in self.closed) or (self.closed and width > WIDTHS[1]):
+            if any(self.largest_move(x) <= reach for x in self.closed) or (self.closed and width > WIDTHS[1]):
                 return
             self.start_from(self.displaced(width))
 
@@ -129,7 +135,7 @@ class _PositionSearch:
         for _ in range(SLIDES):
             d = (mech.manifold.difference(q, self.guess) / mech.coordinate_scales)[free]
             G = closures(system, q, self.t)[1][:, free]
-            along = d - np.linalg.lstsq(G, G @ d, rcond=TRUNCATION)[0]
+            along = d - _newton(G, -G @ d, np.arange(len(free)), 0.0)
             if np.linalg.norm(d) < NEAR or np.linalg.norm(along) < 0.1 * np.linalg.norm(d):
                 break
             x = np.zeros(mech.nv)

@@ -49,7 +49,7 @@ Tolerances make_limits(const nb::kwargs& given) {
   TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(kept), TAKE(iterations), TAKE(unmoved);
   TAKE(row_scales), TAKE(q_scales), TAKE(coordinate_scales);
   TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
-  TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing);
+  TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing), TAKE(restaged);
 #undef TAKE
   if (given.size() != known) refuse("a limit that is not known");
   return out;

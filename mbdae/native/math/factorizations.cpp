@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace mbdae {
@@ -132,6 +133,44 @@ void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<
   work.resize(static_cast<size_t>(m) * n + std::min(m, n));
   std::copy(B, B + static_cast<size_t>(m) * n, work.begin());
   qr(m, n, work.data(), order, diagonal, work.data() + static_cast<size_t>(m) * n);
+}
+
+double pivot_ratio(std::vector<SparseRow>& S, int rank) {
+  const int n = static_cast<int>(S.size());
+  Numbers diagonal(n);  // -1: eliminated
+  for (int i = 0; i < n; ++i)
+    for (const auto& [j, x] : S[i])
+      if (j == i) diagonal[i] = x;
+  // A row whose pivot is rounding depends on those before: it is left out, or all such rows would couple.
+  const double first = n ? *std::max_element(diagonal.begin(), diagonal.end()) : 0;
+  const double nothing = std::numeric_limits<double>::epsilon() * first;
+  double last = 0;
+  SparseRow merged;
+  for (int k = 0; k < rank; ++k) {
+    const int p = static_cast<int>(std::max_element(diagonal.begin(), diagonal.end()) - diagonal.begin());
+    last = diagonal[p];
+    if (!(last > nothing)) return 0;
+    diagonal[p] = -1;
+    for (const auto& [i, x] : S[p]) {
+      if (i == p || diagonal[i] <= nothing) continue;
+      const double f = x / last;
+      double own = 0;
+      merged.clear();
+      auto a = S[i].begin();
+      for (const auto& [j, y] : S[p]) {
+        for (; a != S[i].end() && a->first < j; ++a) merged.push_back(*a);
+        const bool both = a != S[i].end() && a->first == j;
+        if (j != p && diagonal[j] > nothing) merged.emplace_back(j, (both ? a->second : 0.0) - f * y);
+        if (j == i) own = merged.back().second;
+        a += both;
+      }
+      merged.insert(merged.end(), a, S[i].end());
+      S[i].swap(merged);
+      diagonal[i] = std::max(0.0, own);
+    }
+    S[p].clear();
+  }
+  return std::sqrt(last / first);
 }
 
 void least(int m, int n, const double* B, const double* r, double truncation, double* z) {

@@ -87,7 +87,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       const Rows<double> moves = RowsIn(change.data(), n, m);
       const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
       steps_->move(moves);
-      if (size <= s_.limits.restaged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+      if (size <= s_.mechanics.limits.restaged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
     }
   }
   throw StepTooLong();

@@ -119,10 +119,22 @@ bool IndependentRows::choose_with_reason(const double* Z, long stamp) {
   return choose(Z, stamp);
 }
 
-double IndependentRows::ratio(const double* Z, int rank) {
-  seen_ = -1;
-  pivots(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, work_);
-  return pivots_[rank - 1] / pivots_[0];
+double IndependentRows::ratio(const Constraints& constraints, const double* Z, int rank) {
+  const int ng = static_cast<int>(position_.size());
+  if (!many()) {
+    seen_ = -1;
+    pivots(nv_, ng, Z, order_, pivots_, work_);
+    return pivots_[rank - 1] / pivots_[0];
+  }
+  std::vector<SparseRow> S(ng);
+  for (int k = 0; k < ng; ++k)
+    for (int l : neighbours_[k]) {
+      double s = 0;
+      for (int c : constraints.rows[k].columns)
+        s += Z[static_cast<size_t>(k) * nv_ + c] * Z[static_cast<size_t>(l) * nv_ + c];
+      S[k].emplace_back(l, s);
+    }
+  return pivot_ratio(S, rank);
 }
 
 }  // namespace mbdae

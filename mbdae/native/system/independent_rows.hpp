@@ -43,7 +43,8 @@ class IndependentRows {
   // Is the factor R of Z^T P = Q R of the selection also a factor of Z Z^T of the rows in use? Then it is current.
   bool factorize(const double* Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
-  double ratio(const double* Z, int rank);   // smallest of this many pivots to the largest
+  // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
+  double ratio(const Constraints& constraints, const double* Z, int rank);
 
   class Aside;  // while it exists, the rows in use are fixed, and solves are not part of the run
 
