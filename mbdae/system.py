@@ -125,6 +125,7 @@ class System(Protocol):
         counts: the work done so far.
         measured: the components of a tangent vector with error control.
         native: the compiled core, if it computes points and steps.
+        accuracy: of the size of y: Newton's iteration in controlled steps of collocation methods; 0: rounding.
     """
 
     ny: int
@@ -132,6 +133,7 @@ class System(Protocol):
     counts: Counts
     measured: slice
     native: ModuleType | None = None
+    accuracy: float = 0.0
 
     def new_workspace(self) -> "System":
         """Return another workspace of the problem, in the same back end, with separate counters."""

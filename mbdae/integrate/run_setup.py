@@ -8,7 +8,7 @@ import numpy as np
 from ..mechanism import Mechanism
 from ..solution.solution import Problem
 from ..system import Array, System
-from ..tolerances import INPUT_DIGITS
+from ..tolerances import INPUT_DIGITS, NEGLIGIBLE
 from .backward_steps import BackwardStepper
 from .binding import bind
 from .options import RunOptions
@@ -19,6 +19,7 @@ from .steppers.native import NativeStepper
 from .steppers.scipy_ivp import Scipy, ScipySolver
 from .steppers.stepper import PythonStepper
 
+NEWTON = NEGLIGIBLE  # of rtol: accuracy of implicit stages
 DRIFTED = 100.0  # times rtol: largest violation of loops at the start, as after a run with drift
 
 
@@ -33,6 +34,8 @@ def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Ar
     inner = _stepper(system, options)
     native = system.native and not isinstance(options.method, ScipySolver)
     stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
+    if inner.control and options.formulation != "ggl":  # which keeps 0 = g and 0 = G v to rounding
+        system.accuracy = NEWTON * float(inner.control.rtol)
     run = RunState(problem, options, system, stepper, y)
     run.fallback = fallback
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start

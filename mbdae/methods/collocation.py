@@ -54,10 +54,11 @@ def collocation_step(
 
     The state's carry is the `StageMemory` of the previous step; any other value counts as none.
 
-    The equations are solved to rounding, independent of any tolerance, so that neither the order of a method nor G v =
-    0 is limited by one. Jacobians are evaluated in the middle of the step, at predicted stages, which halves the
-    distance to the other stages; they and their factors are reused while h is constant and the iteration converges
-    well. When h changes, new Jacobians cost less than the iterations that they save.
+    The equations are solved to rounding, so that neither the order of a method nor G v = 0 is limited by a tolerance;
+    under step-size control to the accuracy that the run asks for (`mbdae.system.System`). Jacobians are evaluated in
+    the middle of the step, at predicted stages, which halves the distance to the other stages; they and their factors
+    are reused while h is constant and the iteration converges well. When h changes, new Jacobians cost less than the
+    iterations that they save.
 
     Args:
         system: the problem.
@@ -81,7 +82,8 @@ def collocation_step(
         memory = None
         F, z = chart.start()
         K, Z = np.tile(F, (s, 1)), np.tile(z, (s, 1))
-    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience)
+    accuracy = system.accuracy if estimate else 0.0
+    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience, accuracy)
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE:
         with suppress(StepError):
@@ -129,10 +131,18 @@ class _Stages:
     """The coupled stage equations of a step."""
 
     def __init__(
-        self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int
+        self,
+        system: System,
+        chart: Chart,
+        a: RadauArrays,
+        t: float,
+        h: float,
+        size: Array,
+        patience: int,
+        accuracy: float,
     ) -> None:
         self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
-        self.counts, self.measured, self.size = system.counts, system.measured, size
+        self.counts, self.measured, self.size, self.accuracy = system.counts, system.measured, size, accuracy
 
     def solve(self, K: Array, Z: Array, partials: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
@@ -154,15 +164,18 @@ class _Stages:
             self.counts.newton += 1
             if not np.isfinite(size):
                 break
+            if k and last > ITERATION_ROUNDING:
+                rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
+            left_over = rate * size / (1 - rate) if rate < 1 else np.inf
+            if (left_over if k else size) <= self.accuracy:
+                return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
             if last > ITERATION_ROUNDING:
-                if k:
-                    rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
                 left = _left(size, rate) if k else FIRST
             else:
                 left -= 1
             if size <= ITERATION_ROUNDING and (left <= 0 or k == self.patience - 1):
                 return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
-            slow = rate >= 1 or rate ** (self.patience - 1 - k) * size > ITERATION_ROUNDING
+            slow = rate >= 1 or rate ** (self.patience - 1 - k) * size > max(ITERATION_ROUNDING, self.accuracy)
             if k > 1 and last > ITERATION_ROUNDING and slow:
                 break
             last = size

@@ -78,6 +78,16 @@ class CompiledSystem(Index2System):
                 self.expand()
         return self._method[1]
 
+    @property
+    def accuracy(self) -> float:  # type: ignore[override]
+        """See `mbdae.system.System`; the core's."""
+        return self.core.accuracy if hasattr(self, "core") else 0.0
+
+    @accuracy.setter
+    def accuracy(self, value: float) -> None:
+        if hasattr(self, "core"):
+            self.core.accuracy = value
+
     def expand(self) -> None:
         """Pass the expanded tree to the core, which takes partial derivatives on it."""
         if not self._expanded:

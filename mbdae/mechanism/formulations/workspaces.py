@@ -34,6 +34,7 @@ class RunRecord:
         self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
         # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
         self.largest_g = self.largest_rate = self.largest_speed = 0.0
+        self.accuracy = 0.0
         self._last_q = np.full(self.nq, np.nan)  # the point of the last stage
 
 

@@ -168,6 +168,9 @@ NB_MODULE(_native, m) {
       .def("take_record", take_record,
            "Return the counts of work since the last call, in the order of mbdae.system.Counts, the smallest pivot ratio since\n"
            "then, and the largest |g|, |G v + g_t| and |v| at the ends of steps.")
+      .def_prop_rw(
+          "accuracy", [](const PyCore& c) { return c.core->system.accuracy; },
+          [](PyCore& c, double x) { c.core->system.accuracy = x; })
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def("reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")

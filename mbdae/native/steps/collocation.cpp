@@ -121,9 +121,9 @@ void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
   for (int k = 0; k < s_.measured(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.share * most);
 }
 
-bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
+bool CollocationStep::solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
-  const double h = m.h;
+  const double h = m.h, near = std::max(a.near, accuracy);
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
@@ -146,8 +146,12 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
       }
     const double size = std::sqrt(sum / (s * measured));
     s_.counts.newton += 1;
+    if (k && last > a.near) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
+    if (k ? rate < 1 && rate * size <= accuracy * (1 - rate) : size <= accuracy) {  // what is left is less
+      m.rate = rate;
+      return true;
+    }
     if (last > a.near) {
-      if (k) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
       left = k ? iterations_left(a, size, rate) : a.first;
     } else {
       --left;
@@ -156,7 +160,7 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
       m.rate = rate;
       return true;
     }
-    const bool slow = k > 1 && last > a.near && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > a.near);
+    const bool slow = k > 1 && last > a.near && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }
@@ -166,6 +170,7 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
 void CollocationStep::take(const Radau& a, bool controlled, double t, double h, const State& in, State& out,
                            double* z, Numbers& errors) {
   const int s = a.s, patience = controlled ? a.short_patience : a.patience;
+  const double accuracy = controlled ? s_.accuracy : 0;
   y0_ = in.y;
   const double* y = y0_.data();
   IndependentRows& rows = s_.rows;
@@ -204,7 +209,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     const Numbers K1(m->K), Z1(m->Z);
     m->partials = before->partials, m->solvers = before->solvers;
     try {
-      found = solve(a, patience, t, *m);
+      found = solve(a, patience, accuracy, t, *m);
     } catch (const Interrupted&) {
       throw;
     } catch (const FallBackToPython&) {
@@ -216,7 +221,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     const Vector<double> middle = h * (A.row(a.middle) * K2).transpose();
     m->partials = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->partials, h);
-    if (!solve(a, patience, t, *m)) throw StepTooLong();
+    if (!solve(a, patience, accuracy, t, *m)) throw StepTooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();

@@ -75,7 +75,8 @@ class CollocationStep {
   void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
   // scale_: the size of y and of its change, no component's below a share of the largest.
   void grow_scale(const Radau& a, const Numbers& moves);
-  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else partials or h do not serve
+  // Found to rounding, or to an accuracy > 0; else partials or h do not serve.
+  bool solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m);
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;

@@ -50,7 +50,7 @@ void Index2System::use(const std::vector<int>& in_use, int rank, double floor, b
 void Index2System::reset() {
   point.forget();
   rows.reset();
-  known.t = NAN, largest_g = largest_rate = largest_speed = 0, counts = {};
+  known.t = NAN, accuracy = 0, largest_g = largest_rate = largest_speed = 0, counts = {};
 }
 
 bool Index2System::change_law(int k, const Numbers& a) {

@@ -72,6 +72,7 @@ class Index2System {
   const int ny, length;            // of the tangent (x, v, s, w), and of y
   // |g| and |G v + g_t| over all rows, and |v|, at the ends of steps; lengths in characteristic lengths
   double largest_g = 0, largest_rate = 0, largest_speed = 0;
+  double accuracy = 0;  // of the size of y: of Newton's iteration in controlled steps of collocation methods; 0: rounding
 
   int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry from step to step
   Numbers carry(const Numbers& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage
