@@ -28,6 +28,7 @@ class Tolerances:
         reason: float,
         probed: float,
         converged: float,
+        eps: float,
         spare: int,
         truncation: float,
         rounding: float,
@@ -50,6 +51,7 @@ class Tolerances:
         loaded: float,
         settled: float,
         nothing: float,
+        restages: int,
         restaged: float,
     ) -> None: ...
 

@@ -166,11 +166,13 @@ class NativeTrajectory:
         """Return what the core found.
 
         Raises:
-            InputError: if it could not repeat the steps.
+            InputError: if it could not repeat or differentiate the steps.
         """
         if found is None:
             t0, t1 = nodes.ts[[0, -1]]
-            raise InputError(f"the steps from t = {t0:.9g} s to {t1:.9g} s cannot be repeated in the compiled core")
+            self.trace.repeat_between(t0, t1)  # which knows why it fails
+            what = f"the steps from t = {t0:.9g} s to {t1:.9g} s have no derivatives"
+            raise InputError(f"{what}: numbers are not finite, or the equations of a stage are singular")
         return found
 
 

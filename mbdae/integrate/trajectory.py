@@ -228,6 +228,16 @@ class Trajectory:
     def _restarted_carry(self, i: int, y: Array) -> Any:
         return self.system.carry(*self.system.derivative(float(self.ts[i]), y))
 
+    def repeat_between(self, t0: float, t1: float) -> None:
+        """Repeat each step between two nodes.
+
+        Raises:
+            InputError: if that fails, with the reason.
+        """
+        first, last = sorted((t0, t1))
+        for i in np.flatnonzero((self.ts[:-1] >= first) & (self.ts[1:] <= last)).tolist():
+            self._repeat(i, State(self.ys[i], self._restarted_carry(i, self.ys[i])))
+
     def _repeat(self, i: int, start: State) -> tuple[State, bool]:
         """Repeat the step from node i; return its end, and whether the carry was restarted."""
         t, h = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 Plain = dict[str, Any]
+RESTAGES = 20  # iterations of stages that a derivative of a run computes again
 
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
@@ -35,6 +36,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         reason=independent_rows.RESELECTION_RATIO,
         probed=independent_rows.PROBE_TOLERANCE,
         converged=independent_rows.CONVERGED,
+        eps=tol.EPS,
         spare=independent_rows.EXTRA_CG_ITERATIONS,
         truncation=tol.TRUNCATION,
         rounding=tol.SUM_ROUNDING,
@@ -57,6 +59,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         loaded=tol.ROUNDING,
         settled=tol.SOLUTION_ROUNDING,
         nothing=tol.TINY,
+        restages=RESTAGES,
         restaged=tol.SOLUTION_ROUNDING,
     )
     return limits

@@ -45,11 +45,11 @@ Tolerances make_limits(const nb::kwargs& given) {
 #define TAKE(name) out.name = get<decltype(out.name)>(given, #name), ++known
   TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
   TAKE(independent), TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed);
-  TAKE(converged), TAKE(spare);
+  TAKE(converged), TAKE(eps), TAKE(spare);
   TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(kept), TAKE(iterations), TAKE(unmoved);
   TAKE(row_scales), TAKE(q_scales), TAKE(coordinate_scales);
   TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
-  TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing), TAKE(restaged);
+  TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing), TAKE(restages), TAKE(restaged);
 #undef TAKE
   if (given.size() != known) refuse("a limit that is not known");
   return out;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace mbdae {
@@ -135,7 +134,7 @@ void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<
   qr(m, n, work.data(), order, diagonal, work.data() + static_cast<size_t>(m) * n);
 }
 
-double pivot_ratio(std::vector<SparseRow>& S, int rank) {
+double pivot_ratio(std::vector<SparseRow>& S, int rank, double rounding) {
   const int n = static_cast<int>(S.size());
   Numbers diagonal(n);  // -1: eliminated
   for (int i = 0; i < n; ++i)
@@ -143,7 +142,7 @@ double pivot_ratio(std::vector<SparseRow>& S, int rank) {
       if (j == i) diagonal[i] = x;
   // A row whose pivot is rounding depends on those before: it is left out, or all such rows would couple.
   const double first = n ? *std::max_element(diagonal.begin(), diagonal.end()) : 0;
-  const double nothing = std::numeric_limits<double>::epsilon() * first;
+  const double nothing = rounding * first;
   double last = 0;
   SparseRow merged;
   for (int k = 0; k < rank; ++k) {

@@ -35,7 +35,7 @@ void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<
 // rows: (column, entry) in order, of the whole matrix. By Cholesky's elimination with diagonal pivoting, in a time that
 // is short for chains; accurate to the square root of rounding. S is overwritten.
 using SparseRow = std::vector<std::pair<int, double>>;
-double pivot_ratio(std::vector<SparseRow>& S, int rank);
+double pivot_ratio(std::vector<SparseRow>& S, int rank, double rounding);
 
 // The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void least(int m, int n, const double* B, const double* r, double truncation, double* z);

@@ -21,6 +21,7 @@ struct Tolerances {
   int many;                          // number of rows above which all rows are examined only for a reason
   double reason, probed;
   double converged;  // squared residual at which conjugate gradients end
+  double eps;        // of the largest pivot of G M^-1 G^T: smaller ones are rounding
   int spare;         // iterations beyond those of exact arithmetic
   // formulations/projection.py
   double truncation, rounding, falling, open, stalled;
@@ -36,6 +37,7 @@ struct Tolerances {
   int loading;                      // iterations
   double loaded, settled, nothing;  // of the largest T, twice
   // sensitivity/coupled_stages.cpp
+  int restages;     // iterations of stages that are computed again
   double restaged;  // of 1 + |x|: the last change of stages that are computed again, whose square is left
 };
 

@@ -7,7 +7,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int iterations = 20, halvings = 6;  // of Newton's iteration, and of the step, to obtain a guess
+constexpr int halvings = 6;  // of the step, to obtain a guess
 
 }  // namespace
 
@@ -77,7 +77,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       steps_->guess(t, h, in);
     }
     h_ = h;
-    for (int k = 0; k < iterations; ++k) {
+    for (int k = 0; k < s_.mechanics.limits.restages; ++k) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
       Vector<double> right(n * m);

@@ -134,7 +134,7 @@ double IndependentRows::ratio(const Constraints& constraints, const double* Z, i
         s += Z[static_cast<size_t>(k) * nv_ + c] * Z[static_cast<size_t>(l) * nv_ + c];
       S[k].emplace_back(l, s);
     }
-  return pivot_ratio(S, rank);
+  return pivot_ratio(S, rank, limits_.eps);
 }
 
 }  // namespace mbdae
