@@ -19,7 +19,7 @@ from .steppers.native import NativeStepper
 from .steppers.scipy_ivp import Scipy, ScipySolver
 from .steppers.stepper import PythonStepper
 
-NEWTON = NEGLIGIBLE  # of rtol: accuracy of implicit stages
+NEWTON = NEGLIGIBLE  # of rtol, with its root for a small one: accuracy of implicit stages, see RADAU5
 DRIFTED = 100.0  # times rtol: largest violation of loops at the start, as after a run with drift
 
 
@@ -35,7 +35,8 @@ def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Ar
     native = system.native and not isinstance(options.method, ScipySolver)
     stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
     if inner.control and options.formulation != "ggl":  # which keeps 0 = g and 0 = G v to rounding
-        system.accuracy = NEWTON * float(inner.control.rtol)
+        rtol = float(inner.control.rtol)
+        system.accuracy = min(NEWTON, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
     run.fallback = fallback
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
