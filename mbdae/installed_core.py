@@ -1,8 +1,8 @@
-"""The compiled core of an installed mbdae, for a clone of the sources that has none.
+"""The compiled core of an installed mbdae, for a source checkout without one.
 
-Python that starts in a clone imports the clone's folder ``mbdae``, whatever is installed. The installed core serves it
-where both have the same sources of the core: their digest is written beside the core when it is built, by this file as
-a program: ``python installed_core.py mbdae/native _native_sources.txt``.
+Python started in a checkout imports its folder ``mbdae`` first, whatever is installed. The installed core is used if
+both have the same sources of the core: their digest is written next to the core when it is built, by running this file
+as a script: ``python installed_core.py mbdae/native _native_sources.txt``.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ SOURCES = ("CMakeLists.txt", "*/**/*.cpp", "*/**/*.hpp")
 
 
 def digest(folder: Path) -> str:
-    """Return the SHA-256 of all sources of the core in a folder, names and bytes; the same on each machine."""
+    """Return the SHA-256 of all sources of the core in a folder, names and bytes; platform-independent."""
     found = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for pattern in SOURCES for path in folder.glob(pattern)}
     for name, path in sorted(files.items()):
@@ -34,7 +34,7 @@ def find_installed(package: Path, name: str) -> tuple[Path | None, str]:
         name: of the core's module.
 
     Returns:
-        The core's file and an empty text, or None and the reason: empty where no core is installed, or where the folder
+        The core's file and an empty string, or None and the reason: empty if no core is installed, or if the folder
         has no sources to compare with.
     """
     sources = package / "native"

@@ -12,7 +12,7 @@ from .defaults import DEFAULTS
 from .events.jumps import Jumps
 from .events.user_events import UserEvents
 from .loop import time_loop
-from .run import RunState
+from .run_state import RunState
 from .steppers.adaptive import Adaptive
 from .steppers.native import NativeStepper
 

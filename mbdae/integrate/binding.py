@@ -20,7 +20,7 @@ def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, 
         UnknownNameError: for an unknown back end or formulation.
     """
     missing = "" if isinstance(problem, Mechanism) else "textbook problems"
-    system = problem.workspaces.take if isinstance(problem, Mechanism) else problem.system
+    system = problem.workspaces.acquire if isinstance(problem, Mechanism) else problem.system
     native = None if missing and backend in ("auto", "native") else choose(backend)
     if native:
         try:
@@ -53,6 +53,6 @@ def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]],
         system, why = bind(problem, *run, known(backend))
         reasons.add(why)
         if isinstance(problem, Mechanism):
-            problem.workspaces.give(system)  # type: ignore[arg-type]
+            problem.workspaces.release(system)  # type: ignore[arg-type]
     because = "; ".join(sorted(reasons - {""}))
     return "python" if backend == "python" or because else "native", because

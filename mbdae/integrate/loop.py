@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import STATUS, InputError, StepError
 from ..system import State
 from .events.source import EventError, EventSource
-from .run import RunState
+from .run_state import RunState
 from .step_map import StepMap
 
 Progress = Callable[[float], None]

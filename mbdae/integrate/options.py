@@ -23,8 +23,8 @@ class RunOptions:
     Attributes:
         method: a tableau, or a solver of scipy.
         t1: end of the span.
-        times: times to report, if the solution is not reported at its steps.
-        end: end of the run: t1, or the end of a driver's table without ``beyond``.
+        t_eval: output times; None for the steps of the run.
+        end: end of the run: t1, or the end of a driver's table without extrapolation.
         project: whether positions are projected after each step.
     """
 
@@ -44,7 +44,7 @@ class RunOptions:
     jumps: Sequence[float]
     events: tuple[Event, ...]
     backend: str
-    times: Array | None
+    t_eval: Array | None
 
     @classmethod
     def of(
@@ -70,7 +70,7 @@ class RunOptions:
         t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
         end = end_of_tables(problem.drivers, t0, t1)
         times = None if t_eval is None else within(t_eval, t0, end)
-        c |= {"jumps": jumps, "events": as_events(events), "backend": backend, "times": times}
+        c |= {"jumps": jumps, "events": as_events(events), "backend": backend, "t_eval": times}
         return cls(**c, t0=t0, t1=t1, end=end)
 
     @property
@@ -79,7 +79,7 @@ class RunOptions:
         return 1.0 if self.t1 >= self.t0 else -1.0
 
     def record(self) -> dict[str, Any]:
-        """Return what a solution keeps of the options."""
+        """Return the options that are stored with the solution."""
         own = isinstance(self.method, Tableau) and METHODS.get(self.method.name) is not self.method
         return {
             "method": self.method.name,

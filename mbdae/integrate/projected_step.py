@@ -10,7 +10,7 @@ from ..mechanism.formulations.index2 import Index2System
 from ..system import Array, State
 
 if TYPE_CHECKING:
-    from .run import RunState
+    from .run_state import RunState
 
 TAKEN_BACK = 0.25  # of the motion of a step: a projection that undoes more, in position or speed, cannot be trusted
 

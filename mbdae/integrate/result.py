@@ -8,14 +8,14 @@ from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..solution.solution import Solution
 from ..system import Array
-from .run import RunState
 from .run_diagnostics import accuracy_warnings
+from .run_state import RunState
 
 
 def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
     """Make the solution of a run, at the requested times; accuracy checks are applied to a finished run."""
     stats = _statistics(run, seconds)
-    message = "; ".join([message, *(words for source in run.sources if (words := source.remark()))])
+    message = "; ".join([message, *(words for source in run.sources if (words := source.warning()))])
     settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
     n = len(run.ts)
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
@@ -23,7 +23,7 @@ def make_solution(run: RunState, status: str, message: str, seconds: float) -> S
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
     if full.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
         full.status, full.message = "doubtful", words
-    return full if run.options.times is None else _at_times(full, run.options.times, run.sign, found)
+    return full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
 
 
 def _statistics(run: RunState, seconds: float) -> dict[str, Any]:

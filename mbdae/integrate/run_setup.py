@@ -12,7 +12,7 @@ from ..tolerances import INPUT_DIGITS, NEGLIGIBLE
 from .backward_steps import BackwardStepper
 from .binding import bind
 from .options import RunOptions
-from .run import RunState
+from .run_state import RunState
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 from .steppers.native import NativeStepper

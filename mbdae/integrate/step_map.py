@@ -11,7 +11,7 @@ from ..errors import StepError
 from ..system import Array, State, Step
 
 if TYPE_CHECKING:
-    from .run import RunState
+    from .run_state import RunState
 
 
 class StepMap:

@@ -17,7 +17,7 @@ from .events.source import EventSource
 from .steppers.adaptive import Adaptive
 
 if TYPE_CHECKING:
-    from .run import RunState
+    from .run_state import RunState
     from .step_map import StepMap
 
 FIRST, MOST = 2000, 16000  # steps before the first check (shorter runs end soon), and between later ones
@@ -75,7 +75,7 @@ class StiffnessDetector(EventSource):
             return None
         return cls(run.system, run.tableau, run.control)
 
-    def remark(self) -> str:  # noqa: D102
+    def warning(self) -> str:  # noqa: D102
         return str(self.found or "")
 
     def statistics(self, run: "RunState") -> dict[str, Any]:  # noqa: D102

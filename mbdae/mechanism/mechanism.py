@@ -29,7 +29,7 @@ from .formulations.compiled_systems import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
-from .formulations.workspaces import Workspaces
+from .formulations.workspace_pool import WorkspacePool
 from .frames import find_joint, joint_names
 from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
@@ -117,7 +117,7 @@ class Mechanism(DynamicsTerms):
         self.manifold = Manifold(model)
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
-        self.start_values, self.workspaces = start or Start(), Workspaces(self)
+        self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
         self._starts: dict[float, tuple[Array, Array]] = {}
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)

@@ -174,7 +174,7 @@ def test_info_says_what_is_not_modelled():
 
 TELLING = """
 import mbdae.__main__
-from mbdae.integrate.run import RunState
+from mbdae.integrate.run_state import RunState
 
 to_go, told = RunState.time_left, []
 

@@ -9,7 +9,7 @@ from scipy.special import ellipk
 import mbdae
 from mbdae import Event, Mechanism, Sampled
 from mbdae.errors import InputError
-from mbdae.integrate.run import RunState
+from mbdae.integrate.run_state import RunState
 from mbdae.integrate.steppers import native as core_stepper
 from mbdae.integrate.steppers.stepper import PythonStepper
 from mbdae.mechanism.time_functions import Steps

@@ -8,7 +8,7 @@ from ...mechanism.formulations.projection import refuse_contradicting_accelerati
 from .source import EventSource
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
 
 
 class DriverChecks(EventSource):

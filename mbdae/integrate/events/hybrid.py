@@ -23,7 +23,7 @@ from .source import EventError, EventSource, Occurrence
 if TYPE_CHECKING:
     from ...mechanism.hybrid.onset import Later
     from ...mechanism.hybrid.switches import Mode
-    from ..run import RunState
+    from ..run_state import RunState
     from ..step_map import StepMap
 
 SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the smallest ratio to the last one
@@ -219,7 +219,7 @@ class ModeChanges(EventSource):
         if run.project:
             y = self.system.restore(run.t, y)
         self.modes.append((len(run.ts), mode))
-        run.turn(y)
+        run.switch_mode(y)
         self._track(run.t, run.ys[-1])
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:

@@ -18,7 +18,7 @@ from ...system import Array, System
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
     from ..step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps within rounding of one another that count as one
@@ -91,7 +91,7 @@ class Jumps(EventSource):
     def act(self, run: "RunState") -> bool:
         """Restart after the jump."""
         assert run.leg.restart is not None
-        run.cross(run.leg.restart)
+        run.restart_after_jump(run.leg.restart)
         return False
 
     def _next(self, t: float) -> float:

@@ -15,7 +15,7 @@ from ...tolerances import COARSE, SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from .source import EventError, EventSource
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
 
 minimize_scalar = later("scipy.optimize", "minimize_scalar")
 MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
@@ -57,7 +57,7 @@ class Passages(EventSource):
     def release(self) -> None:
         """See `EventSource`."""
         if self._workspace:
-            self.system.mechanism.workspaces.give(self._workspace)
+            self.system.mechanism.workspaces.release(self._workspace)
 
     def _ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`; 1 if no row is in use."""

@@ -14,7 +14,7 @@ from .singularity_crossing import KNOWN, SingularityCrossing, cross_singularity
 from .source import EventError
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
     from ..step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
@@ -229,7 +229,7 @@ class SingularityMonitor(Passages):
             return False
         self.found.append(found.passed)
         self.path = found.path
-        run.land(found.t, found.y, found.t == run.t1)
+        run.append_node(found.t, found.y, found.t == run.t1)
         self.control.cap, self.control.h = np.inf, APPROACH * way
         self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)

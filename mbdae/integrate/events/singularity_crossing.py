@@ -128,7 +128,7 @@ def cross_singularity(system: Index2System, run: Any, way: float, first: int) ->
         return None
     t = run.leg.end if end == run.left() else run.t + run.sign * end
     there = path(run.sign * end)
-    closed = there if beside else system.restore(t, there, True)  # next to it rounding would rotate v
+    closed = there if beside else system.restore(t, there, True)  # close to it rounding would spoil the direction of v
     error = system.difference(lower(run.sign * end), there)
     passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
     if passed is None:

@@ -6,7 +6,7 @@ continues it from another point or in another mode. In order, the sources are
 
 1. `driver_checks`, at the end of the run only;
 2. `hybrid`: guards of contacts, stops, clutches and stiction;
-3. `singularity`: singular configurations, which are crossed instead of a step;
+3. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
 4. `mbdae.integrate.stiffness_detection`, which warns only;
 5. `user_events`: signals and functions, of which terminal ones end the run;
 6. `jumps`: controllers, functions of time and times given by the user.
@@ -20,7 +20,7 @@ from ...errors import StepError
 from ...system import Array, Step
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
     from ..step_map import StepMap
 
 
@@ -60,7 +60,7 @@ class EventSource:
         """Return the source of a run; None if the run does not need it.
 
         Raises:
-            InputError: for options of the run that it does not admit.
+            InputError: for options of the run that are not supported.
         """
         return cls()
 
@@ -104,20 +104,20 @@ class EventSource:
         """Return entries of the solution's statistics."""
         return {}
 
-    def remark(self) -> str:
+    def warning(self) -> str:
         """Return a warning to append to the message of the run; empty if there is none."""
         return ""
 
     def release(self) -> None:
-        """Return workspaces that the source has taken."""
+        """Release the workspaces of the source."""
 
     def finish(self, run: "RunState") -> None:
-        """Check a run that has come to its end.
+        """Check a run that has completed.
 
         Raises:
             StepError: if it cannot be trusted.
         """
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        """Return a failure with what the source knows about it."""
+        """Return a failure, with more information if the source has any."""
         return reason

@@ -21,7 +21,7 @@ from .level_crossing import SignalEvent, crossing_at_jump
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
     from ..step_map import StepMap
 
 brentq = later("scipy.optimize", "brentq")

@@ -12,7 +12,7 @@ from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
 from .stepper import PythonStepper, smallest
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
 
 SMALLEST_RTOL = 100 * EPS
 STARTING_STEP = 1e-5, 1e-6, 1e-3  # of Hairer's algorithm: small norms, and h for them, in units of t; of h_0

@@ -10,7 +10,7 @@ from ...tolerances import COINCIDENT, HALF_DIGITS, SOLUTION_ROUNDING, TINY
 from .stepper import PythonStepper, smallest
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
 
 DETOUR = (0.309, 0.655)  # of two steps, of which the end of the first cannot be stepped on
 TOLERATED = HALF_DIGITS  # of the magnitude of a component: largest move of the state when steps are fixed

@@ -16,7 +16,7 @@ from .stepper import SPACINGS, PythonStepper, Stepper
 
 if TYPE_CHECKING:
     from ..._native import Run
-    from ..run import RunState
+    from ..run_state import RunState
 
 SECONDS = 0.05  # of computing between checks of progress and Ctrl-C
 MANY = 2000  # steps

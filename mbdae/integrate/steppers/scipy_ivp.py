@@ -20,7 +20,7 @@ from .adaptive import Adaptive
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-    from ..run import RunState
+    from ..run_state import RunState
 
 UNMEASURED = 1e30  # absolute tolerance of the work, whose error is not controlled
 

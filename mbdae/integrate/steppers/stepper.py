@@ -10,7 +10,7 @@ from ...system import Array, Step
 from ..projected_step import project_end
 
 if TYPE_CHECKING:
-    from ..run import RunState
+    from ..run_state import RunState
     from .adaptive import Adaptive
 
 SPACINGS = 16  # of the times of a run: a step below is too small

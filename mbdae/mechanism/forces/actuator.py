@@ -27,12 +27,12 @@ class Actuator(PythonForce):
         torque: generalised force, (nv,) in N m and N; its work is integrated.
         rate: rates of the states, (ns,).
         start: names of the states and their start values.
-        name: of the torque function when left out.
+        name: that of the torque function when omitted.
         partials: (t, q, v, s) -> derivatives of (tau, s') with respect to (q in the tangent, v, s),
             (nv + ns, 2 nv + ns), for implicit methods; central differences when left out.
 
     Raises:
-        InputError: for states that are not names and finite numbers.
+        InputError: for invalid names of states, or initial values that are not finite.
 
     Example:
         >>> motor = Actuator(torque, rate, start={"current": 0.0}, name="motor")   # doctest: +SKIP

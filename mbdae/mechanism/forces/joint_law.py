@@ -1,4 +1,4 @@
-"""Laws of single coordinates: a formula of (q, v), whose derivatives follow by complex steps."""
+"""Force laws of single joint coordinates, differentiated by the complex-step method."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from ..wrench_partials import COMPLEX_STEP
 from .force import Array, ForceElement, Part
 
 Effort = tuple[Array | float, Array | float]
-"""Of a spring, and other: (k,) each, or one number for all."""
+"""The conservative and the other part: (k,) each, or scalars."""
 
 
 class JointElement(ForceElement):
@@ -17,7 +17,7 @@ class JointElement(ForceElement):
     Args:
         name: for messages.
         rows: velocity indices i, (k,).
-        columns: indices of q_i, (k,); none for a law of v alone.
+        columns: indices of q_i, (k,); empty for a law of v alone.
     """
 
     def __init__(self, name: str, rows: Sequence[int], columns: Sequence[int] = ()) -> None:
@@ -45,14 +45,14 @@ class JointElement(ForceElement):
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         nv, i, step = len(v), np.array(self.rows, int), 1j * COMPLEX_STEP
         out, (x, u) = np.zeros((nv + 1, 2 * nv)), self._coordinates(q, v)
-        moved = ((0, x + step, u), (nv, x, u + step)) if self.columns else ((nv, x, u + step),)
-        for first, *point in moved:
+        perturbed = ((0, x + step, u), (nv, x, u + step)) if self.columns else ((nv, x, u + step),)
+        for first, *point in perturbed:
             spring, other = map(np.asarray, self.effort(*point))
             out[i, first + i] = (spring + other).imag / COMPLEX_STEP
-            out[-1, first + i] = (other * point[1]).imag / COMPLEX_STEP  # of the power
+            out[-1, first + i] = (other * point[1]).imag / COMPLEX_STEP  # gradient of the power of the other part
         return out
 
 
 def magnitude(x: Array) -> Array:
-    """Return |x| as an analytic function of each side of 0, real or complex."""
+    """Return |x| analytic on either side of 0, real or complex."""
     return x * np.sign(np.real(x))

@@ -13,7 +13,7 @@ TorqueFunction = Callable[[float, Array, Array], Array]
 
 
 class TorqueElement(ForceElement):
-    """A user function tau(t, q, v) -> (nv,); its work is integrated.
+    """A user function tau(t, q, v) -> (nv,); it counts as non-conservative: its work is integrated.
 
     It may have an attribute ``partials``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;
     otherwise implicit methods use central differences.

@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ..checked_table import Table
-from ..formulations.workspaces import Workspaces
+from ..formulations.workspace_pool import WorkspacePool
 from ..frames import find_joint, joint_names
 from ..imported_model import ImportedModel
 from ..mechanism import Mechanism
@@ -146,7 +146,7 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
         check_start(mech, name)
         start = replaced(start, name.removeprefix(START), value, name)
     other = copy(mech)
-    other.start_values, other._starts, other.workspaces = start, {}, Workspaces(other)
+    other.start_values, other._starts, other.workspaces = start, {}, WorkspacePool(other)
     if mech.source:
         other.source = {**mech.source, "file": {**mech.source["file"], "start": start.model_dump(mode="json")}}
     return other

@@ -21,13 +21,13 @@ from . import equation_partials, interpolation, projection, residuals, row_selec
 from .closure_friction import ClosureFriction, solve_with_friction
 from .index2_step import Index2Chart
 from .inertial_forces import InertialForces
-from .workspaces import RunRecord
+from .workspace_pool import RunVariables
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-class Index2System(PinocchioData, RunRecord, System):
+class Index2System(PinocchioData, RunVariables, System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
     A stage evaluates one mass matrix, one force, two constraint Jacobians, and factors M and G(Qhat) M^-1 G(Q)^T.
@@ -145,7 +145,7 @@ class Index2System(PinocchioData, RunRecord, System):
 
     def new_workspace(self) -> "Index2System":
         """See `mbdae.system.System`; always in index-2 form."""
-        out = self.mechanism.workspaces.take(native=self.native)
+        out = self.mechanism.workspaces.acquire(native=self.native)
         out.beside = self.beside
         out.enter(self.mode)
         return out

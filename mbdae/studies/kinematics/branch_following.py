@@ -9,7 +9,7 @@ from ...system import Array
 from ...tolerances import SAME_POSE
 from .branch_points import BranchPoint
 from .curve_sampling import Events, events
-from .pose_curve import TURN, CurvePoint, PoseCurve
+from .pose_curve import MIN_COSINE, CurvePoint, PoseCurve
 
 MOST_BRANCHES = 32
 STEP = 0.02  # from a branch point onto a branch
@@ -113,7 +113,7 @@ def branch_off(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCu
             first = other.begin(q, point.u + step * float(_input_row(curve, point) @ direction), direction)
         except StepError:
             first = None
-        if first is not None and abs(first.tau @ direction) > TURN:
+        if first is not None and abs(first.tau @ direction) > MIN_COSINE:
             away = curve.difference(point.q, first.q)
             if away @ direction > 0.5 * step and np.linalg.norm(away) < 2 * step:
                 return other

@@ -19,7 +19,7 @@ from .driven_mechanism import Hold, driven_mechanism, input_at, left_open, requi
 from .passing import passed_by
 from .pose_curve import LONGEST, CurvePoint, PoseCurve
 from .result import CurveSegment, Kinematics
-from .transmission import default_output, transmission
+from .transmission_angle import default_output, transmission
 
 __all__ = ["kinematics"]
 

@@ -1,12 +1,12 @@
 """The curve of closed configurations of a mechanism with one degree of freedom, followed over its arclength s.
 
     q' = tau, G tau = 0, |tau| = 1;   tau' = kappa, G kappa = -gamma(q, tau), kappa . tau = 0
-    predictor q (+) (h tau + h^2/2 kappa);   corrector x = -G^+ g, of least |x|, to rounding (Moore and Penrose)
+    predictor q (+) (h tau + h^2/2 kappa);   corrector x = -G^+ g of minimum norm (Gauss-Newton), to rounding
 
 Angles are in rad, lengths of rows and coordinates in characteristic lengths of the mechanism; the input u is in its own
-unit. G are all rows but the drive's, of rank nv - 1, dependent ones too: the pseudoinverse is that of fixed rank.
-sigma, the smallest of its singular values, gets the sign of det [B^T G; tau^T] with a basis B of range(G) that turns
-with the curve: it changes where branches cross, and tau_in = e_in . tau at dead points of the drive.
+unit. G has all rows except the driver's, redundant ones included; its pseudoinverse is truncated to rank nv - 1.
+sigma, the smallest of its singular values, gets the sign of det [B^T G; tau^T] with a basis B of range(G) that is
+continued along the curve: it changes at branch points, and tau_in = e_in . tau at dead points of the drive.
 
 Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003), chapters 3, 7 and 8.
 """
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 FIRST, LARGEST, SMALLEST = 0.02, 0.4, tol.SMALLEST_PART  # steps of the arclength
 JUMP = tol.INTERPOLATION  # a longer step over which branches do not meet is taken back
-TURN = 0.9  # least cosine between tangents, and between left null spaces, at both ends of a step
-BENT = 0.02  # of a step: a predictor that misses by more is shortened, by less lengthened
+MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spaces, at both ends of a step
+PREDICTOR_ERROR = 0.02  # of a step: larger errors of the predictor shorten the next step
 ITERATIONS = 12
 CONVERGED = tol.COINCIDENT  # of a correction that converges quadratically: the next would be rounding
-LONGEST = 100.0  # rad and characteristic lengths: how far the input, and what slides, is followed
-MOST = 5000  # nodes of a curve
+LONGEST = 100.0  # rad and characteristic lengths: how far the input and prismatic coordinates are followed
+MAX_NODES = 5000  # nodes of a curve
 
 
 class CurvePoint(NamedTuple):
@@ -65,17 +65,17 @@ class CurvePoint(NamedTuple):
 
 
 class PoseCurve:
-    """Closed configurations near each other.
+    """Solution curve of the closure equations.
 
     Args:
         system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
-        angular: which coordinates are angles that come again after a turn, (nv,).
+        angular: which coordinates are 2 pi-periodic angles, (nv,).
         period: of the input: the curve is closed when the pose of the start comes again after a multiple of it; 0 where
             the input must come back, too.
 
     Attributes:
-        unit: 1 of the input in rad or m.
-        columns: 1 of each tangent component in rad or m, (nv,).
+        unit: scale of the input, in rad or m.
+        columns: scale of each tangent component, in rad or m, (nv,).
         nodes: points in the order of the arclength.
         crossings: by the node before them; None where more than two branches cross.
         ended: ``"range"``, ``"closed"`` (the pose of the start comes again), ``"stuck"``, or ``"long"`` (without end).
@@ -128,7 +128,7 @@ class PoseCurve:
     def follow(self, low: float, high: float) -> "PoseCurve":
         """Follow the curve until the input leaves a range, or the pose of the start comes again."""
         h, start = FIRST, self.nodes[0]
-        while len(self.nodes) < MOST:
+        while len(self.nodes) < MAX_NODES:
             here = self.nodes[-1]
             new, missed = self._step(here, h)
             if new is None:
@@ -141,7 +141,8 @@ class PoseCurve:
                 del self.nodes[-1]
                 h /= 4
                 continue
-            h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3), 0.4, 2.0)))
+            change = (PREDICTOR_ERROR * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3)
+            h = min(LARGEST, h * float(np.clip(change, 0.4, 2.0)))
             again = self.passing(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
             if again is not None and self.comes_back(again.u - start.u):
                 self.nodes[-1], self.ended = again, "closed"
@@ -193,7 +194,7 @@ class PoseCurve:
             rest = self.wrapped(at.q, pose.q)
             if abs(rest @ at.tau) < tol.SAME_POSE:
                 break
-        if not (np.abs(rest).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > TURN):
+        if not (np.abs(rest).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > MIN_COSINE):
             return None
         found = self._correct(self.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
         again = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
@@ -244,9 +245,9 @@ class PoseCurve:
         if found is None:
             return None, 0.0
         missed = float(np.abs(self.difference(predicted, found[0])).max())
-        if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < TURN:
+        if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < MIN_COSINE:
             return None, missed
-        if p.left.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left)) < TURN**2:
+        if p.left.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left)) < MIN_COSINE**2:
             return None, missed
         return self._point(found, p, p.s + h), missed
 

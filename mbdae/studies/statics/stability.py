@@ -1,4 +1,4 @@
-"""Whether an equilibrium, or a steady motion, is stable, and from what this is known."""
+"""Stability of an equilibrium or a steady motion, and the criterion that decides it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +13,8 @@ from ...system import Array
 from ...tolerances import COARSE
 from .trust_region import symmetric, symmetric_part
 
-ASIDE = 1e-2  # rad or characteristic lengths: a neighbour
-LOST = COARSE  # of the smallest singular value there: its value where rank is lost
+PERTURBATION = 1e-2  # rad or characteristic lengths: a neighbouring pose
+RANK_DROP = COARSE  # of the smallest singular value at a neighbouring pose: the rank has dropped
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Verdict:
     Attributes:
         stability: ``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` or ``"singular"``.
         unstable: number of unstable motions.
-        neutral: number of motions against which there is neither force nor growth.
-        squares: eigenvalues of the stiffness over the mass matrix, 1/s^2, rising, (k,).
+        neutral: number of motions without stiffness and growth.
+        squares: generalised eigenvalues of stiffness and mass matrix, 1/s^2, in ascending order, (k,).
         by: ``"stiffness"`` or ``"eigenvalues"`` of the linearised motion, where damping, states or speeds matter.
     """
 
@@ -58,10 +58,10 @@ class Verdict:
 
 
 def verdict(statics: Statics, here: ForceBalance) -> Verdict:
-    """Judge a balance.
+    """Assess the stability of an equilibrium.
 
     By the stiffness where it has a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the eigenvalues
-    of the linearised motion where controllers have states, forces have no potential, or speeds turn the motions.
+    of the linearised motion where controllers have states, forces have no potential, or gyroscopic terms act.
     """
     w = symmetric_part(here.H)[0]
     if not len(w) and not len(here.s):
@@ -72,18 +72,18 @@ def verdict(statics: Statics, here: ForceBalance) -> Verdict:
     (k, m), C = (motion.positions.shape[1], motion.speeds.shape[1]), motion.damping
     bound = motion.noise[k : k + m, k : k + m]
     potential = symmetric(here.H, here.noise) and not len(here.s)
-    turns, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
-    if potential and dissipates and (not turns or (bent.signs > 0).all()):
-        return _judged(bent.negative, bent.flat, w, "stiffness")
+    gyroscopic, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
+    if potential and dissipates and (not gyroscopic or (bent.signs > 0).all()):
+        return _classified(bent.negative, bent.flat, w, "stiffness")
     growing = spectrum(motion.A, motion.noise).growing
-    return _judged(int(growing.sum()), _resting(motion), w, "eigenvalues")
+    return _classified(int(growing.sum()), _zero_modes(motion), w, "eigenvalues")
 
 
-def _resting(motion: LinearMotion) -> int:
+def _zero_modes(motion: LinearMotion) -> int:
     """The number of independent displacements y at which the linearised motion rests: ker A without ker A[:, k:].
 
-    An undamped one has two eigenvalues 0, a chain of one null vector, and a damped one has a single 0. Null vectors
-    without a displacement are states that act on nothing.
+    An undamped one has a Jordan chain of length 2 of the eigenvalue 0, a damped one a single 0. Null vectors
+    without a displacement are states that do not affect the motion.
     """
     k = motion.positions.shape[1]
     still = null_space(motion.A[:, k:], motion.noise[:, k:])
@@ -91,20 +91,21 @@ def _resting(motion: LinearMotion) -> int:
 
 
 def loses_rank(statics: Statics, here: ForceBalance) -> bool:
-    """Whether the closures have more rank in a neighbouring pose than here."""
+    """Whether the closures have a higher rank in a neighbouring pose than here."""
     Z, system = here.free.Z, statics.system
     if not Z.shape[1] or not system.ng:
         return False
     y = np.random.default_rng(0).standard_normal(Z.shape[1])
     x = Z @ y
     try:
-        q = statics.close(system.manifold.integrate(here.q, ASIDE / np.abs(x / statics.sizes.l).max() * x), here.s)
+        x *= PERTURBATION / np.abs(x / statics.sizes.l).max()
+        q = statics.close(system.manifold.integrate(here.q, x), here.s)
     except StepError:
         return True
     U = system.inertia(statics.t, q)
     beside = statics.free(U, q, here.s)[0]
-    return len(beside.S) > len(here.free.S) or here.free.pivot < LOST * beside.pivot
+    return len(beside.S) > len(here.free.S) or here.free.pivot < RANK_DROP * beside.pivot
 
 
-def _judged(unstable: int, neutral: int, w: Array, by: str) -> Verdict:
+def _classified(unstable: int, neutral: int, w: Array, by: str) -> Verdict:
     return Verdict("unstable" if unstable else "neutral" if neutral else "stable", unstable, neutral, w, by)

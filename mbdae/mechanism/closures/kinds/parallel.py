@@ -6,7 +6,7 @@ from ..frame_joint import TwoAxisJoint
 
 
 class ParallelClosure(TwoAxisJoint):
-    """2 rows: the axes keep one direction."""
+    """2 rows: the axes stay parallel."""
 
     kind: Literal["parallel"] = "parallel"
     direction = "axis"

@@ -1,4 +1,4 @@
-"""Workspaces that runs have used and returned, so that the next run of the mechanism need not make one."""
+"""Pool of workspaces: a run reuses those that earlier runs of the mechanism have released."""
 
 from collections import defaultdict
 from types import ModuleType
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 
-class RunRecord:
-    """The part of a workspace that a run changes: rows in use, extremes and counts."""
+class RunVariables:
+    """Mutable state of a workspace during a run: rows in use, running extremes and counts."""
 
     ng: int
     nq: int
@@ -38,11 +38,10 @@ class RunRecord:
         self._last_q = np.full(self.nq, np.nan)  # the point of the last stage
 
 
-class Workspaces:
-    """Idle workspaces of a mechanism; threads may take and return them at the same time.
+class WorkspacePool:
+    """Idle workspaces of a mechanism; threads may acquire and release them concurrently.
 
-    Workspaces with modes or Baumgarte's terms are not kept, nor those to which code outside mbdae has bound forces:
-    their data cannot be reset.
+    Workspaces with modes, Baumgarte stabilisation or third-party forces are not pooled, because they cannot be reset.
 
     Args:
         mechanism: the mechanism.
@@ -50,14 +49,14 @@ class Workspaces:
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.mechanism = mechanism
-        self.kept = not mechanism.switches and not any(is_custom(f) for f in mechanism.forces)
+        self.pooled = not mechanism.switches and not any(is_custom(f) for f in mechanism.forces)
         self.idle: defaultdict[tuple[str, bool], list[Any]] = defaultdict(list)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave idle workspaces out of a pickled or copied mechanism."""
         return self.__dict__ | {"idle": defaultdict(list)}
 
-    def take(
+    def acquire(
         self,
         formulation: str = "index2",
         baumgarte: tuple[float, float] | None = None,
@@ -71,8 +70,8 @@ class Workspaces:
                 pass
         return self.mechanism.system(formulation, baumgarte, native)
 
-    def give(self, system: "Index2System") -> None:
-        """Keep a workspace that nothing uses any more."""
-        if self.kept and not any(system.baumgarte):
+    def release(self, system: "Index2System") -> None:
+        """Reset a workspace that is no longer in use, for the next run."""
+        if self.pooled and not any(system.baumgarte):
             system.reset()
             self.idle[system.formulation, system.native is not None].append(system)

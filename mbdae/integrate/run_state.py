@@ -1,4 +1,4 @@
-"""State and record of a run."""
+"""State of a run and its record of nodes."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -49,7 +49,7 @@ class RunState:
         kinds: Sequence[type[EventSource]] = SOURCES,
     ) -> None:
         self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
-        self.t, self.t1, self.sign, self.crossed = options.t0, options.end, options.sign, 0
+        self.t, self.t1, self.sign, self.restarts = options.t0, options.end, options.sign, 0
         self.system, self.stepper, self.state = system, stepper, State(start)
         self.rejected: int | None = 0
         self.taken_back: Array | None = None  # steps since one was, and what projections undid, see `projected_step`
@@ -71,13 +71,13 @@ class RunState:
 
     @property
     def control(self) -> "Adaptive | None":
-        """The step-size control of a run on the constraints: not of the index-1 baseline."""
+        """The step-size control; None for the index-1 baseline."""
         return None if self.options.formulation == "index1" else self.stepper.control
 
     def begin(self) -> None:
         """Compute the derivative at the start; a method with an explicit first stage carries it."""
         y = self.ys[-1].copy()
-        for source in reversed(self.sources):  # states jump before a mode is chosen
+        for source in reversed(self.sources):  # states jump before mode selection
             y = source.start(self, y)
         if not self.in_use:
             y = self._closed(y)
@@ -107,7 +107,7 @@ class RunState:
         if restarted or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
 
-    def cross(self, t: float) -> None:
+    def restart_after_jump(self, t: float) -> None:
         """Restart after a jump, at time t: a second point of the solution, right after the one before."""
         self.end_interval()
         self.zs.append(self.zs[-1])
@@ -118,7 +118,7 @@ class RunState:
         self.stepper.restart()
         self.restart()
 
-    def turn(self, y: Array) -> None:
+    def switch_mode(self, y: Array) -> None:
         """Restart in another mode: a second point of the solution at the same time."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
@@ -134,7 +134,7 @@ class RunState:
 
     def restart(self, switched: bool = False) -> None:
         """Restart the sources of events after a jump before the last node, or in another mode."""
-        self.crossed += 1
+        self.restarts += 1
         for source in self.sources:
             source.restart(self, switched)
 
@@ -146,18 +146,18 @@ class RunState:
     @property
     def steps(self) -> int:
         """Number of accepted steps."""
-        return len(self.ts) - 1 - self.crossed
+        return len(self.ts) - 1 - self.restarts
 
     def left(self) -> float:
         """Time left to the end of the smooth interval, positive."""
         return abs(self.leg.stop - self.t)
 
     def time_left(self) -> float:
-        """Time left to the end of the span, positive."""
+        """Time left to the end of the run, positive."""
         return abs(self.t1 - self.t)
 
     def accept(self, t: float, step: Step) -> None:
-        """Record a step; the time comes last, so that an interrupt leaves the record readable."""
+        """Record a step; the time comes last, so that the record stays consistent if interrupted."""
         self.zs.append(step.z)
         self.ys.append(step.state.y)
         self.ts.append(t)
@@ -170,7 +170,7 @@ class RunState:
         self.carried.note(len(self.ts) - 1, self.state.carry, self.restarted)
         self._note()
 
-    def land(self, t: float, y: Array, last: bool) -> None:
+    def append_node(self, t: float, y: Array, last: bool) -> None:
         """Append a node that is not the end of a step; the last one may be singular, since no step begins there."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
@@ -222,7 +222,7 @@ class RunState:
         self.take_back(step.start or State(step.y))
         if event.end is not None and event.t != step.t:
             if event.singular:
-                self.land(event.t, event.end.state.y, last=True)
+                self.append_node(event.t, event.end.state.y, last=True)
             else:
                 self.accept(event.t, event.end)
         for source in self.sources:
@@ -234,11 +234,11 @@ class RunState:
         self.t = self.ts[-1]
 
     def release(self) -> None:
-        """Return the workspaces of the run to the mechanism."""
+        """Release the workspaces of the run."""
         if isinstance(self.problem, Mechanism) and isinstance(self.system, Index2System):
             for source in self.sources:
                 source.release()
-            self.problem.workspaces.give(self.system)
+            self.problem.workspaces.release(self.system)
 
     def record(self) -> Solution:
         """Return the run so far as a solution that shares the lists: its dense output serves event detection."""

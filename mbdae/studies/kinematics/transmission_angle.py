@@ -1,8 +1,8 @@
 """The transmission angle of any mechanism: how much of the force on the output link moves it.
 
-A unit load on the output, balanced at the input, without weight: G^T lam = -e_out - c e_in. The link of the output is
-then held at the pin by a force F, and the pin moves with v_P: sin mu = |F . v_P| / (|F| |v_P|). Of a four-bar linkage
-that is the angle between coupler and rocker.
+A unit load on the output, balanced at the input, neglecting gravity: G^T lam = -e_out - c e_in. The reaction at the pin
+of the output link is then a force F, and the pin moves with v_P: sin mu = |F . v_P| / (|F| |v_P|). Of a four-bar
+linkage that is the angle between coupler and rocker.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from ...tolerances import SOLUTION_ROUNDING, STILL
 
 
 def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
-    """The only joint of one coordinate at the ground that is neither driven nor held; None where there are others."""
+    """Return the only ground joint of one coordinate that is neither driven nor held; None if there are several."""
     found = [
         n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *held)
     ]
@@ -28,14 +28,14 @@ def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
 def transmission(
     mech: Mechanism, system: Index2System, q: Array, tangent: Array, crossing: Array, output: str
 ) -> Array:
-    """Return the transmission angle at an output joint in rad, from 0 to pi/2, (n,); nan where no force is passed on.
+    """Return the transmission angle at an output joint in rad, from 0 to pi/2, (n,); nan where no force is transmitted.
 
     Args:
         mech: the mechanism.
-        system: a workspace of the same with its drive as the last row.
+        system: a workspace of it with the driver as the last row.
         q: configurations, (n, nq).
         tangent: tangents of the curve, (n, nv).
-        crossing: where branches cross, and nothing is said, (n,).
+        crossing: branch points, which get nan, (n,).
         output: a joint of one coordinate.
 
     Raises:
