@@ -286,3 +286,17 @@ def test_failures_keep_what_was_computed(name):
 
     sol = mbdae.solve(planar(wild), (0, 1), method=name, rtol=1e-4)
     assert (sol.status, round(sol.t[-1], 3)) == ("nonfinite", 0.3)
+
+
+@pytest.mark.usefixtures("back_end")
+def test_iterations_follow_the_tolerance():
+    def iterations(**options):
+        stats = mbdae.solve("four_bar", (0.0, 0.5), method="radau5", **options).stats
+        return stats["newton"] / (stats["steps"] + stats["rejected"])
+
+    fixed = iterations(step=0.02)
+    assert iterations(rtol=1e-4) < 4.5 < 7 < fixed
+    reference = mbdae.solve("four_bar", (0.0, 0.5), rtol=1e-12)
+    for rtol in (1e-4, 1e-6, 1e-8):
+        sol = mbdae.solve("four_bar", (0.0, 0.5), method="radau5", rtol=rtol)
+        assert np.abs(sol.q[-1] - reference.q[-1]).max() < 10 * rtol

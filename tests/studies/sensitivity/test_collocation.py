@@ -81,18 +81,24 @@ def test_multipliers_that_converge_after_the_state(options):
     compare(sol, {name: value}, ["v.crank_0", "energy"], model=make)
 
 
-@pytest.mark.parametrize("form", ["index2", "ggl"])
-def test_controlled_runs_with_frozen_steps(form):
+def test_controlled_runs_of_ggl_with_frozen_steps():
+    template, value, run = runs_of(
+        "four_bar", "joint.crank.mass", 0.5, rtol=1e-3, method="radau5", formulation="ggl"
+    )
+    compare(run(value), ["joint.crank.mass"], ["q.crank", "lam.pin.1"], start=True, model=template)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_controlled_runs_with_frozen_steps(rtol):
+    """Stages are iterated to a thousandth of rtol: steps that are computed to rounding, and derivatives, differ so."""
     name = "joint.crank.mass"
-    template, value, run = runs_of("four_bar", name, 0.5, rtol=1e-3, method="radau5", formulation=form)
+    template, value, run = runs_of("four_bar", name, 0.2, rtol=rtol, method="radau5")
     found = mbdae.sensitivity(run(value), [name], model=template)
-    if form == "ggl":
-        return compare(run(value), [name], ["q.crank", "lam.pin.1"], start=True, model=template)
-    assert np.abs(retraced(found.trace, template.make({name: value})) - found.y).max() < 1e-11
+    left = 1e-11 + 1e-2 * rtol
+    assert np.abs(retraced(found.trace, template.make({name: value})) - found.y).max() < left
     error = best(found.dy[..., 0], lambda x: retraced(found.trace, template.make({name: x})), value,
                  mech=found.trace.sol.mechanism)  # fmt: skip
-    assert error < 1e-10
-    return None
+    assert error < 10 * left
 
 
 @pytest.mark.parametrize("form", ["index2", "ggl"])
