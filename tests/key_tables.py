@@ -1,6 +1,6 @@
 """The kinds of closures and forces, and all keys of mechanism files in Markdown, from the classes that check them.
 
-`models/README.md` holds them between comments. After a change of a key, rewrite them:
+`models/README.md` holds them between comments, `mbdae/__init__.py` the public names for editors. Rewrite both by
 
     python tests/key_tables.py
 """
@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+import mbdae
 from mbdae.mechanism.checked_table import Table, tables_in
 from mbdae.mechanism.closures import KINDS, what_is_kept
 from mbdae.mechanism.closures.closure import Closure
@@ -131,6 +132,13 @@ def _words(annotation: Any) -> str:
     return "table"
 
 
+def editors(text: str) -> str:
+    """`mbdae/__init__.py` with a line for each public name, for editors and type checkers."""
+    places = sorted(mbdae._places().items(), key=lambda place: place[1].split("."))
+    lines = "".join(f"    from {module.removeprefix('mbdae')} import {name} as {name}\n" for name, module in places)
+    return re.sub(r"(?<=for editors and type checkers\n)(    from .*\n)+", lines, text)
+
+
 def _attributes(doc: str) -> dict[str, str]:
     section = re.search(r"\n( *)Attributes:\n(.*?)(?=\n\s*\n|\Z)", doc, re.S)
     if not section:
@@ -142,3 +150,5 @@ def _attributes(doc: str) -> dict[str, str]:
 
 if __name__ == "__main__":
     PAGE.write_text(page(PAGE.read_text()))
+    SOURCE = Path(mbdae.__file__)
+    SOURCE.write_text(editors(SOURCE.read_text()))

@@ -161,4 +161,4 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     assert "the reader of .chain files fails on" in lines[7]
     assert lines[8].startswith("force 'joint_drag 1' has no partials: implicit methods")
     assert lines[9] == "free_flyer does not belong to c.dumb"
-    assert lines[10].startswith("cannot read d.other: expected a .toml, .py, .dumb, .mjcf, ")
+    assert lines[10].startswith("cannot read d.other: expected a .toml, .py, ")
