@@ -127,6 +127,11 @@ def _left(size: float, rate: float) -> int:
     )
 
 
+def _error(size: float, rate: float) -> float:
+    """Return what is left of a change of this size: the sum of a geometric series."""
+    return rate * size / (1 - rate) if rate < 1 else np.inf
+
+
 class _Stages:
     """The coupled stage equations of a step."""
 
@@ -139,7 +144,7 @@ class _Stages:
         h: float,
         size: Array,
         patience: int,
-        accuracy: float,
+        accuracy: float = 0.0,
     ) -> None:
         self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
         self.counts, self.measured, self.size, self.accuracy = system.counts, system.measured, size, accuracy
@@ -164,22 +169,24 @@ class _Stages:
             self.counts.newton += 1
             if not np.isfinite(size):
                 break
-            if k and last > ITERATION_ROUNDING:
-                rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
-            left_over = rate * size / (1 - rate) if rate < 1 else np.inf
-            if (left_over if k else size) <= self.accuracy:
-                return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
-            if last > ITERATION_ROUNDING:
-                left = _left(size, rate) if k else FIRST
-            else:
+            if last <= ITERATION_ROUNDING:
                 left -= 1
-            if size <= ITERATION_ROUNDING and (left <= 0 or k == self.patience - 1):
+            elif not k:
+                left = FIRST
+            else:
+                rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
+                left = _left(size, rate)
+            exact = size <= ITERATION_ROUNDING and (left <= 0 or k == self.patience - 1)
+            if exact or (_error(size, rate) if k else size) <= self.accuracy:
                 return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
-            slow = rate >= 1 or rate ** (self.patience - 1 - k) * size > max(ITERATION_ROUNDING, self.accuracy)
-            if k > 1 and last > ITERATION_ROUNDING and slow:
+            if k > 1 and last > ITERATION_ROUNDING and self._slow(size, rate, self.patience - 1 - k):
                 break
             last = size
         raise self._diverges()
+
+    def _slow(self, size: float, rate: float, further: int) -> bool:
+        """Say whether so many further iterations do not suffice."""
+        return rate >= 1 or rate**further * size > max(ITERATION_ROUNDING, self.accuracy)
 
     def simplified_newton(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the partial derivatives at its middle stage."""

@@ -221,7 +221,7 @@ def test_the_core_stays_at_work(options, monkeypatch):
     options = {**options, "events": ["v.crank", "q.crank > 0.5"], "jumps": [0.123, 0.5]}
     expected = mbdae.solve(mech, (0, 1), backend="python", **options)
     monkeypatch.setattr(core_stepper, "SECONDS", 1e9)  # the clock may be read just before a jump
-    monkeypatch.setattr(RunState, "cross", None)
+    monkeypatch.setattr(RunState, "restart_after_jump", None)
     monkeypatch.setattr(PythonStepper, "advance", None)
     sol = mbdae.solve(mech, (0, 1), backend="native", **options)
     assert sol.stats["steps"] == expected.stats["steps"]

@@ -7,7 +7,7 @@ import pytest
 
 import mbdae
 from mbdae import MbdaeError
-from mbdae.integrate import loop, run
+from mbdae.integrate import loop, run_state
 from mbdae.integrate.steppers import native, stepper
 from mbdae.studies.drift.drift import drift
 
@@ -148,7 +148,7 @@ def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
 
 @pytest.mark.parametrize(("backend", "lines"), [("python", range(60, 260, 3)), ("native", range(2, 32))])
 def test_interrupt_at_any_line_of_the_loop(four_bar, backend, lines):
-    files = {module.__file__ for module in (loop, native, stepper, run)}
+    files = {module.__file__ for module in (loop, native, stepper, run_state)}
     statuses = set()
     for line in lines:  # the line of the interrupt, counted in the loop and the record
         seen = 0
