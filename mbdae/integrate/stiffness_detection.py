@@ -70,15 +70,15 @@ class StiffnessDetector(EventSource):
         self.found: Stiff | None = None
 
     @classmethod
-    def of(cls, run: "RunState") -> "StiffnessDetector | None":  # noqa: D102
+    def of(cls, run: "RunState") -> "StiffnessDetector | None":
         if not isinstance(run.system, Index2System) or not run.control or not isinstance(run.tableau, Tableau):
             return None
         return cls(run.system, run.tableau, run.control)
 
-    def warning(self) -> str:  # noqa: D102
+    def warning(self) -> str:
         return str(self.found or "")
 
-    def statistics(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+    def statistics(self, run: "RunState") -> dict[str, Any]:
         return {"stiff": asdict(self.found)} if self.found else {}
 
     def restart(self, run: "RunState", switched: bool) -> None:

@@ -20,7 +20,7 @@ else:
 class OneLine(ModelMetaclass):
     """Reduces pydantic's report about a table written in Python to one line."""
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: D102
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         known = sorted(getattr(cls, "model_fields", ()))
         if args:
             got = ", ".join(f"{value!r:.40}" for value in args)

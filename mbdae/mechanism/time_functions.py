@@ -101,11 +101,11 @@ class Constant(_Piecewise):
     kind: Literal["constant"] = "constant"
     value: float
 
-    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
+    def at(self, t: float, k: int = 0) -> float:
         return 0.0 if k else self.value
 
     @cached_property
-    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:
         return PiecewisePolynomial([0.0], [[self.value]])
 
     @model_serializer
@@ -129,14 +129,14 @@ class Harmonic(_TimeFunction):
     phase: float = 0.0
     offset: float = 0.0
 
-    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
+    def at(self, t: float, k: int = 0) -> float:
         angle = self.omega * t + self.phase + k * pi / 2
         if not isfinite(angle):
             return nan
         value = self.amplitude * sin(angle)
         return value * (self.omega, self.omega * self.omega)[k - 1] if k else value + self.offset
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         return {"kind": "harmonic", "a": [self.amplitude, self.omega, self.phase, self.offset]}
 
 
@@ -151,7 +151,7 @@ class Polynomial(_Piecewise):
     coefficients: tuple[float, ...] = Field(min_length=1)
 
     @cached_property
-    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:
         return PiecewisePolynomial([0.0], [self.coefficients[::-1]])
 
 
@@ -184,7 +184,7 @@ class TimeTable(_Points):
     beyond: Beyond | None = None
 
     @cached_property
-    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:
         return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
 
     @cached_property
@@ -221,7 +221,7 @@ class Steps(_Points):
     points: tuple[Point, ...] = Field(min_length=1)
 
     @cached_property
-    def polynomials(self) -> PiecewisePolynomial:  # noqa: D102
+    def polynomials(self) -> PiecewisePolynomial:
         times, values = zip(*self.points, strict=True)
         return PiecewisePolynomial(times, [[value] for value in values], times[1:])
 
@@ -267,10 +267,10 @@ class Function(_TimeFunction):
         what = f"function {self.name!r}"
         return float(checked(called(what, function, t), (), t, what))
 
-    def known(self, k: int) -> bool:  # noqa: D102
+    def known(self, k: int) -> bool:
         return (self.function, self.rate, self.acceleration)[k] is not None
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         return {"kind": "python", "call": self.at}
 
 

@@ -14,13 +14,26 @@ class ProblemFunctions(Protocol):
     problem: Any
     counts: Counts
 
-    def derivative(self, t: float, y: Array) -> tuple[Array, Array]: ...  # noqa: D102
-    def f(self, t: float, y: Array, z: Array) -> Array: ...  # noqa: D102
-    def f_y(self, t: float, y: Array, z: Array) -> Array: ...  # noqa: D102
-    def f_z(self, t: float, y: Array, z: Array) -> Array: ...  # noqa: D102
-    def g_y(self, t: float, y: Array) -> Array: ...  # noqa: D102
-    def remember(self, y: Array, z: Array) -> None: ...  # noqa: D102
-    def solve(self, *stage: Any) -> Array: ...  # noqa: D102
+    def derivative(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return y' (ny,) and z (nz,) from the hidden constraint."""
+
+    def f(self, t: float, y: Array, z: Array) -> Array:
+        """Return f (ny,)."""
+
+    def f_y(self, t: float, y: Array, z: Array) -> Array:
+        """Return the Jacobian of f by y (ny, ny)."""
+
+    def f_z(self, t: float, y: Array, z: Array) -> Array:
+        """Return the Jacobian of f by z (ny, nz)."""
+
+    def g_y(self, t: float, y: Array) -> Array:
+        """Return the Jacobian of g by y (nz, ny)."""
+
+    def remember(self, y: Array, z: Array) -> None:
+        """Store z at y: starting values of Newton's method near y."""
+
+    def solve(self, *stage: Any) -> Array:
+        """Solve 0 = residual(f(t, y, z)) for z (nz,) by Newton's method; arguments: `HessenbergSystem.solve`."""
 
 
 class HessenbergStages:

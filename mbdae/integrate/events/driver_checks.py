@@ -15,13 +15,13 @@ class DriverChecks(EventSource):
     """Checks the drivers of a run at its end, and where it ends early for a reason that drivers may have caused."""
 
     @classmethod
-    def of(cls, run: "RunState") -> "DriverChecks | None":  # noqa: D102
+    def of(cls, run: "RunState") -> "DriverChecks | None":
         return cls() if run.problem.drivers else None
 
-    def finish(self, run: "RunState") -> None:  # noqa: D102
+    def finish(self, run: "RunState") -> None:
         self._check(run, run.t)
 
-    def explain(self, run: "RunState", reason: StepError) -> StepError:  # noqa: D102
+    def explain(self, run: "RunState", reason: StepError) -> StepError:
         if reason.status not in ("step_size", "max_steps"):
             return reason
         try:

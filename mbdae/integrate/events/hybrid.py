@@ -61,7 +61,7 @@ class ModeChanges(EventSource):
         self._enter(system.mode)
 
     @classmethod
-    def of(cls, run: "RunState") -> "ModeChanges | None":  # noqa: D102
+    def of(cls, run: "RunState") -> "ModeChanges | None":
         if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
             return None
         if not run.problem.switches:
@@ -237,10 +237,10 @@ class ModeChanges(EventSource):
         mode = describe_mode(self.switches, self.system.mode)
         return f"{reason}{when} ({mode})" if reason.status in ("step_size", "singular") else f"{reason}{when}"
 
-    def results(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+    def results(self, run: "RunState") -> dict[str, Any]:
         return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
 
-    def statistics(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+    def statistics(self, run: "RunState") -> dict[str, Any]:
         return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
 
     def _count(self, t: float, fired: list[Guard]) -> None:

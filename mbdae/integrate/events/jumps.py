@@ -59,7 +59,7 @@ class Jumps(EventSource):
         self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
 
     @classmethod
-    def of(cls, run: "RunState") -> "Jumps":  # noqa: D102
+    def of(cls, run: "RunState") -> "Jumps":
         o = run.options
         return cls(run.system, o.jumps, o.end, o.sign, _knots(run))
 

@@ -67,13 +67,13 @@ class SingularityMonitor(Passages):
         self._forget(0)
 
     @classmethod
-    def of(cls, run: "RunState") -> "SingularityMonitor | None":  # noqa: D102
+    def of(cls, run: "RunState") -> "SingularityMonitor | None":
         if not isinstance(run.system, Index2System) or not run.system.ng:
             return None
         formulation = run.options.formulation
         return cls(run.system, run.project or formulation == "ggl", run.control, formulation == "index2")
 
-    def results(self, run: "RunState") -> dict[str, Any]:  # noqa: D102
+    def results(self, run: "RunState") -> dict[str, Any]:
         return {"singular": self.found}
 
     def restart(self, run: "RunState", switched: bool) -> None:

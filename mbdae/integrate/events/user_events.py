@@ -60,7 +60,7 @@ class UserEvents(EventSource):
         self._seen = np.nan  # time up to which steps were checked; nan after an impact
 
     @classmethod
-    def of(cls, run: "RunState") -> "UserEvents":  # noqa: D102
+    def of(cls, run: "RunState") -> "UserEvents":
         system, events = run.system, run.options.events
         modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches)
         return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)

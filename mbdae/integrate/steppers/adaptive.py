@@ -43,7 +43,7 @@ class Adaptive(PythonStepper):
         self.cut = 0.0  # size of the step before truncation at the end of an interval
 
     @property
-    def control(self) -> "Adaptive | None":  # noqa: D102
+    def control(self) -> "Adaptive | None":
         return self
 
     def propose(self, run: "RunState") -> tuple[float, float]:
@@ -81,7 +81,7 @@ class Adaptive(PythonStepper):
             self.h, self.reason, self._reason = max(self.h, self.cut), self._reason, ""
         return error <= 1
 
-    def measure(self, run: "RunState", y: Array, move: Array) -> float:  # noqa: D102
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:
         return error_norm(move[None, run.system.measured], self._scale(run, y))
 
     def ready(self, run: "RunState") -> bool:
@@ -91,7 +91,7 @@ class Adaptive(PythonStepper):
             self._scale(run, run.state.y)
         return True
 
-    def bound(self, h: float) -> None:  # noqa: D102
+    def bound(self, h: float) -> None:
         self.h, self.cut = min(self.h, h), 0.0
 
     def settings(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ class NativeStepper(Stepper):
         self.watched: Any = None
 
     @property
-    def control(self) -> Adaptive | None:  # noqa: D102
+    def control(self) -> Adaptive | None:
         return self.inner.control
 
     def advance(self, run: "RunState", most: int | None = None) -> None:
@@ -54,22 +54,22 @@ class NativeStepper(Stepper):
         if run.taken_back is not None or not (self.inner.ready(run) and self._advance_core(run, some)):
             self.inner.advance(run)
 
-    def take(self, run: "RunState", h: float) -> Step:  # noqa: D102
+    def take(self, run: "RunState", h: float) -> Step:
         return self.inner.take(run, h)
 
-    def measure(self, run: "RunState", y: Array, move: Array) -> float:  # noqa: D102
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:
         return self.inner.measure(run, y, move)
 
-    def settings(self) -> dict[str, Any]:  # noqa: D102
+    def settings(self) -> dict[str, Any]:
         return self.inner.settings()
 
-    def restart(self) -> None:  # noqa: D102
+    def restart(self) -> None:
         self.inner.restart()
 
-    def bound(self, h: float) -> None:  # noqa: D102
+    def bound(self, h: float) -> None:
         self.inner.bound(h)
 
-    def take_back(self) -> None:  # noqa: D102
+    def take_back(self) -> None:
         self.inner.take_back()
 
     def _advance_core(self, run: "RunState", most: int) -> int:

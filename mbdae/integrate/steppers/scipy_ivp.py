@@ -126,7 +126,7 @@ class Scipy(Adaptive):
         self._last: tuple[float, Array, Array] | None = None
 
     @property
-    def control(self) -> None:  # noqa: D102
+    def control(self) -> None:
         return None
 
     def _rate(self, t: float, y: Array) -> Array:

@@ -42,7 +42,7 @@ def kinds_of(base: type[Any]) -> dict[str, type[Any]]:
 class ByKind(OneLine):
     """``Closure(kind="point", ...)`` makes one of the kind's class; ``Closure.point`` is the kind's constructor."""
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: D102
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         if args or cls is not Closure:
             return super().__call__(*args, **kwargs)
         known, kind = kinds_of(cls), kwargs.get("kind")
@@ -187,7 +187,7 @@ class BetweenFrames(Closure):
         return None
 
     @property
-    def between(self) -> tuple[str, ...]:  # noqa: D102
+    def between(self) -> tuple[str, ...]:
         return self.frames
 
 
@@ -198,7 +198,7 @@ class UnilateralClosure(BetweenFrames, UnilateralOptions):
     """Side of g = 0 on which a body moves freely."""
 
     @property
-    def opens(self) -> bool:  # noqa: D102
+    def opens(self) -> bool:
         return bool(self.unilateral)
 
 
@@ -217,5 +217,5 @@ class BetweenJoints(Closure):
         return None
 
     @property
-    def between(self) -> tuple[str, ...]:  # noqa: D102
+    def between(self) -> tuple[str, ...]:
         return self.joints

@@ -90,7 +90,7 @@ class ToothRow(JointRow):
     coefficients: tuple[float, ...]
     pitch: float
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundToothRow":  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundToothRow":
         return BoundToothRow(model, data, self, at, name)
 
 

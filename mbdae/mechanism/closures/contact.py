@@ -141,13 +141,13 @@ class ContactHeightRow(LineRows):
     def __init__(self, shape: ConvexBody) -> None:
         self.shape = shape
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "height", **self.shape.core_data()}]
 
-    def residual(self, pair: Pair) -> Array:  # noqa: D102
+    def residual(self, pair: Pair) -> Array:
         return np.array([self.shape.height(pair)])
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         n, p, dn, dp = self.shape.touch(pair)
         return Lines(n, p, dn, dp)
 
@@ -160,10 +160,10 @@ class NoSlipRows(LineRows):
         self.share = np.array([np.cos(angles), np.sin(angles)])
         self.share[np.abs(self.share) < ROUNDING] = 0.0
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "grip", **self.shape.core_data(), "share": share.tolist()} for share in self.share.T]
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         n, p, dn, dp = self.shape.touch(pair)
         t, dt = self.shape.heading(pair, n, dn)
         ahead, left = self.share[:1], self.share[1:]

@@ -24,7 +24,7 @@ class FixedAxisClosure(BetweenFrames):
     """Message about bodies that can turn about other axes."""
 
     @property
-    def assumes(self) -> bool:  # noqa: D102
+    def assumes(self) -> bool:
         return True
 
     def tilt(self, pair: Pair, relative: Array) -> float:
@@ -33,6 +33,6 @@ class FixedAxisClosure(BetweenFrames):
         sine = float(np.linalg.norm(np.cross(k, pair.Rb @ relative @ (pair.Ra.T @ k))))
         return float(np.arcsin(min(1.0, sine))) if sine > THREE_DIGITS else 0.0
 
-    def foreign_axes(self, pair: Pair) -> tuple[Array, str]:  # noqa: D102
+    def foreign_axes(self, pair: Pair) -> tuple[Array, str]:
         k = pair.Ra @ unit_axis(self.axis)
         return np.eye(3) - np.outer(k, k), self.otherwise

@@ -25,10 +25,10 @@ class FrameJoint(BetweenFrames):
         """The axis in the first frame, and the one in the second frame."""
         return Z, Z
 
-    def primitives(self) -> tuple[FrameRows, ...]:  # noqa: D102
+    def primitives(self) -> tuple[FrameRows, ...]:
         return between_frames(self.gap, self.direction, *self.axes())
 
-    def agreeing(self) -> tuple[Array, Array]:  # noqa: D102
+    def agreeing(self) -> tuple[Array, Array]:
         if self.direction == "frame":
             return np.eye(3), np.eye(3)
         if self.direction == "axis":
@@ -46,7 +46,7 @@ class AxisJoint(FrameJoint):
 
     axis: Axis = Z
 
-    def axes(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def axes(self) -> tuple[Vector, Vector]:
         return self.axis, self.axis
 
     @classmethod
@@ -65,7 +65,7 @@ class TwoAxisJoint(AxisJoint):
 
     second_axis: Axis | None = None
 
-    def axes(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def axes(self) -> tuple[Vector, Vector]:
         return self.axis, self.second_axis or self.axis
 
     @classmethod

@@ -51,7 +51,7 @@ class Coordinate(JointRow):
     other: str
     coefficients: tuple[float, ...]
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundCoordinateRow":  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundCoordinateRow":
         return BoundCoordinateRow(model, data, self, at, name)
 
 
@@ -72,7 +72,7 @@ class Ratio(JointRow):
     coefficients: tuple[float, ...]
     positional = False
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundRatioRow":  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundRatioRow":
         return BoundRatioRow(model, data, self, at, name)
 
 
@@ -151,22 +151,22 @@ class BoundCoordinateRow(BoundJointRow):
         super().__init__(model, data, (row.joint, row.other), at, name, row.coefficients)
         self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
 
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+    def value(self) -> tuple[float, list[float]]:
         x, *other = (coordinate(j.joint_q) for j in self._live)
         if not other:
             return x - sum(self.polynomial), [1.0]
         p, first, *_ = _horner(self.polynomial, other[0])
         return x - p, [1.0, -first]
 
-    def bias(self, v: Array) -> float:  # noqa: D102
+    def bias(self, v: Array) -> float:
         return -self._curvature()[0] * float(v[self.columns[-1]]) ** 2
 
-    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
         j, curve = self.columns[-1], self._curvature()[0]
         K[j, j] -= lam * curve
         B[j] -= curve * v[j]
 
-    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         j, (second, third) = self.columns[-1], self._curvature()
         by_q[j] -= third * v[j] ** 2
         by_v[j] -= 2 * second * v[j]
@@ -194,19 +194,19 @@ class BoundRatioRow(BoundJointRow):
             what = f"powers of an unbounded joint's angle are not defined; bound joint {row.setting!r}"
             raise InputError(f"{name!r}: {what}")
 
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+    def value(self) -> tuple[float, list[float]]:
         return 0.0, [1.0, -self._ratio()[0]][: len(self.columns)]
 
-    def bias(self, v: Array) -> float:  # noqa: D102
+    def bias(self, v: Array) -> float:
         return -sum(float(self._ratio()[1] * v[self.columns[1]] * v[k]) for k in self.settings)
 
-    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
         for k in self.settings:
             j = self.columns[1]
             K[j, k] -= lam * self._ratio()[1]
             B[k] -= self._ratio()[1] * v[j]
 
-    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         for k in self.settings:
             j = self.columns[1]
             _, first, curve, _ = self._ratio()

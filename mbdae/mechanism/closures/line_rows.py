@@ -50,18 +50,18 @@ class LineRows(FrameRows):
         """Return the lines at the current pair, and their rates for its velocities Va, Vb."""
         raise NotImplementedError
 
-    def residual(self, pair: Pair) -> Array:  # noqa: D102
+    def residual(self, pair: Pair) -> Array:
         return np.zeros(self.m)
 
-    def wrenches(self, pair: Pair, w: Array) -> None:  # noqa: D102
+    def wrenches(self, pair: Pair, w: Array) -> None:
         e, p = self.lines(at_rest(pair))[:2]
         w[:3], w[3:] = e, cross(p, e) - self.lead * e
 
-    def rate(self, pair: Pair) -> Array:  # noqa: D102
+    def rate(self, pair: Pair) -> Array:
         e, p, de, dp = self.lines(pair)
         return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
 
-    def partials(self, pair: Pair) -> tuple[Array, Array]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[Array, Array]:
         Da, Db = np.empty((2, self.m, 6, 6))
         at = at_rest(pair)
         for i, unit in enumerate(np.eye(6)):

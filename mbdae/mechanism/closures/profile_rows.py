@@ -25,16 +25,16 @@ class Roller(LineRows):
     def __init__(self, path: PlaneCurve, radius: float) -> None:
         self.path, self.radius = path, radius
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "roller", "length": self.radius, "path": self.path.core_data()}]
 
-    def residual(self, pair: Pair) -> Array:  # noqa: D102
+    def residual(self, pair: Pair) -> Array:
         x = pair.Ra.T.dot(pair.pb - pair.pa)[:2]
         c = self.path.nearest(x)
         n = np.array([c.d[1], -c.d[0]]) * (self.path.side / np.sqrt(c.d.dot(c.d)))
         return np.array([(x - c.c).dot(n) - self.radius])
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         pb, vb, Ra = pair.pb[:, None], displaced(pair.Vb, pair.pb), pair.Ra
         x = Ra.T.dot(pair.pb - pair.pa)[:2]
         rate = Ra.T.dot(vb - displaced(pair.Va, pair.pb))[:2, 0]
@@ -56,14 +56,14 @@ class FlatFace(LineRows):
     def __init__(self, path: PlaneCurve, normal: Array) -> None:
         self.path, self.normal = path, normal[:, None]
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "path": self.path.core_data()}]
 
-    def residual(self, pair: Pair) -> Array:  # noqa: D102
+    def residual(self, pair: Pair) -> Array:
         e, p = self.lines(at_rest(pair))[:2]
         return np.array([(e * (pair.pb[:, None] - p)).sum()])
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         Ra, e = pair.Ra, pair.Rb.dot(self.normal)
         de = rotated(pair.Vb, e)
         n, dn = Ra.T.dot(e)[:2, 0], Ra.T.dot(de - rotated(pair.Va, e))[:2, 0]

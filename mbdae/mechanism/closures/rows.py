@@ -73,22 +73,22 @@ class DotProduct1(FrameRows):
     def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
         self.a, self.b, self.m = a, b, a.shape[1]
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         both = zip(self.a.T.tolist(), self.b.T.tolist(), strict=True)
         return [{"kind": "dot_product_1", "a": a, "b": b} for a, b in both]
 
-    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+    def residual(self, pair: Pair) -> np.ndarray:
         return (pair.Ra.dot(self.a) * pair.Rb.dot(self.b)).sum(axis=0)
 
-    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:
         w[3:] = cross(pair.Rb.dot(self.b), pair.Ra.dot(self.a))
 
-    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+    def rate(self, pair: Pair) -> np.ndarray:
         a, b = pair.Ra @ self.a, pair.Rb @ self.b
         da, db = rotated(pair.Va, a), rotated(pair.Vb, b)
         return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
 
-    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         a, b = skews(pair.Ra.dot(self.a)), skews(pair.Rb.dot(self.b))
         Da, Db = np.zeros((2, self.m, 6, 6))
         Da[:, 3:, 3:], Db[:, 3:, 3:] = -b @ a, a @ b
@@ -103,23 +103,23 @@ class DotProduct2(FrameRows):
     def __init__(self, axes: np.ndarray) -> None:
         self.axes, self.m = axes, axes.shape[1]
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "dot_product_2", "a": a} for a in self.axes.T.tolist()]
 
-    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+    def residual(self, pair: Pair) -> np.ndarray:
         return (pair.pb - pair.pa).dot(pair.Ra.dot(self.axes))
 
-    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:
         w[:3] = n = pair.Ra.dot(self.axes)
         w[3:] = skew(pair.pb).dot(n)
 
-    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+    def rate(self, pair: Pair) -> np.ndarray:
         n = pair.Ra @ self.axes
         dn = rotated(pair.Va, n)
         dp = displaced(pair.Vb, pair.pb)
         return np.concatenate([dn, cross(dp, n) + cross(pair.pb[:, None], dn)])
 
-    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         n = pair.Ra.dot(self.axes)
         Da = np.zeros((self.m, 6, 6))
         Da[:, :3, 3:] = turn = -skews(n)
@@ -135,24 +135,24 @@ class Distance(FrameRows):
     def __init__(self, length: float) -> None:
         self.length = length
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "distance", "length": self.length}]
 
-    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+    def residual(self, pair: Pair) -> np.ndarray:
         return np.array([unit_gap(pair)[0] - self.length])
 
-    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:
         w[:3, 0] = n = unit_gap(pair)[1]
         w[3:, 0] = skew(pair.pb).dot(n)
 
-    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+    def rate(self, pair: Pair) -> np.ndarray:
         distance, n = unit_gap(pair)
         dpb = displaced(pair.Vb, pair.pb)
         dd, n = dpb - displaced(pair.Va, pair.pa), n[:, None]
         dn = (dd - n * (n * dd).sum()) / distance
         return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
 
-    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+    def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         _, Da, Db = line_wrench_partials(pair)
         return Da[None], Db[None]
 

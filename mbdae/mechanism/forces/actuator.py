@@ -64,20 +64,20 @@ class ActuatorElement(ForceElement):
         self.spec, self.model = spec, model
         self.differenced = spec.partials is None
 
-    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:  # noqa: D102
+    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]
         tau = checked(called(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
         return 0.0, tau, checked(called(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
         return by_time(lambda t: np.concatenate(self.evaluate(t, q, v, s)[1:]), t, v)
 
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         def law(q: Array, v: Array, s: Array) -> Array:
             return np.concatenate(self.evaluate(t, q, v, s)[1:])
 
         return law_partials(law, self.spec.partials, f"actuator {self.name!r}", self.model, t, q, v, s)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         law: dict[str, Any] = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
         return law | {"partials": self.partials, "time_rate": self.by_time}

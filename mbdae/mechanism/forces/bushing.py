@@ -47,7 +47,7 @@ class Bushing(Force):
             raise ValueError("the dampings of a bushing must not be negative")
         return self
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         a, b = self.frames
         return BushingElement(self, Pair(model, data, anchor(model, a), anchor(model, b)))
 
@@ -108,7 +108,7 @@ class BushingElement(PairElement):
         none = np.zeros((6, 6))
         return WrenchPartials(spring, wrench_matrix(spring) - Db, Db, none), WrenchPartials(damping, Da, Db_damper, C)
 
-    def deflection(self, q: Array) -> Array:  # noqa: D102
+    def deflection(self, q: Array) -> Array:
         return np.concatenate(self.gap())
 
     def gap(self) -> tuple[Array, Array]:
@@ -122,11 +122,11 @@ class BushingElement(PairElement):
         n, m = self.pair.Ra @ force, self.pair.Ra @ moment
         return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 
-    def potential(self, q: Array) -> float:  # noqa: D102
+    def potential(self, q: Array) -> float:
         gap, theta = self.gap()
         return 0.5 * float(self.k @ gap**2 + self.kr @ theta**2)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         numbers = [*self.k, *self.kr, *self.d, *self.dr, LARGEST_TURN]
         return {"kind": "bushing", "frames": self.pair, "a": numbers}
 

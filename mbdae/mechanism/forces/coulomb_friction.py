@@ -61,7 +61,7 @@ class CoulombFriction(Force):
         """Speed at which regularised friction reaches three quarters of its value."""
         return self.velocity or VELOCITY
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         return CoulombElement(self.name)
 
 

@@ -47,7 +47,7 @@ class DCMotor(Force):
             raise ValueError("the current of a dc_motor without inductance has no start value")
         return self
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         i, k = one_velocity(model, self.joint, f"dc_motor {self.name!r}").idx_v, self.gear * self.constant
         R, L = self.resistance, self.inductance
         if not L:

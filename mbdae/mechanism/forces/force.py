@@ -124,12 +124,12 @@ class PairElement(ForceElement):
         """Return the time derivative of the wrench at fixed motion, (6,), or 0; the pair is located."""
         return 0.0
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
         self.pair.locate()
         tau = self.pair.torque(self.wrench_time_rate(t) + np.zeros(6))
         return np.append(tau, tau @ v)
 
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         self.pair.locate()
         here, nv = PairPartials(self.pair, v), len(v)
         at, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))

@@ -28,7 +28,7 @@ class JointDamping(Force):
     joint: Joints
     damping: float = Field(ge=0)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         d = np.zeros(model.nv)
         for j in find_joints(model, self.joint):
             d[j.idx_v : j.idx_v + j.nv] = self.damping

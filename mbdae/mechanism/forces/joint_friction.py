@@ -97,7 +97,7 @@ class JointFriction(Force):
             elif kinetic:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         d = self._given(model)
         if not d.any() and self.friction is None:
             raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
@@ -122,13 +122,13 @@ class FrictionElement(JointElement):
         super().__init__(name, range(len(d)))
         self.d, self.v0 = d, v0
 
-    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
+    def acting_components(self, nv: int) -> list[int]:
         return np.flatnonzero(self.d).tolist()
 
-    def effort(self, q: Array, v: Array) -> Effort:  # noqa: D102
+    def effort(self, q: Array, v: Array) -> Effort:
         return 0.0, -self.d * np.tanh(v / self.v0)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}
 
 
@@ -141,8 +141,8 @@ class KineticFrictionElement(JointElement):
         super().__init__(name, range(len(d)))
         self.d, self.sign = d, np.zeros_like(d)
 
-    def effort(self, q: Array, v: Array) -> Effort:  # noqa: D102
+    def effort(self, q: Array, v: Array) -> Effort:
         return 0.0, -self.d * self.sign
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         return {"kind": "friction", "a": [*(self.d * self.sign).tolist(), 0.0]}

@@ -34,15 +34,15 @@ class JointElement(ForceElement):
     def _coordinates(self, q: Array, v: Array) -> tuple[Array, Array]:
         return q[self.columns] if self.columns else np.zeros(len(self.rows)), v[self.rows]
 
-    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
+    def acting_components(self, nv: int) -> list[int]:
         return self.rows
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:  # noqa: D102
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
         tau = np.zeros((2, len(v)))
         tau[0, self.rows], tau[1, self.rows] = self.effort(*self._coordinates(q, v))
         return tau[0], tau[1]
 
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         nv, i, step = len(v), np.array(self.rows, int), 1j * COMPLEX_STEP
         out, (x, u) = np.zeros((nv + 1, 2 * nv)), self._coordinates(q, v)
         perturbed = ((0, x + step, u), (nv, x, u + step)) if self.columns else ((nv, x, u + step),)

@@ -55,7 +55,7 @@ class JointPID(Force):
             raise ValueError(f"kd needs the rate of {r.name!r}: give mbdae.Function(function=..., rate=...)")
         return self
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         at, what = self.controls == "position", f"joint_pid {self.name!r} of {self.controls}"
         j = single(model, self.joint, what)[0] if at else one_velocity(model, self.joint, what)
         i, x, ix = j.idx_v, "q" if at else "v", j.idx_q if at else j.idx_v

@@ -59,7 +59,7 @@ class JointSpring(Force):
         """The table's restoring torque as a function of the deflection."""
         return interpolant_of_points(self.table or (), self.interpolation, "linear")
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         joints = single(model, self.joint, f"joint_spring {self.name!r}")
         at = [(j.idx_q, j.idx_v) for j in joints]
         if self.stiffness is None:
@@ -77,10 +77,10 @@ class CurveElement(JointElement):
         self.integral, self.steepness = self.c.antiderivative(), self.c.derivative()
         self.deflections = [(iv, "") for iv in self.rows]
 
-    def deflection(self, q: Array) -> Array:  # noqa: D102
+    def deflection(self, q: Array) -> Array:
         return q[self.columns] - self.rest
 
-    def effort(self, q: Array, v: Array) -> Effort:  # noqa: D102
+    def effort(self, q: Array, v: Array) -> Effort:
         x = q - self.rest
         spring = self.c(x.real) + (1j * self.steepness(x.real) * x.imag if np.iscomplexobj(x) else 0.0)
         return -spring, -self.damping * v
@@ -89,7 +89,7 @@ class CurveElement(JointElement):
         """Return the integral of c from 0 to the deflection, over all coordinates, in J."""
         return float((self.integral(self.deflection(q)) - self.integral(0.0)).sum())
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         signals = [PiecewisePolynomial.of(x).core_data() for x in (self.c, self.integral)]
         numbers = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
         return {"kind": "curve", **numbers, "signals": signals}

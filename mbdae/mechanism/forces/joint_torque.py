@@ -35,7 +35,7 @@ class JointTorque(Force):
     gear: float = 1.0
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         j = find_joint(model, self.joint)
         values = self.torque if isinstance(self.torque, tuple) else (self.torque,)
         if len(values) != j.nv:

@@ -55,10 +55,10 @@ class LinearElement(ForceElement):
         self.terms, self.springs, self.u = terms, springs, signals
         self.deflections = [(spring.iv, "") for spring in springs]
 
-    def acting_components(self, nv: int) -> list[int]:  # noqa: D102
+    def acting_components(self, nv: int) -> list[int]:
         return sorted({i for row, i, *_ in self.terms if row == "tau"} | {spring.iv for spring in self.springs})
 
-    def deflection(self, q: Array) -> Array:  # noqa: D102
+    def deflection(self, q: Array) -> Array:
         return np.array([q[spring.iq] - spring.rest for spring in self.springs])
 
 
@@ -103,18 +103,18 @@ class Linear(ForceElement):
             self.u.append((u, k))
         return one + 1 + self._known.get((id(u), k), 0), value
 
-    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array, Array]:  # noqa: D102
+    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array, Array]:
         x = np.concatenate((q, v, s, [1.0, *[u.at(t, k) for u, k in self.u]] if self.u else ONE))
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
         return y[: self.nv], y[self.nv : 2 * self.nv], y[2 * self.nv :]
 
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         nv, A = self.nv, self._matrix
         power = v @ A[nv : 2 * nv]
         power[nv : 2 * nv] += self.evaluate(t, q, v, s)[1]
         return np.vstack([A[:nv] + A[nv : 2 * nv], A[2 * nv :], power])
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
         x = np.zeros(len(q) + len(v) + len(s) + 1 + len(self.u))
         x[len(x) - len(self.u) :] = [u.derivative(t, k) for u, k in self.u]
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
@@ -131,10 +131,10 @@ class Linear(ForceElement):
                 out[i, self.tangent[j] if j < nq else j - nq + self.nv] += value
         return out
 
-    def potential(self, q: Array) -> float:  # noqa: D102
+    def potential(self, q: Array) -> float:
         return sum(0.5 * k * float(q[iq] - rest) ** 2 for iq, _, k, rest in self.springs)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         signals, orders = [u.core_data() for u, _ in self.u], [k for _, k in self.u]
         numbers = {"rows": self.y.tolist(), "columns": self.x.tolist(), "a": self.values.tolist()}
         at_rest = sum(0.5 * k * rest**2 for _, _, k, rest in self.springs)

@@ -38,7 +38,7 @@ class SpringDamper(Force):
     length: float = Field(default=0.0, ge=0)
     force: TimeFunction = Constant(value=0.0)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         a, b = self.frames
         return SpringDamperElement(self, Pair(model, data, anchor(model, a), anchor(model, b)))
 
@@ -49,7 +49,7 @@ class SpringDamperElement(PairElement):
     tension = True
     deflections = ((-1, ""),)
 
-    def deflection(self, q: Array) -> Array:  # noqa: D102
+    def deflection(self, q: Array) -> Array:
         self.pair.locate()
         return np.array([unit_gap(self.pair)[0] - self.spec.length])
 
@@ -57,13 +57,13 @@ class SpringDamperElement(PairElement):
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair
 
-    def direction_undefined(self) -> bool:  # noqa: D102
+    def direction_undefined(self) -> bool:
         self.pair.locate()
         (a, b), spec = (self.pair.pa, self.pair.pb), self.spec
         linear = not (spec.damping or spec.stiffness * spec.length or spec.force != Constant(value=0.0))
         return not linear and bool(np.abs(b - a).max() <= EVALUATION_ROUNDING * (1 + np.abs(a).max()))
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:
         self.pair.locate()
         distance, n = unit_gap(self.pair)
         line = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))  # d' = line . v
@@ -72,7 +72,7 @@ class SpringDamperElement(PairElement):
             push -= self.spec.damping * float(line @ v)
         return -self.spec.stiffness * (distance - self.spec.length) * line, push * line if push else 0.0
 
-    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
+    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         spec, (w, Da, Db) = self.spec, line_wrench_partials(self.pair)
         pull, push = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
         stretch, damper = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
@@ -81,14 +81,14 @@ class SpringDamperElement(PairElement):
             push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w
         )
 
-    def wrench_time_rate(self, t: float) -> Array:  # noqa: D102
+    def wrench_time_rate(self, t: float) -> Array:
         return self.spec.force.derivative(t) * line_wrench_partials(self.pair)[0]
 
-    def potential(self, q: Array) -> float:  # noqa: D102
+    def potential(self, q: Array) -> float:
         self.pair.locate()
         return 0.5 * self.spec.stiffness * (unit_gap(self.pair)[0] - self.spec.length) ** 2
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         s = self.spec
         numbers = {"frames": self.pair, "a": [s.stiffness, s.damping, s.length]}
         return {"kind": "spring_damper", **numbers, "signals": [s.force.core_data()]}

@@ -25,16 +25,16 @@ class TorqueElement(ForceElement):
         self.differenced = getattr(function, "partials", None) is None
         self.what = f"force {self.name!r}"
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
+    def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:
         return 0.0, checked(called(self.what, self.function, t, q, v), v.shape, t, self.what)
 
-    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         own = getattr(self.function, "partials", None)
         return law_partials(lambda q, v, s: self.torque(t, q, v)[1], own, self.what, self.model, t, q, v, s)
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
         return by_time(lambda t: self.torque(t, q, v)[1], t, v)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         law: dict[str, Any] = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
         return law | {"partials": self.partials, "time_rate": self.by_time}

@@ -35,7 +35,7 @@ class Wrench(Force):
     torque: Vector = (ZERO,) * 3
     axes: Literal["world", "frame"] = "world"
 
-    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         return WrenchElement(self, Pair(model, data, anchor(model, WORLD), anchor(model, self.frame)))
 
 
@@ -47,14 +47,14 @@ class WrenchElement(PairElement):
         self.spec, self.pair = spec, pair
         self.steady = spec.axes == "world" and all(isinstance(s, Constant) for s in spec.force)
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:  # noqa: D102
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
         self.pair.locate()
         n, m = self.vectors(t)
         force = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))
         moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
         return (force, moment) if self.steady else (0.0, force + moment)
 
-    def wrench_time_rate(self, t: float) -> Array:  # noqa: D102
+    def wrench_time_rate(self, t: float) -> Array:
         n, m = self.vectors(t, derivative=True)
         return np.concatenate([n, m + skew(self.pair.pb) @ n])
 
@@ -64,7 +64,7 @@ class WrenchElement(PairElement):
         n, m = (np.array([s.derivative(t) if derivative else s.at(t) for s in part]) for part in parts)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
 
-    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
+    def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         n, m = self.vectors(t)
         P, Db, none = skew(self.pair.pb), moved_line_partials(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
         force, moment = np.concatenate([n, P @ n]), np.concatenate([np.zeros(3), m])
@@ -75,13 +75,13 @@ class WrenchElement(PairElement):
             return WrenchPartials(force, none, Db, none), WrenchPartials(moment, none, none, none)
         return WrenchPartials(np.zeros(6), none, none, none), WrenchPartials(force + moment, none, Db, none)
 
-    def potential(self, q: Array) -> float:  # noqa: D102
+    def potential(self, q: Array) -> float:
         if not self.steady:
             return 0.0
         self.pair.locate()
         return -float(np.array([s.at(0.0) for s in self.spec.force]) @ self.pair.pb)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         s = self.spec
         flags = {"turning": s.axes == "frame", "steady": self.steady}
         signals = [x.core_data() for x in (*s.force, *s.torque)]

@@ -44,7 +44,7 @@ class GGLSystem(Index2System):
         self.positions = np.flatnonzero(mechanism.positional)
         self.free: int | None = None  # rank of the rows that have a g
 
-    def chart(self, t: float, y: Array) -> "GGLChart":  # noqa: D102
+    def chart(self, t: float, y: Array) -> "GGLChart":
         rows = super().chart(t, y).rows
         return GGLChart(self, t, y, rows, self.independent_positions(t, y, rows))
 
@@ -102,10 +102,11 @@ class GGLChart(Index2Chart):
         self.kept = kept
 
     @property
-    def unknowns(self) -> tuple[int, ...]:  # noqa: D102
+    def unknowns(self) -> tuple[int, ...]:
         return (*super().unknowns, *self.kept.tolist())
 
-    def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
+    def first(self, carry: Array) -> tuple[Array, Array]:
+        """Return the first stage of a method that carries it: x' = v + (G^T mu) and v', from `carry` (nv + nv,)."""
         nv = self.system.nv
         return np.concatenate([self.v + carry[:nv], carry[nv:]]), np.empty(0)
 

@@ -55,7 +55,7 @@ class Index1System(Index2System):
         rate = G @ v - self.constraints.motion(t)[1]
         return gamma + 2 * self.alpha * rate + self.beta**2 * g
 
-    def chart(self, t: float, y: Array) -> "Index1Chart":  # noqa: D102
+    def chart(self, t: float, y: Array) -> "Index1Chart":
         return Index1Chart(self, t, y, super().chart(t, y).rows)
 
     def update_independent_rows(self, t: float, state: State) -> State:

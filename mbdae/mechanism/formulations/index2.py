@@ -126,7 +126,7 @@ class Index2System(PinocchioData, RunVariables, System):
         """See `mbdae.system.System`."""
         return () if self.rows is None else tuple(self.rows.tolist())
 
-    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:  # noqa: D102
+    def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         self.rows, self.rank, self.held = np.array(rows, int), len(rows), held
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
@@ -166,17 +166,18 @@ class Index2System(PinocchioData, RunVariables, System):
         self.least_pivot_ratio = 1.0
         self._last_q = np.full(self.nq, np.nan)
 
-    def order_of(self, tableau: Any) -> int:  # noqa: D102
+    def order_of(self, tableau: Any) -> int:
         return tableau.order if self.sliding.places else tableau.order_linear
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q (nq,) and v (nv,)."""
         return y[: self.nq], y[self.nq : self.nq + self.nv]
 
-    def inner(self, y: Array) -> Array:  # noqa: D102
+    def inner(self, y: Array) -> Array:
+        """Return the states s of forces, the part of y between v and the work."""
         return y[self.nq + self.nv : -1]
 
-    def breakpoint(self, t: float, sign: float) -> float:  # noqa: D102
+    def breakpoint(self, t: float, sign: float) -> float:
         driven = (sign * s for s in self.constraints.breaks if sign * s > sign * t)
         return min(sign * self.laws.breakpoint(t, sign), min(driven, default=inf)) * sign
 
@@ -185,7 +186,7 @@ class Index2System(PinocchioData, RunVariables, System):
         q, v = self.split(y)
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.inner(y)), y[-1:]])
 
-    def chart(self, t: float, y: Array) -> "Index2Chart":  # noqa: D102
+    def chart(self, t: float, y: Array) -> "Index2Chart":
         q, _ = self.split(y)
         rows = self.rows if self.held else None
         if rows is None:
@@ -259,13 +260,13 @@ class Index2System(PinocchioData, RunVariables, System):
         """Keep (v', s', w'): not lam, because rows may be re-chosen."""
         return F[self.nv :].copy()
 
-    def add(self, y: Array, x: Array) -> Array:  # noqa: D102
+    def add(self, y: Array, x: Array) -> Array:
         return np.concatenate([self.manifold.integrate(y[: self.nq], x[: self.nv]), y[self.nq :] + x[self.nv :]])
 
-    def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
+    def difference(self, y0: Array, y1: Array) -> Array:
         return np.concatenate([self.manifold.difference(y0[: self.nq], y1[: self.nq]), y1[self.nq :] - y0[self.nq :]])
 
-    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+    def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:
         out = np.zeros(self.ny)
         out[self.nv :] = x[self.nv :] - (y1[self.nq :] - y0[self.nq :])
         if self.manifold.flat:
@@ -279,13 +280,13 @@ class Index2System(PinocchioData, RunVariables, System):
     residuals = residuals.residuals
     interpolant = interpolation.interpolant
 
-    def size(self, y: Array) -> Array:  # noqa: D102
+    def size(self, y: Array) -> Array:
         size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
         if self.driven:
             size[-1] += self.energy(*self.split(y))[0]
         return size
 
-    def noise(self, y: Array, share: float) -> Array:  # noqa: D102
+    def noise(self, y: Array, share: float) -> Array:
         out = np.zeros(self.ny)
         if self.ng:
             out[self.nv : 2 * self.nv] = share * np.abs(self.split(y)[1]).max()

@@ -20,7 +20,8 @@ class Index2Chart(ImplicitStages):
         self.q, self.v = system.split(y)
         self.s = system.inner(y)
 
-    def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
+    def first(self, carry: Array) -> tuple[Array, Array]:
+        """Return the first stage of a method that carries it: x' = v and v' = `carry` (nv,)."""
         return np.concatenate([self.v, carry]), np.empty(0)
 
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
@@ -57,7 +58,8 @@ class Index2Chart(ImplicitStages):
         s.reason.probe(*s._last, self.rows)
         return s.all_multipliers(*s._last, self.rows, z)
 
-    def point(self, x: Array) -> Array:  # noqa: D102
+    def point(self, x: Array) -> Array:
+        """Return the state at tangent coordinates x of the step's start, whose rotations must be small."""
         self.system.manifold.within(x[: self.system.nv])
         return self.system.add(self.y, x)
 

@@ -32,24 +32,24 @@ class OneWayClutch(UnilateralRow):
         super().__init__(spec.name, row, float(spec.direction))
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         alone, _ = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
 
-    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
+    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":
         speed = self.sign * motion.rate[:, self.row]
         ahead = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
         return ahead - np.maximum.accumulate(ahead), None
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         if state == LOCKED:
             return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
         return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, self.sign),)
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         return (LoadCandidate.unilateral(self.row, self.sign),)
 
 
@@ -70,17 +70,17 @@ class OpposedClutches(Switch):
         self.row = row
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         _, opposed = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in opposed]
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         return ()
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, 0.0),)
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         return LOCKED
@@ -103,7 +103,7 @@ class Ratchet(OneWayClutch):
         self.shares = np.array([1.0, -1.0 if spec.ratio is None else -spec.ratio])[: len(columns)]
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         return [
             cls(c, mechanism.rows_of(c.name)[0], [find_joint(mechanism.model, n).idx_q for n in c.between])
             for c in mechanism.constraints
@@ -114,7 +114,7 @@ class Ratchet(OneWayClutch):
         """Return its position in pitches."""
         return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
 
-    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
+    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":
         place = self.sign * (motion.q[:, self.columns] @ self.shares - self.tooth) / self.pitch
         return (place - np.floor(np.maximum.accumulate(place) + COINCIDENT)) * self.pitch, None
 
@@ -130,7 +130,7 @@ class Ratchet(OneWayClutch):
 
         return value
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         if state != BACK:
             return super().guards(state)
         turns = Guard("rest", self.name, self.at, lambda x: -self.speed(x), lambda x: -self.acceleration(x))
@@ -140,13 +140,13 @@ class Ratchet(OneWayClutch):
         place = self.in_pitches(point)
         return abs(place - round(place)) < COINCIDENT
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         return super().load_candidates(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if held:

@@ -34,7 +34,7 @@ class CommandedClutch(Switch):
         self.spec, self.row = spec, row
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [c for c in mechanism.constraints if isinstance(c, Clutch) and c.engaged]
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
 
@@ -46,13 +46,13 @@ class CommandedClutch(Switch):
         """Return the commanded state at a point."""
         return self.prescribed(point.t, point.q, point.v)
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         return (Guard("command", self.name, self.at, lambda x: 1.0 if self.commanded_state(x) == state else -1.0),)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, 0.0),) if self.commanded_state(point) == ENGAGED else ()
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         return self.commanded_state(point)
@@ -73,16 +73,16 @@ class SpeedStepDriver(Switch):
         self.row = row
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [d for d in mechanism.drivers if isinstance(d.speed, Steps)]
         return [cls(d, mechanism.rows_of(d.name)[0]) for d in found]
 
     @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
+    def rows(self) -> tuple[int, ...]:
         return ()  # its row is active in all modes
 
     def _margin(self, point: "ModePoint") -> float:
         return point.velocity_tolerance(self.row) - abs(float(point.rate[self.row]))
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         return (Guard("step", self.name, self.at, self._margin),)

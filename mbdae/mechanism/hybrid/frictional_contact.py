@@ -38,7 +38,7 @@ class FrictionalContact(Unilateral):
         self.grip, self.limit, self.friction = rows[1], force.coefficient, RollingStiction(force, rows, which)
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
         opening = {c.name: c for c in mechanism.closures if isinstance(c, UnilateralClosure) and c.unilateral}
         return [
@@ -48,21 +48,21 @@ class FrictionalContact(Unilateral):
         ]
 
     @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
+    def rows(self) -> tuple[int, ...]:
         return (self.row, self.grip)
 
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
+    def active(self, state: int) -> tuple[int, ...]:
         return self.rows if state == GRIPS else (self.row,) if state == SLIDES else ()
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         friction_guards = tuple(g._replace(name=self.name, at=self.at) for g in self.friction.guards(state))
         return (*super().guards(min(state, 1)), *friction_guards)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         found = super().impact_rows(point, min(state, 1), near)
         return (*found, ImpactRow(self.grip, 0.0, share=self.limit)) if found else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         found = super().load_candidates(point, min(state, 1), near)
         if not found:
             return ()
@@ -73,7 +73,7 @@ class FrictionalContact(Unilateral):
         """Return whether it slides."""
         return self.friction.slips(point)
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if not held:
@@ -87,5 +87,5 @@ class FrictionalContact(Unilateral):
         heading[:] = -np.sign(lam[1])
         return SLIDES
 
-    def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
+    def enter(self, system: "Index2System", state: int) -> None:
         self.friction.enter(system, state)

@@ -37,7 +37,7 @@ class JointStiction(Switch):
         self.others: tuple[JointStiction, ...] = ()  # all of the mechanism
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         brakes = [c for c in mechanism.constraints if isinstance(c, Brake)]
         out = tuple(cls(c, mechanism.rows_of(c.name)[0], find_joint(mechanism.model, c.joint).idx_v) for c in brakes)
         for switch in out:
@@ -55,7 +55,7 @@ class JointStiction(Switch):
         """Return the multiplier as a fraction of the limit."""
         return float(point.lam[self.row]) / self.spec.static
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         if state == STUCK:
             return (Guard("slip", self.name, self.at, self.margin, loads=True, load=self.load),)
         if state in (AHEAD, BACK):
@@ -71,23 +71,23 @@ class JointStiction(Switch):
             )
         return ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         limit = self.spec.static
         if state == STUCK and self.margin(point) < COINCIDENT:
             limit = min(self.spec.kinetic, (1.0 - VISIBLE) * limit)
         return (LoadCandidate(self.row, -limit, limit),)
 
-    def prescribed(self, t: float, q: "Array", v: "Array") -> int:  # noqa: D102
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:
         return AHEAD if v[self.column] > 0 else BACK if v[self.column] < 0 else IDLE
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if held:
             return STUCK
         return AHEAD if (rates[0] if len(rates) else point.v[self.column]) > 0 else BACK
 
-    def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
+    def enter(self, system: "Index2System", state: int) -> None:
         system.sticks |= state == STUCK
         for law, _ in system.laws.bound:
             if isinstance(law, KineticFrictionElement) and law.name == self.spec.force:

@@ -38,7 +38,7 @@ class RangeSwitch(Switch):
         self.q, self.v = columns
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         out = []
         for c in mechanism.constraints:
             if isinstance(c, Closure) and c.within:
@@ -49,7 +49,7 @@ class RangeSwitch(Switch):
         return out
 
     @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
+    def rows(self) -> tuple[int, ...]:
         return self.all_rows
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
@@ -60,7 +60,7 @@ class RangeSwitch(Switch):
         """Return the distance inside a window."""
         return self.spec.depth(float(point.q[self.q]))
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         sign = 1.0 if state == ON else -1.0
         return (Guard("pass", self.name, self.at, lambda x: sign * self.depth(x), loads=True, longest=self.longest),)
 
@@ -71,11 +71,11 @@ class RangeSwitch(Switch):
         """Return the time in which the joint crosses the shortest window."""
         return self.spec.shortest / max(abs(float(point.v[self.v])), STILL * point.speed * self._scale(point))
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         there = self.next_state(point, (), (), False) == ON
         return tuple(ImpactRow(row, 0.0) for row in self.all_rows) if there else ()
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         v = float(point.v[self.v])

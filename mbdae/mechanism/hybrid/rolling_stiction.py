@@ -37,7 +37,7 @@ class RollingStiction(Switch):
         self.height, self.grip, self.which = rows[0], list(rows[1:]), which
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
         pressing = {c.name for c in mechanism.closures if c.opens}
         return [
@@ -47,7 +47,7 @@ class RollingStiction(Switch):
         ]
 
     @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
+    def rows(self) -> tuple[int, ...]:
         return tuple(self.grip)
 
     def friction_ratio(self, lam: "Array") -> "Array":
@@ -81,13 +81,13 @@ class RollingStiction(Switch):
             return slip / np.linalg.norm(slip)
         return point.system.sliding.heading[self.which]
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         if state == GRIPS:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
             return (Guard("slip", self.name, self.at, self.margin, loads=True, load=ratio),)
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         if self.slips(point) or (state == GRIPS and self.margin(point) < COINCIDENT):
             return ()
         system, before = point.system, point.system.mode
@@ -104,7 +104,7 @@ class RollingStiction(Switch):
         if size:
             point.system.sliding.heading[self.which][:] = -lam[self.grip] / size
 
-    def next_state(  # noqa: D102
+    def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
         if held:
@@ -114,5 +114,5 @@ class RollingStiction(Switch):
         point.system.sliding.heading[self.which][:] = self.direction(point)
         return SLIDES
 
-    def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
+    def enter(self, system: "Index2System", state: int) -> None:
         system.sliding.active[self.which] = state == SLIDES

@@ -33,7 +33,7 @@ class Unilateral(UnilateralRow):
         self.others, self.restitution, self.rest = others, spec.restitution or 0.0, spec.rest or SHORTEST_FLIGHT
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         out: list[Switch] = []
         frictional = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}
         for spec in mechanism.constraints:
@@ -49,27 +49,27 @@ class Unilateral(UnilateralRow):
         return out
 
     @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
+    def rows(self) -> tuple[int, ...]:
         return (self.row, *self.others)
 
     def gap(self, point: "ModePoint") -> float:
         """Return the gap, positive if open."""
         return self.sign * float(point.g[self.row])
 
-    def margins(self, motion: Margins) -> tuple[Array, Array]:  # noqa: D102
+    def margins(self, motion: Margins) -> tuple[Array, Array]:
         return self.sign * motion.g[:, self.row], self.sign * motion.rate[:, self.row]
 
-    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+    def guards(self, state: int) -> tuple[Guard, ...]:
         if state == OPEN:
             return (Guard("touch", self.name, self.at, self.gap, self.speed, self.acceleration),)
         return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         if state != CLOSED and self.gap(point) > near * point.system.mechanism.row_scales[self.row]:
             return ()
         return (ImpactRow(self.row, self.sign, self.restitution), *(ImpactRow(row, 0.0) for row in self.others))
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         if state != CLOSED and self.gap(point) > near * point.system.mechanism.row_scales[self.row]:
             return ()
         return (LoadCandidate.unilateral(self.row, self.sign), *(LoadCandidate(row) for row in self.others))

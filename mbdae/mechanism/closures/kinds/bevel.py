@@ -44,10 +44,10 @@ class BevelClosure(FixedAxisClosure):
         """Unit axes of both wheels in their frames, (3,) each."""
         return unit_axis(self.axis), unit_axis(self.second_axis or self.axis)
 
-    def primitives(self) -> "tuple[Bevel]":  # noqa: D102
+    def primitives(self) -> "tuple[Bevel]":
         return (Bevel(*self.axes(), self.radii),)
 
-    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+    def unfit(self, pair: Pair, relative: Array) -> str:
         (a, b), (ra, rb) = self.axes(), self.radii
         ka, kb = pair.Ra @ a, pair.Rb @ b
         e = np.cross(ka, kb)
@@ -58,7 +58,7 @@ class BevelClosure(FixedAxisClosure):
         changed = abs(here - before) > THREE_DIGITS
         return f"the angle of its axes is {here:.4g} rad, after {before:.4g} rad" if changed else ""
 
-    def foreign_axes(self, pair: Pair) -> tuple[Array, str]:  # noqa: D102
+    def foreign_axes(self, pair: Pair) -> tuple[Array, str]:
         a, b = self.axes()
         return np.cross(pair.Ra @ a, pair.Rb @ b)[None], self.otherwise
 
@@ -82,11 +82,11 @@ class Bevel(LineRows):
     def __init__(self, a: Array, b: Array, radii: tuple[float, float]) -> None:
         self.a, self.b, self.radii = a[:, None], b[:, None], radii
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         a, b = self.a[:, 0].tolist(), self.b[:, 0].tolist()
         return [{"kind": "bevel", "a": a, "b": b, "length": self.radii[0], "other_length": self.radii[1]}]
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         ka, kb = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
         dka, dkb = rotated(pair.Va, ka), rotated(pair.Vb, kb)
         across = cross(ka, kb)

@@ -37,16 +37,16 @@ class CamClosure(BetweenFrames):
         self.profile.path.require_regular(self.radius)
         return self
 
-    def primitives(self) -> tuple[FlatFace | Roller]:  # noqa: D102
+    def primitives(self) -> tuple[FlatFace | Roller]:
         if self.axis:
             return (FlatFace(self.profile.path, unit_axis(self.axis)),)
         return (Roller(self.profile.path, self.radius or 0.0),)
 
     @property
-    def assumes(self) -> bool:  # noqa: D102
+    def assumes(self) -> bool:
         return self.axis is not None
 
-    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+    def unfit(self, pair: Pair, relative: Array) -> str:
         lean = abs(float(pair.Rb @ unit_axis(self.axis) @ pair.Ra[:, 2])) if self.axis else 0.0
         return f"its flat face leans by {lean:.3g} rad against the plane of the profile" if lean > THREE_DIGITS else ""
 

@@ -44,7 +44,7 @@ class CouplingClosure(BetweenJoints):
             raise ValueError("curve belongs to couplings of two joints")
         return self
 
-    def primitives(self) -> tuple[JointRow]:  # noqa: D102
+    def primitives(self) -> tuple[JointRow]:
         (i, j, *more), c = self.joints, self.coefficients or ()
         if self.curve:
             return (MotionLawRow(i, j, self.curve),)
@@ -78,7 +78,7 @@ class MotionLawRow(JointRow):
     other: str
     law: LawTable | Harmonic
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundMotionLawRow":  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundMotionLawRow":
         return BoundMotionLawRow(model, data, self, at, name)
 
 
@@ -94,7 +94,7 @@ class Sum(JointRow):
     joints: tuple[str, ...]
     coefficients: tuple[float, ...]
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundSumRow":  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundSumRow":
         return BoundSumRow(model, data, self, at, name)
 
 
@@ -119,10 +119,10 @@ class BoundMotionLawRow(BoundCoordinateRow):
             shares += [abs(rise * round(n))] if rise else []
         self.period = common_period(shares, name)
 
-    def core_data(self) -> dict[str, Any]:  # noqa: D102
+    def core_data(self) -> dict[str, Any]:
         return {**super().core_data(), "law": self.law.core_data(), "fold": list(fold_of(self.law))}
 
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+    def value(self) -> tuple[float, list[float]]:
         x, other = (coordinate(j.joint_q) for j in self._live)
         f = law_derivatives(self.law, other)
         return x - f.y, [1.0, -f.first]
@@ -143,11 +143,11 @@ class BoundSumRow(BoundJointRow):
         turns = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.shares, strict=True) if j.nq == 2]
         self.period = common_period(turns, name)
 
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+    def value(self) -> tuple[float, list[float]]:
         x = [coordinate(j.joint_q) for j in self._live]
         return float(np.dot(self.shares, x)) - self.polynomial[0], self.shares
 
-    def bias(self, v: Array) -> float:  # noqa: D102
+    def bias(self, v: Array) -> float:
         return 0.0
 
     def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:

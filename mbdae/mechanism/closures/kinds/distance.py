@@ -19,7 +19,7 @@ class DistanceClosure(UnilateralClosure):
     length: float = Field(gt=0)
     free_side = -1.0  # a rope is slack when it is shorter
 
-    def primitives(self) -> tuple[Distance]:  # noqa: D102
+    def primitives(self) -> tuple[Distance]:
         return (Distance(self.length),)
 
     @classmethod

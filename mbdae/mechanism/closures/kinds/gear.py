@@ -38,11 +38,11 @@ class GearClosure(FixedAxisClosure):
             raise ValueError("radii must not be zero, nor their sum")
         return radii
 
-    def primitives(self) -> "tuple[Gear]":  # noqa: D102
+    def primitives(self) -> "tuple[Gear]":
         a, b = self.radii
         return (Gear(unit_axis(self.axis), a / (a + b)),)
 
-    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+    def unfit(self, pair: Pair, relative: Array) -> str:
         if angle := self.tilt(pair, relative):
             return f"its axes are not parallel, by {angle:.3g} rad"
         k, d, (a, b) = pair.Ra @ unit_axis(self.axis), pair.pb - pair.pa, self.radii
@@ -69,10 +69,10 @@ class Gear(LineRows):
     def __init__(self, axis: Array, share: float) -> None:
         self.axis, self.share = axis[:, None], share
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
         d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
         k = pair.Ra.dot(self.axis)

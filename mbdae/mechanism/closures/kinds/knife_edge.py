@@ -20,7 +20,7 @@ class KnifeEdgeClosure(BetweenFrames):
     axis: Axis
     apart = True
 
-    def primitives(self) -> "tuple[KnifeEdge]":  # noqa: D102
+    def primitives(self) -> "tuple[KnifeEdge]":
         return (KnifeEdge(unit_axis(self.axis)),)
 
     @classmethod
@@ -37,9 +37,9 @@ class KnifeEdge(LineRows):
     def __init__(self, axis: Array) -> None:
         self.axis = axis[:, None]
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "knife_edge", "b": self.axis[:, 0].tolist()}]
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         e = pair.Rb.dot(self.axis)
         return Lines(e, pair.pb[:, None], rotated(pair.Vb, e), displaced(pair.Vb, pair.pb))

@@ -27,7 +27,7 @@ class RatioClosure(BetweenJoints):
             raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and has none without")
         return self
 
-    def primitives(self) -> tuple[Ratio]:  # noqa: D102
+    def primitives(self) -> tuple[Ratio]:
         i, j, *k = self.joints
         return (Ratio(i, j, k[0] if k else "", self.coefficients),)
 

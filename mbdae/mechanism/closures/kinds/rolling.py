@@ -91,15 +91,15 @@ class RollingClosure(UnilateralClosure):
         rest = self.semi_axes, self.centre or (0.0, 0.0, 0.0), self.surface or "plane", self.surface_radius or 0.0
         return ConvexBody(axle, radius - tyre, tyre, *rest)
 
-    def primitives(self) -> tuple[ContactHeightRow | NoSlipRows, ...]:  # noqa: D102
+    def primitives(self) -> tuple[ContactHeightRow | NoSlipRows, ...]:
         height = () if self.contact is False else (ContactHeightRow(self.shape),)
         return (*height, NoSlipRows(self.shape, self.tangents)) if self.tangents else height
 
     @property
-    def assumes(self) -> bool:  # noqa: D102
+    def assumes(self) -> bool:
         return self.contact is False
 
-    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+    def unfit(self, pair: Pair, relative: Array) -> str:
         try:
             height = self.shape.height(pair)
         except StepError:  # a wheel that lies flat, which the row itself reports

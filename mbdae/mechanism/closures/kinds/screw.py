@@ -34,10 +34,10 @@ class ScrewClosure(FixedAxisClosure):
             raise ValueError("lead must not be zero")
         return lead
 
-    def primitives(self) -> "tuple[Screw]":  # noqa: D102
+    def primitives(self) -> "tuple[Screw]":
         return (Screw(unit_axis(self.axis), self.lead / (2 * pi)),)
 
-    def unfit(self, pair: Pair, relative: Array) -> str:  # noqa: D102
+    def unfit(self, pair: Pair, relative: Array) -> str:
         angle = self.tilt(pair, relative)
         return f"it turns about another axis than its own, by {angle:.3g} rad" if angle else ""
 
@@ -55,9 +55,9 @@ class Screw(LineRows):
     def __init__(self, axis: Array, lead: float) -> None:
         self.axis, self.lead = axis[:, None], lead
 
-    def core_data(self) -> list[dict[str, Any]]:  # noqa: D102
+    def core_data(self) -> list[dict[str, Any]]:
         return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.lead}]
 
-    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+    def lines(self, pair: Pair) -> Lines:
         e = pair.Ra.dot(self.axis)
         return Lines(e, pair.pb[:, None], rotated(pair.Va, e), displaced(pair.Vb, pair.pb))

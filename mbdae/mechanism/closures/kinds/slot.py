@@ -18,7 +18,7 @@ class SlotClosure(BetweenFrames):
     profile: Profile
     friction, apart = "touches", True
 
-    def primitives(self) -> tuple[Roller]:  # noqa: D102
+    def primitives(self) -> tuple[Roller]:
         return (Roller(self.profile.path, 0.0),)
 
     @classmethod

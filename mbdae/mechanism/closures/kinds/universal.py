@@ -16,7 +16,7 @@ class UniversalClosure(TwoAxisJoint):
     kind: Literal["universal"] = "universal"
     gap, direction, meets = "all", "cross", True
 
-    def axes(self) -> tuple[Vector, Vector]:  # noqa: D102
+    def axes(self) -> tuple[Vector, Vector]:
         return self.axis, self.second_axis or X
 
     @classmethod

@@ -67,7 +67,7 @@ class UserRows(BetweenJoints):
     def _own_name(self) -> str:
         return function_name(self.function) if self.function else "rows"
 
-    def primitives(self) -> "tuple[UserRow, ...]":  # noqa: D102
+    def primitives(self) -> "tuple[UserRow, ...]":
         return tuple(UserRow(self, i, not self.velocity) for i in range(self.size))
 
     @classmethod
@@ -84,7 +84,7 @@ class UserRow(JointRow):
     number: int
     positional: bool
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundUserRows":  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundUserRows":
         return BoundUserRows(model, data, self, at)
 
 
@@ -113,7 +113,7 @@ class BoundUserRows(BoundJointRow):
             "partials": lambda q: np.ascontiguousarray(self._partials(q)),
         }
 
-    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+    def value(self) -> tuple[float, list[float]]:
         q = self._q()
         g, G = self._at(q)
         if not self.checked:
@@ -121,15 +121,15 @@ class BoundUserRows(BoundJointRow):
             self.checked = True
         return g, G.tolist()
 
-    def bias(self, v: Array) -> float:  # noqa: D102
+    def bias(self, v: Array) -> float:
         return self._bias(self._q(), v[self.columns])
 
-    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+    def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
         D = self._partials(self._q())
         K[np.ix_(self.columns, self.columns)] += lam * D
         B[self.columns] += v[self.columns] @ D
 
-    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+    def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         q, rates = self._q(), v[self.columns]
         D = self._partials(q)
         by_v[self.columns] += (D + D.T) @ rates
