@@ -6,18 +6,76 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ..backend import choose
 from ..errors import InputError
 from ..system import Array
 from ..tolerances import HALF_DIGITS
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
 from .characteristic_rate import characteristic_rate
+from .equations_at_point import EquationsAtPoint
 from .forces import is_custom
 from .frames import frame_placement
+from .local_ode import LocalODE
 from .pinocchio_data import make_data
 
 
 class DynamicsTerms:
     """The terms of M(q) v' + nle(q, v) = tau + G(q)^T lam at a configuration (nq,) and a velocity (nv,)."""
+
+    def at(
+        self: Any, t: float = 0.0, q: Array | None = None, v: Array | None = None, s: Array | None = None,
+        *, mode: tuple[int, ...] = (), backend: str = "auto",
+    ) -> EquationsAtPoint:
+        """Return the terms of the equations of motion at a point, M, f, G, g, gamma, v', lam, and their derivatives.
+
+        See `mbdae.mechanism.equations_at_point.EquationsAtPoint`; without q and v at the start state.
+
+        Args:
+            t: time in s.
+            q: configuration (nq,).
+            v: velocity (nv,); zero if q is given alone.
+            s: states of forces (ns,); start values if omitted.
+            mode: the state of each switch (stops, clutches, sticking joints); by default all rows of switches are open.
+            backend: ``"auto"``, ``"native"`` or ``"python"``, for v' and lam.
+
+        Raises:
+            InputError: for wrong shapes, values that are not finite, or a q off the manifold.
+            UnknownNameError: for another back end.
+
+        Example:
+            >>> point = mech.at(0.0, q, v)                                       # doctest: +SKIP
+            >>> point.M @ point.vdot - point.f - point.G.T @ point.lam           # doctest: +SKIP
+        """
+        q0, v0 = self.start_at(t) if q is None else (q, np.zeros(self.nv))
+        return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=choose(backend))
+
+    def ode(
+        self: Any, t: float = 0.0, q: Array | None = None, v: Array | None = None, s: Array | None = None,
+        *, backend: str = "auto",
+    ) -> LocalODE:
+        """Return the mechanism as x' = F(t, x) in local coordinates of its constraint manifold, for any ODE solver.
+
+        See `mbdae.mechanism.local_ode.LocalODE`; without q and v at the start state.
+
+        Args:
+            t: time in s.
+            q: configuration (nq,), origin of the coordinates.
+            v: velocity (nv,); zero if q is given alone.
+            s: states of forces (ns,); start values if omitted.
+            backend: ``"auto"``, ``"native"`` or ``"python"``, for v'.
+
+        Raises:
+            InputError: for a state that is not consistent, a mechanism with modes, or sampled controllers.
+            StepError: if the constraints are singular there.
+            UnknownNameError: for another back end.
+
+        Example:
+            >>> ode = mech.ode()                                                 # doctest: +SKIP
+            >>> run = solve_ivp(ode, (0, 1), ode.x0, method="LSODA")             # doctest: +SKIP
+            >>> q, v, s = ode.state(run.t[-1], run.y[:, -1])                     # doctest: +SKIP
+        """
+        point = self.at(t, q, v, s, backend=backend)
+        return LocalODE(self, point.t, point.q, point.v, point.s, point.native)
 
     @cached_property
     def characteristic_length(self: Any) -> float:
@@ -65,7 +123,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        pin.crba(self.model, data, self._configuration(q), pin.Convention.WORLD)
+        pin.crba(self.model, data, self.configuration(q), pin.Convention.WORLD)
         return np.triu(data.M) + np.triu(data.M, 1).T
 
     def bias(self: Any, q: Array, v: Array) -> Array:
@@ -77,7 +135,7 @@ class DynamicsTerms:
             InputError: for arrays of another length.
         """
         data = make_data(self.model)
-        return pin.nonLinearEffects(self.model, data, self._configuration(q), self.vector("v", v, self.nv)).copy()
+        return pin.nonLinearEffects(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
 
     def jacobian(self: Any, q: Array) -> Array:
         """Return G(q) over the rows of all closures and drivers, in file order, (ng, nv).
@@ -85,7 +143,7 @@ class DynamicsTerms:
         Raises:
             InputError: for a q of another length, or off the manifold.
         """
-        return self.system().jacobian(self._configuration(q)).copy()
+        return self.system().jacobian(self.configuration(q)).copy()
 
     def frame(self: Any, q: Array, name: str) -> tuple[Array, Array]:
         """Return position (3,) in m and rotation matrix (3, 3) of a frame in the world.
@@ -95,7 +153,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        pin.forwardKinematics(self.model, data, self._configuration(q))
+        pin.forwardKinematics(self.model, data, self.configuration(q))
         found = frame_placement(self.model, data, name)
         return found.translation.copy(), found.rotation.copy()
 
@@ -107,7 +165,12 @@ class DynamicsTerms:
         """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
         return self.system().residual(t, np.asarray(q, float), np.asarray(v, float))
 
-    def _configuration(self: Any, q: Array) -> Array:
+    def configuration(self: Any, q: Array) -> Array:
+        """Return a q (nq,) after checks.
+
+        Raises:
+            InputError: for another length, values that are not finite, or a q off the manifold.
+        """
         x = self.vector("q", q, self.nq)
         if not pin.isNormalized(self.model, x, HALF_DIGITS):
             raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")

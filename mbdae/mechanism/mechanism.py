@@ -290,7 +290,7 @@ class Mechanism(DynamicsTerms):
         s0 = np.array(list(self.states.values())) if s is None else vector(self.title, "s", s, len(self.states))
         if q is None and v is None:
             return np.concatenate([*self.start_at(t), s0, [0.0]])
-        q0 = self._configuration(self.start_at(t)[0] if q is None else q)
+        q0 = self.configuration(self.start_at(t)[0] if q is None else q)
         v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
         require_consistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])

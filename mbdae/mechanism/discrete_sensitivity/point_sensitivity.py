@@ -6,7 +6,7 @@ parameters. All maps are returned as matrices in (dy, dp). Steps are differentia
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,9 +15,8 @@ from ...errors import AssemblyError, InputError, StepError
 from ...finite_differences import converged_difference, numerical_jacobian
 from ...system import Array
 from ...tolerances import INTERPOLATION, ITERATION_ROUNDING, PIVOT_RANK
-from ..formulations.equation_partials import gamma_partials, time_partials
 from ..hybrid.switches import inactive_rows
-from .friction_partials import friction_partials
+from .acceleration_sensitivity import AccelerationSensitivity
 from .parameter_direction import Parameter
 from .parameter_partials import Parameters
 
@@ -29,19 +28,7 @@ SHORT = 3  # number of times the width of starts shrinks: the assembly tolerance
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions
 
 
-class TimeDerivativePartials(NamedTuple):
-    """Partial derivatives of y' and of lam of all rows at a point of the hidden constraint.
-
-    Attributes:
-        rate: by (dy, dp, dt), (ny, ny + k + 1).
-        lam: similarly, (ng, ny + k + 1).
-    """
-
-    rate: Array
-    lam: Array
-
-
-class PointSensitivity:
+class PointSensitivity(AccelerationSensitivity):
     """Partial derivatives of the maps between the steps of a run.
 
     Args:
@@ -50,9 +37,11 @@ class PointSensitivity:
         native: the same, bound to its core.
     """
 
+    system: "CompiledSystem"
+
     def __init__(self, system: "CompiledSystem", parameters: Parameters, native: "NativeParameters") -> None:
-        self.system, self.parameters, self.native = system, parameters, native
-        self.k, self.ny, self.stabilised = len(parameters), system.ny, system.formulation == "ggl"
+        super().__init__(system, parameters)
+        self.system, self.native, self.stabilised = system, native, system.formulation == "ggl"
 
     @property
     def n_carry(self) -> int:
@@ -84,71 +73,6 @@ class PointSensitivity:
         if found is None:
             raise StepError("singular", f"the projection at t = {t:.9g} s cannot be differentiated")
         return found[0], found[1].T
-
-    def friction(self, q: Array, v: Array, lam: Array) -> tuple[Array, Array, Array]:
-        """Return the partials of friction that depends on multipliers, and of its power, for lam (ng,) by row.
-
-        By q, (n, nv), by (v, s, w), (n, n), and by the parameters, (k, n), n = nv + ns + 1.
-        """
-        rows = np.array(self.system.in_use, int)
-        K, D = friction_partials(self.system, q, v, lam[rows], rows)
-        return K, D, np.ascontiguousarray(self.parameters.of_friction(q, v, lam[rows], rows).T)
-
-    def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
-        """Return the partials of y', and of all multipliers if requested, on M v' = f + G^T lam, 0 = G v' + gamma."""
-        s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
-        F, found = s.derivative(t, y)
-        found = found[: s.ng]
-        (q, v), inner, vdot, rows = s.split(y), s.inner(y), F[nv : 2 * nv], np.array(s.in_use, int)
-        G = s.jacobian(q)
-        force = G.T @ found
-        lam = np.linalg.lstsq(G[rows].T, force)[0] if len(rows) else np.empty(0)
-        whole = np.zeros(s.ng)
-        whole[rows] = lam
-        at, p = s.partials(t, q, y[s.nq :], vdot, lam, rows), self.parameters
-        f_t, _, gamma_t = time_partials(s, t, q, v, inner, whole)
-        by_q, by_v = gamma_partials(s, q, v)
-        by_q += s.constraints.partials(vdot, whole)[1]
-        Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
-        P = p.of_forces(t, q, v, inner, vdot, whole)
-        if s.sliding:
-            K, D, by_p = self.friction(q, v, whole)
-            at, P = at._replace(K=at.K + K, D=at.D + D), P + by_p.T
-        above = np.hstack([at.K, at.D, P, f_t[:, None]])
-        below = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
-        saddle = np.block([[at.E[:nv, :nv], -at.L[:nv]], [at.G, np.zeros((len(rows), len(rows)))]])
-        dvdot, dlam = np.split(np.linalg.solve(saddle, np.vstack([above[:nv], -below[rows]])), [nv])
-        moves = np.eye(nv, self.ny + self.k + 1, nv)
-        rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
-        if not multipliers:
-            return TimeDerivativePartials(rate, np.empty((0, rate.shape[1])))
-        return TimeDerivativePartials(rate, self._all(t, q, v, inner, found, whole, rows, dlam))
-
-    def _all(
-        self, t: float, q: Array, v: Array, inner: Array, found: Array, whole: Array, rows: Array, dlam: Array
-    ) -> Array:
-        """Return the partials of the multipliers of all rows, of least norm, from those in use, (ng, ...).
-
-        With A = G^T of fixed rank, y = (A^+)^T lam: dlam = A^+ (dF - dA lam) + (1 - A^+ A) d(G y), F = G^T lam.
-        """
-        s, out = self.system, np.zeros((self.system.ng, dlam.shape[1]))
-        if len(rows) == s.ng:
-            out[rows] = dlam
-            return out
-        G, nv, p, still = s.jacobian(q), s.nv, self.parameters, np.zeros(s.nv)
-        left, sizes, right = np.linalg.svd(G, full_matrices=False)
-        left, sizes, right = left[:, : len(rows)], sizes[: len(rows)], right[: len(rows)]
-        inverse = (left / sizes) @ right  # (G^T)^+
-        y = right.T @ ((left.T @ found) / sizes)
-        of = slice(self.ny, self.ny + self.k)
-        force, turned = G[rows].T @ dlam, np.zeros_like(out)
-        force[:, :nv] += s.constraints.partials(v, whole - found)[0]
-        turned[:, :nv] = s.constraints.partials(y, found)[1]
-        if self.k:
-            force[:, of] += p.of_forces(t, q, v, inner, still, whole)[:nv]
-            force[:, of] -= p.of_forces(t, q, v, inner, still, found)[:nv]
-            turned[:, of] = p.of_rows(t, q, y)[0] - p.of_rows(t, q, still)[0]
-        return inverse @ force + turned - left @ (left.T @ turned)
 
     def jumped(self, t: float, y: Array) -> Array:
         """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""

@@ -1,0 +1,113 @@
+"""`Mechanism.ode` with scipy's solvers, against the methods of mbdae and finite differences."""
+
+import numpy as np
+import pytest
+from driven import crane, platform
+from scipy.integrate import solve_ivp
+
+import mbdae
+from mbdae.finite_differences import numerical_derivative, numerical_jacobian
+
+SPANS = {
+    "slider_crank": 0.8,
+    "four_bar": 1.0,
+    "bricard": 2.0,  # dependent rows
+    "n_four_bar": 0.3,
+    "panda_handle": 0.2,
+    "stewart_platform": 0.02,
+    "heavy_top": 0.05,  # a free body, several charts
+    "rolling_disc": 1.0,  # rolling, several charts
+    "differential_drive": 1.0,
+    "dual_arm": 0.02,  # states of controllers, dependent rows
+}
+DRIVEN = {"crane": crane, "platform": platform}
+
+
+def run(mech, T, solver, **options):
+    """Integrate over charts: end state, number of charts, and the largest |g| and |G v| at the solver's points."""
+    ode, t, charts, worst = mech.ode(), 0.0, 1, 0.0
+    x = ode.x0
+    while True:
+
+        def margin(t, x, ode=ode):
+            return ode.margin(t, x)
+
+        margin.terminal, margin.direction = True, -1
+        found = solve_ivp(ode, (t, T), x, method=solver, events=margin, **options)
+        assert found.success
+        for at, y in zip(found.t[::5], found.y.T[::5], strict=True):
+            q, v, _ = ode.state(at, y)
+            worst = max([worst, *(np.abs(r).max(initial=0.0) for r in mech.residual(q, v, at))])
+        t, x = found.t[-1], found.y[:, -1]
+        if found.status == 0:
+            return ode.state(t, x), charts, worst
+        ode = ode.restart(t, x)
+        x, charts = ode.x0, charts + 1
+
+
+@pytest.mark.parametrize("solver", ["DOP853", "LSODA"])
+@pytest.mark.parametrize("name", SPANS)
+def test_solvers_of_odes_reach_the_end_without_drift(name, solver):
+    mech, T = mbdae.load(name), SPANS[name]
+    expected = mbdae.solve(mech, (0.0, T), method="pherk6", rtol=1e-11, atol=1e-12)
+    (q, v, s), charts, worst = run(mech, T, solver, rtol=1e-9, atol=1e-11)
+    speed = 1 + np.abs(v).max()
+    assert worst <= 1e-14 * max(speed, 1.0)
+    assert np.abs(mech.manifold.difference(expected.q[-1], q)).max() <= 1e-6
+    assert np.abs(expected.v[-1] - v).max() <= 1e-6 * speed
+    assert len(s) == len(mech.states)
+    assert (charts > 1) == (name in ("heavy_top", "rolling_disc"))
+
+
+def displaced(mech, backend="auto"):
+    """An ODE at t = 0, and a point away from the origin of its coordinates."""
+    ode = mech.ode(backend=backend)
+    return ode, ode.x0 + 0.1 * np.random.default_rng(4).normal(size=ode.n)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("name", ["four_bar", "bricard", "heavy_top", "differential_drive", "dual_arm", *DRIVEN])
+def test_jacobians_are_derivatives(name, backend):
+    mech = DRIVEN[name]() if name in DRIVEN else mbdae.load(name)
+    ode, x = displaced(mech, backend)
+    T = 0.02 if name in DRIVEN else 0.1
+    J, by_t = ode.jacobian(T, x)
+    quotient = numerical_jacobian(lambda dx: ode(T, x + dx), ode.n, 1e-3)
+    size = 1 + np.abs(quotient).max(initial=0.0)
+    assert pytest.approx(quotient, abs=1e-8 * size) == J
+    assert by_t == pytest.approx(numerical_derivative(lambda h: ode(T + h, x), 1e-4), abs=1e-8 * size)
+
+
+def test_other_coordinates_are_the_same_state():
+    mech = mbdae.load("panda_handle")
+    ode, x = displaced(mech)
+    other = ode.restart(0.0, x)
+    for a, b in zip(ode.state(0.0, x), other.state(0.0, other.x0), strict=True):
+        assert a == pytest.approx(b, abs=1e-13)
+    assert other.margin(0.0, other.x0) == pytest.approx(1.0)
+    assert 0 < ode.margin(0.0, x) < 1
+
+
+def test_a_point_far_away_is_reached_on_the_branch_of_the_origin():
+    mech = mbdae.load("slider_crank")
+    ode, sol = mech.ode(), mbdae.solve(mech, (0.0, 1.0), rtol=1e-9)
+    x = np.append(ode._N.T @ ((sol.q[-1] - sol.q[0]) / mech.coordinate_scales), ode.x0[1:])
+    assert ode.state(0.0, x)[0] == pytest.approx(sol.q[-1], abs=1e-7)
+
+
+def test_beyond_the_coordinates_is_said():
+    mech = mbdae.load("panda_handle")  # an arm that holds a handle turns only so far
+    ode = mech.ode()
+    x = ode.x0.copy()
+    x[0] += 20.0
+    with pytest.raises(mbdae.MbdaeError, match="restart"):
+        ode.state(0.0, x)
+    assert ode.state(0.0, ode.x0)[0] == pytest.approx(mech.start[0], abs=1e-12)
+
+
+def test_modes_are_refused():
+    with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*modes[^\n]*$"):
+        mbdae.load("pendulum_on_stop").ode()
+    mech = mbdae.load("four_bar")
+    with pytest.raises(mbdae.MbdaeError, match="closure"):
+        mech.ode(0.0, mech.start[0] + 0.1)
