@@ -1,7 +1,7 @@
-"""mbdae: constrained mechanisms as index-2 DAEs, stepped by half-explicit Runge-Kutta methods and Radau IIA.
+"""mbdae: constrained mechanisms as index-2 DAEs, integrated by half-explicit Runge-Kutta methods and Radau IIA.
 
-Names are imported on first use: importing Pinocchio, numpy and scipy takes a second, which is too long for completion
-on the command line.
+Names are imported on first use: importing Pinocchio, numpy and scipy takes a second, too long for completion on the
+command line.
 """
 
 from .cli import interrupt  # noqa: F401, before all slow imports
@@ -11,9 +11,9 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .discovery import classes, public
+from .discovery import class_names, public_names
 
-if TYPE_CHECKING:  # names found by `_places`, for editors and type checkers
+if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checkers
     from .errors import MbdaeError as MbdaeError
     from .integrate.events.event import Event as Event
     from .integrate.solve import solve as solve
@@ -84,20 +84,20 @@ _CORE = {
 
 
 @cache
-def _places() -> dict[str, str]:
+def _modules_of_names() -> dict[str, str]:
     """Return the module of each public name: of the core, of forces, and of studies by their ``__all__``."""
     core = {name: f"mbdae.{module}" for module, names in _CORE.items() for name in names}
-    forces = classes("mbdae.mechanism.forces", "Force", "PythonForce")
-    return core | forces | public("mbdae.studies", "*/*.py")
+    forces = class_names("mbdae.mechanism.forces", "Force", "PythonForce")
+    return core | forces | public_names("mbdae.studies", "*/*.py")
 
 
 def _value(name: str) -> Any:
     if name == "__all__":
-        return sorted(_places())
+        return sorted(_modules_of_names())
     if name == "__version__":
         return import_module("importlib.metadata").version("mbdae")
-    if name in _places():
-        return getattr(import_module(_places()[name]), name)
+    if name in _modules_of_names():
+        return getattr(import_module(_modules_of_names()[name]), name)
     if name[0].isupper():  # a force class from another package
         forces = import_module("mbdae.mechanism.forces").NAMES
         if name in forces:
@@ -112,4 +112,4 @@ if not TYPE_CHECKING:  # otherwise a type checker would accept every name of mbd
         return value
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *_places(), "__version__"})
+        return sorted({*globals(), *_modules_of_names(), "__version__"})

@@ -1,4 +1,4 @@
-"""Command line: each sub-command is a thin wrapper of a public function."""
+"""Command line: each sub-command is a thin wrapper around a public function."""
 
 import sys
 import warnings
@@ -23,27 +23,27 @@ for command in members("mbdae.studies", click.Command, files="*/command.py"):
 
 def main() -> None:
     """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.output`, 130 for Ctrl-C."""
-    warnings.showwarning = lambda message, *_: _say(f"warning: {message}")  # type: ignore[assignment]
+    warnings.showwarning = lambda message, *_: _print_error(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)
     except click.exceptions.NoArgsIsHelpError as e:
         click.echo(e.format_message())
         sys.exit(USAGE)
     except click.ClickException as e:
-        _say(e.format_message())
+        _print_error(e.format_message())
         sys.exit(USAGE)
     except MbdaeError as e:
-        _say(str(e))
+        _print_error(str(e))
         sys.exit(USAGE if isinstance(e, InputError) else FAILED)
     except MemoryError as e:
-        _say(f"there is not enough memory: {e or 'std::bad_alloc'}")
+        _print_error(f"not enough memory: {e or 'std::bad_alloc'}")
         sys.exit(FAILED)
     except (click.exceptions.Abort, KeyboardInterrupt):
-        _say("stopped by the user")
+        _print_error("stopped by the user")
         sys.exit(CODE)
 
 
-def _say(text: str) -> None:
+def _print_error(text: str) -> None:
     """Print one line on stderr; names from files may contain any characters."""
     click.echo(printable(" ".join(f"mbdae: {text}".split("\n"))), err=True)
 

@@ -1,8 +1,8 @@
 """Back ends: availability of the compiled core, and selection of the back end of a run.
 
-The core is linked to Pinocchio's library, whose name carries no version: loaded beside another Pinocchio than it was
-built for, it crashes. So the versions are compared before it is imported. A clone of the sources without a core takes
-that of an installed mbdae, if it is built from the same sources (`mbdae.installed_core`).
+The core is linked to Pinocchio's library, whose file name contains no version: the core crashes with any version other
+than the one it was built for. The versions are therefore compared before the import. A source checkout without a core
+uses the core of an installed mbdae, if both have the same sources (`mbdae.installed_core`).
 """
 
 import platform
@@ -18,23 +18,23 @@ from .errors import InputError, UnknownNameError
 from .installed_core import find_installed
 
 BACKENDS = ("auto", "native", "python")
-SLOW = "mbdae computes in Python"  # beginning of the warning
+SLOW_WARNING = "mbdae computes in Python"  # beginning of the warning
 CORE = "mbdae._native"
 BUILT_FOR = "_native_pinocchio.txt"  # written next to the core when it is built
 
 
 def load() -> ModuleType | None:
-    """Return the compiled core, or None where it is missing or was built for another Pinocchio."""
+    """Return the compiled core; None if it is missing or was built for another version of Pinocchio."""
     return _core()[0]
 
 
 def status() -> str:
-    """Return one line: ``native (built for Pinocchio 4.1.0)``, or ``python: `` and the reason."""
+    """Return one line of text: ``native (built for Pinocchio 4.1.0)``, or ``python: `` and the reason."""
     return _core()[1]
 
 
-def machine() -> str:
-    """Return the machine for timings: system, processor, version of Python."""
+def machine_description() -> str:
+    """Return a description of the machine, for timings: operating system, processor, version of Python."""
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except OSError:
@@ -44,29 +44,29 @@ def machine() -> str:
     return f"{platform.system()} {platform.machine()}, {processor}, Python {platform.python_version()}"
 
 
-def known(backend: str) -> str:
-    """Return the name of a back end.
+def checked_backend(backend: str) -> str:
+    """Return the name of a back end, unchanged.
 
     Raises:
-        UnknownNameError: for another name.
+        UnknownNameError: for an unknown name.
     """
     if backend not in BACKENDS:
         raise UnknownNameError("backend", backend, BACKENDS)
     return backend
 
 
-def choose(backend: str) -> ModuleType | None:
-    """Return the compiled core, or None for Python.
+def select_core(backend: str) -> ModuleType | None:
+    """Return the compiled core, or None for the Python back end.
 
     Args:
         backend: ``"auto"`` uses the core, or Python with one warning per process; ``"native"`` requires the core;
             ``"python"`` does not use it.
 
     Raises:
-        UnknownNameError: for another name.
-        InputError: for ``"native"`` without a usable core; the message has the reason.
+        UnknownNameError: for an unknown name.
+        InputError: for ``"native"`` without a usable core; the message contains the reason.
     """
-    if known(backend) == "python":
+    if checked_backend(backend) == "python":
         return None
     core = load()
     if core is None and backend == "native":
@@ -78,20 +78,20 @@ def choose(backend: str) -> ModuleType | None:
 
 @cache
 def _warn() -> None:
-    warnings.warn(f"{SLOW}, ten to forty times slower than with its compiled core; {status()}", stacklevel=6)
+    warnings.warn(f"{SLOW_WARNING}, ten to forty times slower than with its compiled core; {status()}", stacklevel=6)
 
 
 @cache
 def _core() -> tuple[ModuleType | None, str]:
     package, spec, where = Path(__file__).parent, find_spec(CORE), ""
     path = Path(spec.origin) if spec and spec.origin else None
-    if path is None:  # a clone: the core is where mbdae is installed
+    if path is None:  # a source checkout: use the core of the installed mbdae
         path, reason = find_installed(package, CORE.rpartition(".")[2])
         if path is None:
             return None, f"python: {reason or _not_built(package)}"
         where = f", installed in {path.parent}"
     built = _built_for(path.with_name(BUILT_FOR))
-    found = _installed()  # imports Pinocchio, whose libraries the core then finds
+    found = _installed()  # imports Pinocchio, which loads the libraries that the core needs
     if built != found:
         return None, f"python: built for Pinocchio {built} but {found} is installed; install mbdae again"
     try:
@@ -101,12 +101,12 @@ def _core() -> tuple[ModuleType | None, str]:
 
 
 def _imported(path: Path) -> ModuleType:
-    """Import the core from its file, under its name, wherever the file is; once in a process, as any import."""
+    """Import the core from a file in any folder, under its usual module name; once per process, like any import."""
     if CORE in sys.modules:
         return sys.modules[CORE]
     spec = spec_from_file_location(CORE, path)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is no module")
+        raise ImportError(f"{path} is not a module")
     sys.modules[CORE] = module = module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -129,11 +129,11 @@ def _built_for(file: Path) -> str:
         return f"unknown ({file.name} is missing)"
     if not found:
         return f"unknown ({file.name} is empty)"
-    return found if re.fullmatch(r"[\w.+!-]{1,80}", found) else f"unknown ({file.name} holds no version)"
+    return found if re.fullmatch(r"[\w.+!-]{1,80}", found) else f"unknown ({file.name} contains no version)"
 
 
 def _installed() -> str:
-    """Return the exact version of Pinocchio, if the imported package and its library have the same."""
+    """Return the exact version of Pinocchio; of both, if the imported package and its library differ."""
     from importlib.metadata import PackageNotFoundError, version
 
     import pinocchio
@@ -143,9 +143,9 @@ def _installed() -> str:
     except PackageNotFoundError:
         return f"{pinocchio.__version__} without the package libpinocchio"
     same = library.split(".")[:3] == pinocchio.__version__.split(".")[:3]  # a package may be rebuilt: 4.1.0.1
-    return library if same else f"{pinocchio.__version__} beside libpinocchio {library}"
+    return library if same else f"{pinocchio.__version__} with libpinocchio {library}"
 
 
-def computed_by(backend: str, because: str) -> str:
-    """Return the back end in words, and the reason for not using another one."""
+def describe_backend(backend: str, because: str) -> str:
+    """Return a description of a back end, with the reason for not using the other one."""
     return f"{backend} back end ({because})" if because else f"{backend} back end"

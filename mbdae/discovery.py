@@ -1,6 +1,6 @@
 """Families are folders whose members are discovered, never listed by hand.
 
-Names for a command line or for `dir` are found in the text of files, without importing them.
+Names for the command line and for `dir` are read from the text of the files, which are not imported.
 """
 
 import ast
@@ -18,37 +18,37 @@ PACKAGE = Path(__file__).resolve().parent
 
 
 def members(package: str, *kinds: type, files: str = "*.py") -> Iterator[Any]:
-    """Yield the values of some types that the files of a folder define, file by file in alphabetical order.
+    """Yield the values of given types that the files of a folder define, file by file in alphabetical order.
 
     Args:
         package: dotted name of the folder.
         kinds: types of the values.
-        files: a pattern of its files, or of those in subfolders: ``"*/command.py"``.
+        files: pattern of the files in the folder, or in its subfolders: ``"*/command.py"``.
     """
     for module in _modules(package, files):
         yield from (value for value in vars(import_module(module)).values() if isinstance(value, kinds))
 
 
-def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any]:
-    """Return members that installed packages add to a family, by entry-point name; warn of invalid ones.
+def plugins(group: str, is_member: Callable[[Any], bool], what: str) -> dict[str, Any]:
+    """Return members that installed packages add to a family, by entry-point name; warn about invalid ones.
 
     Args:
         group: ``"mbdae.methods"``, ``"mbdae.forces"``, ``"mbdae.closures"`` or ``"mbdae.readers"``.
-        fits: whether a value belongs to the family.
-        what: the expected kind, in words.
+        is_member: whether a value belongs to the family.
+        what: description of a valid value, for warnings.
     """
     out: dict[str, Any] = {}
     for point in entry_points_of(group):
         where = f"entry point {point.name!r} of {group} in {point.dist.name if point.dist else 'a package'}"
         try:
             value = point.load()
-        except Exception as e:  # of another package: mbdae continues without it
-            warnings.warn(f"{where} is left out: {type(e).__name__}: {e}", stacklevel=2)
+        except Exception as e:  # an error of another package: mbdae continues without it
+            warnings.warn(f"{where} is ignored: {type(e).__name__}: {e}", stacklevel=2)
             continue
-        if fits(value):
+        if is_member(value):
             out[point.name] = value
         else:
-            warnings.warn(f"{where} is left out: expected {what}, got {value!r:.60}", stacklevel=2)
+            warnings.warn(f"{where} is ignored: expected {what}, got {value!r:.60}", stacklevel=2)
     return out
 
 
@@ -59,26 +59,26 @@ def entry_points_of(group: str) -> Any:
     return entry_points(group=group)
 
 
-def public(package: str, files: str = "*.py") -> dict[str, str]:
+def public_names(package: str, files: str = "*.py") -> dict[str, str]:
     """Return the names that files list in ``__all__``, with their modules, without importing them."""
-    lists = _written(package, r"^__all__ = (\[[^]]*\])", files)
-    return {name: module for text, module in lists for name in ast.literal_eval(text)}
+    matches = _matches(package, r"^__all__ = (\[[^]]*\])", files)
+    return {name: module for text, module in matches for name in ast.literal_eval(text)}
 
 
-def classes(package: str, *bases: str) -> dict[str, str]:
-    """Return the names of classes with these bases, with their modules, without importing them."""
-    return dict(_written(package, rf"^class (\w+)\((?:{'|'.join(bases)})\):"))
+def class_names(package: str, *bases: str) -> dict[str, str]:
+    """Return the names of classes derived from the given bases, with their modules, without importing them."""
+    return dict(_matches(package, rf"^class (\w+)\((?:{'|'.join(bases)})\):"))
 
 
-def instances(package: str, *kinds: str) -> list[str]:
-    """Return the names of instances that files create, by name: ``herk1 = Tableau(``; without importing them."""
-    written = _written(package, rf"^(\w+(?:, \w+)*) = \(?(?:{'|'.join(kinds)})\(")
-    return [name for names, _ in written for name in names.split(", ")]
+def instance_names(package: str, *kinds: str) -> list[str]:
+    """Return the names of module-level instances, as in ``herk1 = Tableau(``, without importing them."""
+    matches = _matches(package, rf"^(\w+(?:, \w+)*) = \(?(?:{'|'.join(kinds)})\(")
+    return [name for names, _ in matches for name in names.split(", ")]
 
 
-def made(package: str, kind: type, files: str = "*.py") -> Iterator[Any]:
-    """Yield the values that files of a folder make of a class, ``urdf = Reader(``; other files are not imported."""
-    for name, module in _written(package, rf"^(\w+) = {kind.__name__}\(", files):
+def instances_of(package: str, kind: type, files: str = "*.py") -> Iterator[Any]:
+    """Yield the module-level instances of a class, as in ``urdf = Reader(``; other files are not imported."""
+    for name, module in _matches(package, rf"^(\w+) = {kind.__name__}\(", files):
         yield getattr(import_module(module), name)
 
 
@@ -86,23 +86,23 @@ def models_directory() -> Path:
     """Return the folder of the models: ``mbdae/models`` when installed, ``models`` next to ``mbdae`` in a checkout."""
     found = [d for d in (PACKAGE / "models", PACKAGE.parent / "models") if d.is_dir()]
     if not found:
-        raise InputError(f"the models folder is missing beside {PACKAGE}")
+        raise InputError(f"the models folder is missing next to {PACKAGE}")
     return found[0]
 
 
 def model_names() -> list[str]:
     """Return names of the models that come with mbdae."""
-    return sorted({file.parent.name for own in LIBRARY_FILES for file in models_directory().glob(f"*/{own}")})
+    return sorted({file.parent.name for name in LIBRARY_FILES for file in models_directory().glob(f"*/{name}")})
 
 
-def later(module: str, name: str) -> Callable[..., Any]:
-    """Return a function that is imported when called.
+def lazy_import(module: str, name: str) -> Callable[..., Any]:
+    """Return a function that is imported when it is first called.
 
-    Results use studies, but do not depend on them; and parts of scipy take time to import that few runs need.
+    Results use studies without depending on them, and some parts of scipy are slow to import and rarely needed.
 
     Args:
-        module: dotted name of its module.
-        name: its name there.
+        module: dotted name of the module of the function.
+        name: name of the function.
     """
 
     def call(*args: Any, **named: Any) -> Any:
@@ -111,8 +111,8 @@ def later(module: str, name: str) -> Callable[..., Any]:
     return call
 
 
-def _written(package: str, pattern: str, files: str = "*.py") -> Iterator[tuple[str, str]]:
-    """Yield the first group of a pattern, wherever it occurs in files, and the module."""
+def _matches(package: str, pattern: str, files: str = "*.py") -> Iterator[tuple[str, str]]:
+    """Yield the first group of each match of a pattern in the text of files, and the module."""
     for module, path in _modules(package, files).items():
         yield from ((found[1], module) for found in re.finditer(pattern, path.read_text("utf-8"), re.MULTILINE))
 

@@ -22,12 +22,12 @@ STATUS = {
     "newton": "Newton's method did not converge",
     "singular": "a linear system was singular",
     "rank": "the rank of the closures changed",
-    "driver": "a driver is not defined there, or its derivatives do not fit",
+    "driver": "a driver is undefined there, or its derivatives are wrong",
     "force": "a force law or an event function failed",
     "impact": "an impact has no solution",
-    "switching": "modes switched without an end",
-    "friction": "friction leaves no motion, or several",
-    "chart": "a joint turned too far within one step",
+    "switching": "chattering: modes switched without end",
+    "friction": "Painleve paradox: with friction there is no motion, or more than one",
+    "chart": "a joint rotated too far within one step",
 }
 
 
@@ -37,30 +37,30 @@ def printable(text: str) -> str:
 
 
 class MbdaeError(Exception):
-    """Base of every error that mbdae raises on purpose; its text is one line that names the object."""
+    """Base class of all errors that mbdae raises on purpose; the message is one line that names the object."""
 
     def __init__(self, message: str = "") -> None:
         super().__init__(printable(" ".join(message.splitlines())))  # names may contain any characters
 
     def __reduce__(self) -> tuple:  # an error of a worker process is restored unchanged
-        return _again, (type(self), self.args, self.__dict__)
+        return _recreate, (type(self), self.args, self.__dict__)
 
 
-def _again(kind: type[MbdaeError], args: tuple, data: dict) -> MbdaeError:
+def _recreate(kind: type[MbdaeError], args: tuple, data: dict) -> MbdaeError:
     error = kind.__new__(kind, *args)
     error.__dict__.update(data)
     return error
 
 
 class InputError(MbdaeError, ValueError):
-    """Invalid input of the user: the message contains the expected and the actual value."""
+    """Invalid user input: the message contains the expected and the actual value."""
 
 
 def require(value: object, kind: type | UnionType, what: str) -> None:
-    """Reject an argument of another type.
+    """Check the type of an argument.
 
     Raises:
-        InputError: with ``what``, and the actual value.
+        InputError: for another type; the message contains ``what`` and the actual value.
     """
     if not isinstance(value, kind):
         raise InputError(f"{what}, got {value!r:.60}")
@@ -72,10 +72,10 @@ def is_number(x: object) -> TypeGuard[float]:
 
 
 def as_list(values: Any, what: str) -> list[Any]:
-    """Return an argument that lists names as a list; a bare name is a list of one.
+    """Return names as a list; a single name is a list of one.
 
     Raises:
-        InputError: for an argument that cannot be listed: with ``what``, and the actual value.
+        InputError: for an argument that is not iterable; the message contains ``what`` and the actual value.
     """
     if isinstance(values, str):
         return [values]
@@ -96,11 +96,11 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
         self.kind, self.name, self.valid = kind, name, tuple(valid)
-        near = get_close_matches(str(name), self.valid, n=1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        all_of = f", ... ({len(self.valid)} in all)" if len(self.valid) > MAX_LISTED else ""
+        closest = get_close_matches(str(name), self.valid, n=1)
+        hint = f" (did you mean {closest[0]!r}?)" if closest else ""
+        ellipsis = f", ... ({len(self.valid)} in all)" if len(self.valid) > MAX_LISTED else ""
         self.what = f"unknown {kind} {name!r}{hint}"
-        self.choice = f"valid: {', '.join(self.valid[:MAX_LISTED]) or 'none'}{all_of}"
+        self.choice = f"valid: {', '.join(self.valid[:MAX_LISTED]) or 'none'}{ellipsis}"
         super().__init__(f"{self.what}; {self.choice}")
 
 
@@ -121,8 +121,8 @@ class EquilibriumError(MbdaeError):
     """No equilibrium was found.
 
     Attributes:
-        q: the configuration that came nearest, as a list.
-        residual: residual of the forces along free directions there, relative to the largest one.
+        q: the configuration closest to equilibrium, as a list.
+        residual: residual of the generalised forces in the null space of G there, relative to the largest force.
         joint: joint with the largest residual.
     """
 
@@ -132,11 +132,11 @@ class EquilibriumError(MbdaeError):
 
 
 class NotCompiled(MbdaeError):
-    """Names a feature of a mechanism that the core does not support."""
+    """The compiled core does not support a feature of a mechanism; the message names the feature."""
 
 
 class StepError(MbdaeError):
-    """A failed step; `solve` turns it into a status and keeps the results so far.
+    """A failed step; `solve` converts it to a status and keeps the results so far.
 
     Attributes:
         status: short name of the reason, one of `mbdae.errors.STATUS`.

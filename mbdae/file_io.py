@@ -1,4 +1,4 @@
-"""Atomic writes of files, and UTF-8 reads."""
+"""Atomic writing of files, and reading of UTF-8 text."""
 
 import os
 import tempfile
@@ -9,15 +9,15 @@ from pathlib import Path
 from .errors import InputError
 
 VIDEO_SUFFIXES = (".mp4", ".gif")
-TABLE_SUFFIXES = (".csv", ".json", ".tex")  # file formats for results of studies
+TABLE_SUFFIXES = (".csv", ".json", ".tex")  # formats of saved results of studies
 
 
 @contextmanager
-def write_whole(path: str | Path) -> Iterator[Path]:
+def atomic_write(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path next to ``path``; move it there if the block ends without an error.
 
     Raises:
-        InputError: if the folder is missing or not writable.
+        InputError: if the folder does not exist or is not writable.
     """
     path = Path(path)
     try:
@@ -42,15 +42,15 @@ def write_page(path: str | Path, page: Callable[[], str], what: str) -> None:
     """Write the result of ``page`` as .html, atomically.
 
     Raises:
-        InputError: for another suffix, or if the folder is missing or not writable.
+        InputError: for another suffix, or if the folder does not exist or is not writable.
     """
     if Path(path).suffix != ".html":
         raise InputError(f"{what} is saved as .html, got {str(path)!r}")
-    with write_whole(path) as draft:
-        draft.write_text(page(), "utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(page(), "utf-8")
 
 
-def text_of(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Read a text file.
 
     Raises:

@@ -2,7 +2,7 @@
 
     f'(0) = (45 (f(h) - f(-h)) - 9 (f(2h) - f(-2h)) + f(3h) - f(-3h))/(60 h) - h^6 f^(7)/140
 
-and at the end of a range, where values exist on one side only, one-sided ones
+and at an end of a range, where values exist on one side only, the one-sided formula
 
     f'(0) = (360 f(h) - 450 f(2h) + 400 f(3h) - 225 f(4h) + 72 f(5h) - 10 f(6h) - 147 f(0))/(60 h) + h^6 f^(7)/7
 
@@ -20,17 +20,17 @@ from .tolerances import AGREEMENT, ROUNDING
 
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
 ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
-STENCIL = (-3, -2, -1, 1, 2, 3)  # all k
-ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # those of one-sided differences
-NARROWER, TIMES = 8.0, 6  # by how much, and how often a width shrinks
+STENCIL = (-3, -2, -1, 1, 2, 3)  # k of central differences
+ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # k of one-sided differences
+REDUCTION, MAX_REDUCTIONS = 8.0, 6  # factor by which a width is reduced, and largest number of reductions
 
 
 def central_difference(values: Mapping[int, Any], h: float) -> Any:
-    """Return the derivative of numbers or arrays known at k h; exactly zero where they do not change.
+    """Return the derivative from values at k h, numbers or arrays; exactly zero where the values are equal.
 
     Args:
-        values: by k, all of `STENCIL`, `ABOVE` or `BELOW`.
-        h: the width.
+        values: values by k, for all k of `STENCIL`, `ABOVE` or `BELOW`.
+        h: width of the differences.
     """
     if 0 not in values:
         return sum((w / h) * (values[k] - values[-k]) for k, w in WEIGHTS.items())
@@ -38,13 +38,13 @@ def central_difference(values: Mapping[int, Any], h: float) -> Any:
     return sum((side * w / h) * (values[side * k] - values[0]) for k, w in ONE_SIDED.items())
 
 
-def weights(places: Iterable[int], h: float) -> dict[int, float]:
-    """Return the weights by which `central_difference` multiplies values at these points."""
-    return {k: float(central_difference({i: float(i == k) for i in places}, h)) for k in places}
+def weights(points: Iterable[int], h: float) -> dict[int, float]:
+    """Return the weights with which `central_difference` multiplies the values at the points k h."""
+    return {k: float(central_difference({i: float(i == k) for i in points}, h)) for k in points}
 
 
 def numerical_derivative(value: Callable[[float], Any], h: float) -> Any:
-    """Return the derivative of value: x -> number or array at x = 0 from points h apart."""
+    """Return the derivative of value: x -> number or array at x = 0, from points at distances h."""
     return central_difference({k: value(k * h) for k in STENCIL}, h)
 
 
@@ -54,7 +54,7 @@ def numerical_jacobian(value: Callable[[Array], Any], n: int, h: float) -> Array
 
 
 class ConvergedDifference(NamedTuple):
-    """Derivative (n, ...), the width of its differences, and its relative difference from that of another width."""
+    """A derivative (n, ...), the width h, and the relative discrepancy from the derivative at another width."""
 
     derivative: Array
     h: float
@@ -62,40 +62,40 @@ class ConvergedDifference(NamedTuple):
 
 
 def converged_difference(
-    values: Callable[[float], Mapping[int, Array]], h: float, noise: float | Array = 0.0, times: int = TIMES
+    values: Callable[[float], Mapping[int, Array]], h: float, noise: float | Array = 0.0, times: int = MAX_REDUCTIONS
 ) -> ConvergedDifference:
-    """Return the derivative of arrays with a width at which narrower differences agree.
+    """Return the derivative of arrays, for a width at which it agrees with that of the next smaller width.
 
     Args:
-        values: the arrays (n, ...) at k h, as for `central_difference`, for a width h.
-        h: the widest.
+        values: function of a width h that returns arrays (n, ...) at k h, as for `central_difference`.
+        h: the largest width.
         noise: error of each value, in addition to rounding; one number, or (n,).
         times: largest number of reductions of the width.
 
     Raises:
-        MbdaeError: raised by the narrowest values, if none can be computed.
+        MbdaeError: the error of the smallest width, if values can be computed for no width.
     """
-    last, best, least = None, None, np.inf  # type: ConvergedDifference | None, ConvergedDifference | None, float
+    last, best, smallest = None, None, np.inf  # type: ConvergedDifference | None, ConvergedDifference | None, float
     for i in range(times + 1):
         try:
-            found = values(h)
+            samples = values(h)
         except MbdaeError:
             if i == times and last is None:
                 raise
         else:
-            derivative = np.asarray(central_difference(found, h))
+            derivative = np.asarray(central_difference(samples, h))
             if last:
-                gap, size = _rows(derivative - last.derivative), _rows(derivative)
-                value = np.abs([*found.values()]).max(initial=0.0)
-                excess = gap - (noise + ROUNDING * value) / h
-                miss = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
-                apart = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
-                if miss <= AGREEMENT:
-                    return last._replace(discrepancy=apart)
-                if miss < least:
-                    best, least = ConvergedDifference(derivative, h, apart), miss
+                change, size = _rows(derivative - last.derivative), _rows(derivative)
+                value = np.abs([*samples.values()]).max(initial=0.0)
+                excess = change - (noise + ROUNDING * value) / h
+                relative_excess = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
+                discrepancy = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
+                if relative_excess <= AGREEMENT:
+                    return last._replace(discrepancy=discrepancy)
+                if relative_excess < smallest:
+                    best, smallest = ConvergedDifference(derivative, h, discrepancy), relative_excess
             last = ConvergedDifference(derivative, h, np.inf)
-        h /= NARROWER
+        h /= REDUCTION
     assert last
     return best or last
 

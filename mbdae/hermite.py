@@ -1,8 +1,8 @@
-"""Dense output: Hermite polynomials through both ends of a step and rates in between.
+"""Dense output: Hermite polynomials through both ends of a step, with rates at interior nodes.
 
-A step provides states and their rates of change at both ends. The Hermite polynomial through them is refined by
-collocation: rates at m interior nodes, evaluated on the previous polynomial, determine one of higher degree; each sweep
-raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 (1986), bootstrapping).
+A step provides states and their rates of change at both ends. The Hermite interpolant of these data is refined by
+collocation: rates at m interior nodes, evaluated on the previous polynomial, define a polynomial of higher degree; each
+sweep raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 (1986), bootstrapping).
 """
 
 from collections.abc import Callable
@@ -15,16 +15,16 @@ from .system import Array
 
 
 def nodes(m: int) -> Array:
-    """Return interior nodes in (0, 1), (m,): equidistant, for odd m without the last of m + 1.
+    """Return interior nodes in (0, 1), (m,): equidistant; for odd m, the first m of m + 1 equidistant nodes.
 
-    Gauss points are not suitable: a symmetric odd number of rates, or four second derivatives at Gauss points, together
-    with the data at both ends do not determine a polynomial (Hermite-Birkhoff interpolation).
+    Gauss points are not suitable: together with the data at both ends, an odd number of rates at symmetric nodes, or
+    four second derivatives at Gauss points, do not determine a polynomial (Hermite-Birkhoff interpolation).
     """
     return np.arange(1, m + 1) / (m + 1 + m % 2)
 
 
 def powers(theta: float, degree: int, derivative: int = 0) -> Array:
-    """Return the derivative of the monomials 1, theta, ..., theta^degree, (degree + 1,)."""
+    """Return the monomials 1, theta, ..., theta^degree, or a derivative of them, (degree + 1,)."""
     factors, exponents = _monomials(degree, derivative)
     return factors * float(theta) ** exponents
 
@@ -48,7 +48,7 @@ def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
     """Return coefficients (degree + 1, n) of the polynomial in theta with given values and derivatives.
 
     Args:
-        ends: for derivatives 0, 1, .. k with respect to theta, the vectors (n,) at 0 and 1.
+        ends: vectors (n,) at theta = 0 and 1, for the derivatives 0, 1, ..., k with respect to theta.
         inner: derivatives of order k at `nodes`, (m, n).
     """
     data = np.array([v for pair in ends for v in pair] + list(inner))
@@ -56,13 +56,13 @@ def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
 
 
 def fit_many(ends: list[tuple[Array, Array]], inner: list[Array]) -> Array:
-    """Return coefficients (m, degree + 1, n) of m polynomials: as `fit`, with vectors (m, n) for vectors (n,)."""
+    """Return coefficients (m, degree + 1, n) of m polynomials: like `fit`, with vectors (m, n) in place of (n,)."""
     data = np.array([v for pair in ends for v in pair] + inner)
     return np.einsum("ij,jmn->min", _inverse(len(ends) - 1, len(inner)), data)
 
 
 def values(c: Array, theta: Array, derivative: int = 0) -> Array:
-    """Return values (m, n), or a derivative, of m polynomials c (m, degree + 1, n), at theta (m,)."""
+    """Return values or derivatives (m, n) of m polynomials with coefficients c (m, degree + 1, n) at theta (m,)."""
     out = np.zeros((len(c), c.shape[2]))
     for k in range(c.shape[1] - 1, derivative - 1, -1):
         out = out * theta[:, None] + factorial(k) // factorial(k - derivative) * c[:, k]
@@ -70,12 +70,12 @@ def values(c: Array, theta: Array, derivative: int = 0) -> Array:
 
 
 def refine(ends: list[tuple[Array, Array]], rate: Callable[[float, Array], Array], sweeps: int) -> Array:
-    """Fit, and refine in ``sweeps`` sweeps with as many interior nodes.
+    """Fit a polynomial to the data at both ends, and raise its order by collocation.
 
     Args:
         ends: as for `fit`.
-        rate: (theta, coefficients so far) -> the highest given derivative at theta, (n,).
-        sweeps: by how much to raise the order.
+        rate: (theta, current coefficients) -> the highest given derivative at theta, (n,).
+        sweeps: number of sweeps and of interior nodes; each sweep raises the order by one.
     """
     c = fit(ends, np.empty((0, len(ends[0][0]))))
     for _ in range(sweeps):

@@ -1,8 +1,8 @@
 """The compiled core of an installed mbdae, for a source checkout without one.
 
-Python started in a checkout imports its folder ``mbdae`` first, whatever is installed. The installed core is used if
-both have the same sources of the core: their digest is written next to the core when it is built, by running this file
-as a script: ``python installed_core.py mbdae/native _native_sources.txt``.
+Python started in a checkout imports its folder ``mbdae``, even if mbdae is installed. The installed core is used if it
+was built from the same sources: their digest is written next to the core when it is built, by running this file as a
+script: ``python installed_core.py mbdae/native _native_sources.txt``.
 """
 
 import hashlib
@@ -11,31 +11,31 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.metadata import distributions
 from pathlib import Path
 
-BUILT_FROM = "_native_sources.txt"  # written beside the core when it is built
+BUILT_FROM = "_native_sources.txt"  # written next to the core when it is built
 SOURCES = ("CMakeLists.txt", "*/**/*.cpp", "*/**/*.hpp")
 
 
 def digest(folder: Path) -> str:
-    """Return the SHA-256 of all sources of the core in a folder, names and bytes; platform-independent."""
-    found = hashlib.sha256()
+    """Return the SHA-256 digest of names and contents of all sources of the core in a folder; platform-independent."""
+    sha = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for pattern in SOURCES for path in folder.glob(pattern)}
     for name, path in sorted(files.items()):
         data = path.read_bytes()
-        found.update(f"{name} {len(data)}\n".encode())
-        found.update(data)
-    return found.hexdigest()
+        sha.update(f"{name} {len(data)}\n".encode())
+        sha.update(data)
+    return sha.hexdigest()
 
 
 def find_installed(package: Path, name: str) -> tuple[Path | None, str]:
-    """Find an installed core that was built from the sources of a clone.
+    """Find an installed core that was built from the sources of a checkout.
 
     Args:
-        package: the folder ``mbdae`` of the clone.
-        name: of the core's module.
+        package: the folder ``mbdae`` of the checkout.
+        name: name of the module of the core.
 
     Returns:
-        The core's file and an empty string, or None and the reason: empty if no core is installed, or if the folder
-        has no sources to compare with.
+        The file of the core and an empty string; or None and the reason, which is empty if no core is installed, or if
+        the folder has no sources to compare with.
     """
     sources = package / "native"
     if not (sources / "CMakeLists.txt").is_file():

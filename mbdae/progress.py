@@ -1,4 +1,4 @@
-"""Progress of long computations, as a bar on a terminal and in a notebook."""
+"""Progress bars of long computations, on a terminal and in a notebook."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -7,21 +7,21 @@ from html import escape
 from time import monotonic
 from typing import Any
 
-OFTEN = 0.1  # s between two updates of a bar in a notebook
+UPDATE_INTERVAL = 0.1  # s, of a bar in a notebook
 
-Tell = Callable[..., None]
+Report = Callable[..., None]
 
 
 @contextmanager
-def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Tell]:
-    """Show a bar while the block runs: on stderr if that is a terminal, in the output of a notebook, else nowhere.
+def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
+    """Show a progress bar while the block runs: on stderr if it is a terminal, or in the output of a notebook.
 
-    The result is the ``progress`` argument of `mbdae.solve` and of the studies: called with a fraction, a text, or
-    both.
+    The block receives the ``progress`` argument of `mbdae.solve` and of the studies: a function of a fraction, a text,
+    or both.
 
     Args:
-        label: the text beside the bar until another comes.
-        total: 1, or None for studies that tell texts alone (`mbdae.order`, `mbdae.fit`).
+        label: initial text next to the bar.
+        total: 1, or None for studies that report no fractions (`mbdae.order`, `mbdae.fit`).
 
     Example:
         >>> with mbdae.progress_bar("links") as progress:                            # doctest: +SKIP
@@ -32,45 +32,45 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Tell]:
 
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     if console.is_jupyter:
-        with _in_notebook(label) as tell:
-            yield tell
+        with _in_notebook(label) as report:
+            yield report
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(label, total=total)
 
-        def tell(what: Any, name: str | None = None) -> None:
-            text, done = _read(what, name)
+        def report(value: Any, name: str | None = None) -> None:
+            text, done = _text_and_fraction(value, name)
             bar.update(task, description=text, completed=done)
 
-        yield tell
+        yield report
 
 
 @contextmanager
-def _in_notebook(label: str) -> Iterator[Tell]:
-    """A bar of HTML that is updated in place; that of rich would require ipywidgets."""
+def _in_notebook(label: str) -> Iterator[Report]:
+    """Show a bar in HTML that is updated in place; the bar of rich would require ipywidgets."""
     from IPython.display import HTML, display
 
-    place = display(HTML(_bar(label, None)), display_id=True)
-    text, checked = label, monotonic()
+    handle = display(HTML(_bar(label, None)), display_id=True)
+    text, updated = label, monotonic()
 
-    def tell(what: Any, name: str | None = None) -> None:
-        nonlocal text, checked
-        said, done = _read(what, name)
-        text = text if said is None else said
-        if monotonic() - checked >= OFTEN:
-            checked = monotonic()
-            place.update(HTML(_bar(text, done)))
+    def report(value: Any, name: str | None = None) -> None:
+        nonlocal text, updated
+        new_text, done = _text_and_fraction(value, name)
+        text = text if new_text is None else new_text
+        if monotonic() - updated >= UPDATE_INTERVAL:
+            updated = monotonic()
+            handle.update(HTML(_bar(text, done)))
 
     try:
-        yield tell
+        yield report
     finally:
-        place.update(HTML(""))
+        handle.update(HTML(""))
 
 
-def _read(what: Any, name: str | None) -> tuple[str | None, float | None]:
-    """Return text and fraction of a report: one of them, or both."""
-    return (what, None) if isinstance(what, str) else (name, what)
+def _text_and_fraction(value: float | str | None, name: str | None) -> tuple[str | None, float | None]:
+    """Return the text and the fraction of a report; None if not given."""
+    return (value, None) if isinstance(value, str) else (name, value)
 
 
 def _bar(text: str, done: float | None) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from markupsafe import escape
 
 from .errors import InputError
-from .file_io import TABLE_SUFFIXES, write_whole
+from .file_io import TABLE_SUFFIXES, atomic_write
 
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
@@ -113,7 +113,7 @@ class Tabular:
             write_csv(self.tabulated().values, path)
             return
         text = self.to_latex() if suffix == ".tex" else json.dumps(finite(self.to_dict()), allow_nan=False)
-        with write_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_text(text, "utf-8")
 
     def _heading(self) -> str:
@@ -184,7 +184,7 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
     flat: dict[str, Any] = {}
     for name, x in columns.items():
         flat |= {name: x} if np.ndim(x) < 2 else {f"{name}[{i}]": part for i, part in enumerate(np.asarray(x).T)}
-    with write_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(flat)
         out.writerows(zip(*(_listed(x) for x in flat.values()), strict=True))

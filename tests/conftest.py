@@ -17,9 +17,9 @@ signal.signal(
 os.environ["PYTHONSAFEPATH"] = "1"  # children import the installed mbdae, not the source tree of the working directory
 
 if backend.load() is None:  # reported in the header, not by a warning that fails the first test to run a simulation
-    os.environ["PYTHONWARNINGS"] = f"ignore:{backend.SLOW}"
+    os.environ["PYTHONWARNINGS"] = f"ignore:{backend.SLOW_WARNING}"
     with warnings.catch_warnings(action="ignore"):
-        backend.choose("auto")
+        backend.select_core("auto")
 
 
 def pytest_report_header():
@@ -30,12 +30,12 @@ def pytest_report_header():
 @pytest.fixture(params=["native", "python"])
 def back_end(request, monkeypatch):
     """Run a test on both back ends: runs and, by `Mechanism.system()`, single evaluations and steps."""
-    core, system = backend.choose(request.param) if backend.load() else None, Mechanism.system
+    core, system = backend.select_core(request.param) if backend.load() else None, Mechanism.system
 
     def bound(self, *args, **named):
         return system(self, *args, **named) if core is None or args or named else system(self, native=core)
 
-    monkeypatch.setattr(binding, "choose", lambda asked: core if asked == "auto" else backend.choose(asked))
+    monkeypatch.setattr(binding, "select_core", lambda asked: core if asked == "auto" else backend.select_core(asked))
     monkeypatch.setattr(Mechanism, "system", bound)
     return request.param
 

@@ -134,7 +134,7 @@ def _words(annotation: Any) -> str:
 
 def editors(text: str) -> str:
     """`mbdae/__init__.py` with a line for each public name, for editors and type checkers."""
-    places = sorted(mbdae._places().items(), key=lambda place: place[1].split("."))
+    places = sorted(mbdae._modules_of_names().items(), key=lambda place: place[1].split("."))
     lines = "".join(f"    from {module.removeprefix('mbdae')} import {name} as {name}\n" for name, module in places)
     return re.sub(r"(?<=for editors and type checkers\n)(    from .*\n)+", lines, text)
 

@@ -149,7 +149,7 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=house, timeout=120)
     assert out.returncode == 0, out.stderr
     lines = out.stdout.splitlines()
-    left_out = "of mbdae.{} in house is left out: {}"
+    left_out = "of mbdae.{} in house is ignored: {}"
     warned = "".join(lines[:4])
     assert "entry point 'taken' " + left_out.format("methods", "expected a Tableau of a new name") in warned
     assert "entry point 'gone' " + left_out.format("methods", "AttributeError") in warned

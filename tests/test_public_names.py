@@ -21,7 +21,7 @@ def typed():
 
 
 def test_editors_know_the_names_that_are_found():
-    assert typed() == mbdae._places()
+    assert typed() == mbdae._modules_of_names()
     assert sorted(typed()) == mbdae.__all__
     assert {*mbdae.__all__, "__version__"} <= set(dir(mbdae))
 

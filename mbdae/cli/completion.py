@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from click import Context, Parameter
 from click.shell_completion import CompletionItem
 
-from ..discovery import entry_points_of, instances, model_names, public
+from ..discovery import entry_points_of, instance_names, model_names, public_names
 
 FORMULATIONS = ("index2", "ggl", "index1")
 COMPARED = ("index2", "project", "ggl")  # formulations of half-explicit methods in a comparison
@@ -15,12 +15,12 @@ Completion = Callable[[Context, Parameter, str], list[CompletionItem]]
 
 def problems() -> list[str]:
     """Return names of models and textbook problems."""
-    return [*model_names(), *sorted(public("mbdae.textbook.problems"))]
+    return [*model_names(), *sorted(public_names("mbdae.textbook.problems"))]
 
 
 def methods() -> list[str]:
     """Return names of all methods, including those of installed packages, except scipy's."""
-    found = instances("mbdae.methods", "Tableau", "RadauIIA", "ExplicitMethod")
+    found = instance_names("mbdae.methods", "Tableau", "RadauIIA", "ExplicitMethod")
     return sorted({*found, *(point.name for point in entry_points_of("mbdae.methods"))})
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..discovery import model_names, public
+from ..discovery import model_names, public_names
 from ..errors import InputError
 from .completion import completed, problems
 from .values import values_by_name
@@ -65,7 +65,7 @@ class ChosenModel:
     @property
     def textbook(self) -> bool:
         """Whether it is a textbook problem."""
-        return self.name in public("mbdae.textbook.problems")
+        return self.name in public_names("mbdae.textbook.problems")
 
     @property
     def source(self) -> "str | Mechanism":

@@ -41,5 +41,5 @@ def simulate(
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     given = {"method": method, "rtol": rtol, "step": step, **options}
-    with progress_bar(str(completed(mech, given)["method"]), 1.0) as tell:
-        return solve(mech, span(mech, t_span), progress=tell, **given)
+    with progress_bar(str(completed(mech, given)["method"]), 1.0) as report:
+        return solve(mech, span(mech, t_span), progress=report, **given)

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..discovery import public
+from ..discovery import public_names
 
 REQUIRED = object()  # the default of an argument without one
 
@@ -32,7 +32,7 @@ class Argument(NamedTuple):
 @cache
 def arguments_of(package: str, name: str) -> dict[str, Argument]:
     """Return the arguments of a function that a file of a package lists in ``__all__``, by name."""
-    spec = find_spec(public(package)[name])
+    spec = find_spec(public_names(package)[name])
     text = Path(str(spec and spec.origin)).read_text("utf-8")
     head = re.search(rf'^def {name}\(.*?^    """.*?"""', text, re.M | re.S)
     function = ast.parse(head[0]).body[0] if head else None

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import click
 
-from ..discovery import later, public
+from ..discovery import lazy_import, public_names
 from .model import model_argument
 from .options import SHARED, Decorator, options_of
 from .output import HOLDS, OutputFile, emit, stopped, writable
@@ -73,7 +73,7 @@ def command(
             written = writable(*((paths[file.name], file.suffixes) for file in files))
             if "first" in given:
                 given["span"] = span_of(given.pop("first"), given.pop("last"))
-            study = later(public(package)[name], name) if name in public(package) else None
+            study = lazy_import(public_names(package)[name], name) if name in public_names(package) else None
             function(study, Output(paths, written, as_json), **given)
 
         own = options_of(package, name, words, types or {})

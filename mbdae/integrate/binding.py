@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from ..backend import choose, known, status
+from ..backend import checked_backend, select_core, status
 from ..errors import InputError
 from ..mechanism import Mechanism, NotCompiled
 from ..system import System
@@ -21,7 +21,7 @@ def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, 
     """
     missing = "" if isinstance(problem, Mechanism) else "textbook problems"
     system = problem.workspaces.acquire if isinstance(problem, Mechanism) else problem.system
-    native = None if missing and backend in ("auto", "native") else choose(backend)
+    native = None if missing and backend in ("auto", "native") else select_core(backend)
     if native:
         try:
             return system(formulation, baumgarte, native), ""
@@ -50,7 +50,7 @@ def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]],
     """
     reasons = set()
     for run in runs:
-        system, why = bind(problem, *run, known(backend))
+        system, why = bind(problem, *run, checked_backend(backend))
         reasons.add(why)
         if isinstance(problem, Mechanism):
             problem.workspaces.release(system)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..backend import choose
+from ..backend import select_core
 from ..errors import InputError
 from ..system import Array
 from ..tolerances import HALF_DIGITS
@@ -47,7 +47,7 @@ class DynamicsTerms:
             >>> point.M @ point.vdot - point.f - point.G.T @ point.lam           # doctest: +SKIP
         """
         q0, v0 = self.start_at(t) if q is None else (q, np.zeros(self.nv))
-        return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=choose(backend))
+        return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=select_core(backend))
 
     def ode(
         self: Any, t: float = 0.0, q: Array | None = None, v: Array | None = None, s: Array | None = None,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..discovery import later
+from ..discovery import lazy_import
 from ..errors import InputError, UnknownNameError
 from ..system import Array
 from ..tolerances import INPUT_DIGITS
@@ -126,11 +126,11 @@ class Mechanism(DynamicsTerms):
         return f"<Mechanism {self.title}: nq {self.nq}, nv {self.nv}, {self.ng} closure rows>"
 
     def _repr_html_(self) -> str:
-        return later("mbdae.studies.info.card", "card")(self)._repr_html_()
+        return lazy_import("mbdae.studies.info.card", "card")(self)._repr_html_()
 
     def view(self, q: Array | None = None) -> Any:
         """Return a page with sliders that move it from q (nq,), or from its start: see `mbdae.view`."""
-        return later("mbdae.studies.view.view", "view")(self, q)
+        return lazy_import("mbdae.studies.view.view", "view")(self, q)
 
     # -- sizes and names -----------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, UnknownNameError
-from ..file_io import text_of
+from ..file_io import read_text
 from .tableau import Tableau
 
 KEYS = tuple(f.name for f in fields(Tableau))
@@ -44,7 +44,7 @@ def read_tableau(path: str | Path) -> Tableau:
         InputError: for a file that is missing, or not a tableau.
     """
     try:
-        data = tomllib.loads(text_of(Path(path)))
+        data = tomllib.loads(read_text(Path(path)))
     except tomllib.TOMLDecodeError as e:
         raise InputError(f"{path}: {e}") from None
     return tableau(data, str(path))

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import STATUS, InputError
-from ..file_io import write_whole
+from ..file_io import atomic_write
 from ..mechanism import Impact, Mechanism, Singular, describe, restore
 from ..mechanism.checked_table import one_line
 from ..tabular import write_csv
@@ -124,7 +124,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         "versions": versions(),
         "command": sys.argv,
     }
-    with write_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .. import backend
-from ..discovery import later
+from ..discovery import lazy_import
 from ..errors import InputError
 from ..mechanism import Contact, Effort, Impact, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
 from ..system import Array
@@ -238,8 +238,8 @@ class Solution(DenseOutput, Tabular):
             UnknownNameError: for an unknown signal.
             InputError: for another format, or an unwritable path.
         """
-        figure = later("mbdae.studies.solve.figure", "motion")(self, names)
-        return later("mbdae.studies.figures", "given")(figure, path)
+        figure = lazy_import("mbdae.studies.solve.figure", "motion")(self, names)
+        return lazy_import("mbdae.studies.figures", "given")(figure, path)
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.
@@ -278,7 +278,7 @@ class Solution(DenseOutput, Tabular):
     def _repr_html_(self) -> str | None:
         """HTML representation in notebooks."""
         seen = isinstance(self.problem, Mechanism) and len(self.t)
-        return later("mbdae.studies.replay.replay", "notebook")(self) if seen else super()._repr_html_()
+        return lazy_import("mbdae.studies.replay.replay", "notebook")(self) if seen else super()._repr_html_()
 
 
 Problem = Mechanism | Hessenberg

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from ..errors import InputError
-from ..file_io import write_whole
+from ..file_io import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -171,7 +171,7 @@ def save(figure: "Figure", path: str | Path) -> None:
         InputError: for another format or an unwritable path.
     """
     check(path)
-    with write_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         figure.savefig(temporary, metadata=_undated(Path(path).suffix))
 
 

@@ -154,7 +154,7 @@ def _processors() -> int:
 def _prepare(sent: bytes, event: Any) -> None:
     """Initialise a worker process: imports happen after the exit handling is set up."""
     _leave_with_parent()
-    warnings.filterwarnings("ignore", backend.SLOW)  # issued once, by the parent
+    warnings.filterwarnings("ignore", backend.SLOW_WARNING)  # issued once, by the parent
     function, job = pickle.loads(sent)
     _here.update(function=function, job=job, stop=event.is_set)
 

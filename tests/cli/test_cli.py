@@ -88,7 +88,7 @@ def test_wrong_files_are_one_line(text, code, words, tmp_path):
 
 def test_what_is_said_is_one_line(capsys):
     """Warnings and run messages may contain names from files; those of errors are cleaned by the errors."""
-    mbdae.__main__._say("warning: 'a\nb', and\x1b[31m red")
+    mbdae.__main__._print_error("warning: 'a\nb', and\x1b[31m red")
     assert capsys.readouterr().err == "mbdae: warning: 'a b', and\\x1b[31m red\n"
 
 

@@ -30,7 +30,7 @@ def fresh(monkeypatch):
         f.cache_clear()
     with warnings.catch_warnings(action="ignore"):
         monkeypatch.undo()
-        backend.choose("auto")  # where the core is missing, later tests must not warn
+        backend.select_core("auto")  # where the core is missing, later tests must not warn
 
 
 @pytest.fixture
@@ -51,8 +51,8 @@ def core(fresh, tmp_path):
 def test_a_core_for_this_pinocchio_is_taken(core):
     core(code="answer = 42")
     assert backend.load().answer == 42
-    assert backend.choose("auto") is backend.choose("native") is backend.load()
-    assert backend.choose("python") is None
+    assert backend.select_core("auto") is backend.select_core("native") is backend.load()
+    assert backend.select_core("python") is None
     assert backend.status() == f"native (built for Pinocchio {HERE})"
 
 
@@ -75,7 +75,7 @@ def test_a_version_file_that_holds_no_version_is_named_in_one_line(core, tmp_pat
     core()
     (tmp_path / backend.BUILT_FOR).write_bytes(text)
     assert backend.load() is None
-    assert f"built for Pinocchio unknown ({backend.BUILT_FOR} holds no version) but {HERE}" in backend.status()
+    assert f"built for Pinocchio unknown ({backend.BUILT_FOR} contains no version) but {HERE}" in backend.status()
     done = CliRunner().invoke(cli, ["info"])
     assert not done.exit_code
     assert done.output.splitlines()[-1] == f"back end: {backend.status()}"
@@ -86,7 +86,7 @@ def test_a_pinocchio_from_elsewhere_is_noticed(core, monkeypatch, imported):
     core()
     monkeypatch.setattr(pin, "__version__", imported)
     assert backend.load() is None
-    assert f"but {imported} beside libpinocchio {HERE} is installed" in backend.status()
+    assert f"but {imported} with libpinocchio {HERE} is installed" in backend.status()
 
 
 def test_a_core_is_imported_once(core):
@@ -108,16 +108,16 @@ def test_without_the_core_one_warning_says_so(fresh):
     assert backend.load() is None
     assert backend.status().startswith("python: not built ")
     with pytest.warns(UserWarning, match="mbdae computes in Python, .*; python: not built ") as said:
-        assert backend.choose("auto") is None
+        assert backend.select_core("auto") is None
     assert len(said) == 1
-    assert backend.choose("auto") is backend.choose("python") is None  # no second one: it would be an error
+    assert backend.select_core("auto") is backend.select_core("python") is None  # no second one: it would be an error
     with pytest.raises(InputError, match="backend='native' cannot be used, python: not built "):
-        backend.choose("native")
+        backend.select_core("native")
 
 
 def test_an_unknown_backend_is_refused():
     with pytest.raises(UnknownNameError, match=r"unknown backend 'natve'.*'native'.*auto, native, python"):
-        backend.choose("natve")
+        backend.select_core("natve")
 
 
 def test_a_source_tree_and_an_installation_are_distinguished(tmp_path):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import StepError
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
     from ..step_map import StepMap
 
-brentq = later("scipy.optimize", "brentq")
+brentq = lazy_import("scipy.optimize", "brentq")
 LATER = 1.05  # times the predicted flight from speed and acceleration: when a row after an impact is below zero
 ROOT = VISIBLE  # of a bracket: a zero of a row after an impact that is closer to the start is the start itself
 HALVINGS = 40  # towards the start of a step

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
@@ -22,7 +22,7 @@ from ...tolerances import EPS
 if TYPE_CHECKING:
     from ..step_map import StepMap
 
-brentq = later("scipy.optimize", "brentq")
+brentq = lazy_import("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 SHARP = 2  # roundings of t: tolerance of the time of an event

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.singularity import Singular, open_limit, singular, tangent, tangent_space_angle, tangent_space_rate
@@ -17,7 +17,7 @@ from .source import EventError, EventSource
 if TYPE_CHECKING:
     from ..run_state import RunState
 
-minimize_scalar = later("scipy.optimize", "minimize_scalar")
+minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
 MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
 EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singularity to a node: candidate ends of the zone

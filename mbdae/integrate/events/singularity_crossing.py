@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.singularity import Singular, singular, singular_crossing
 from ...system import Array
 from ...tolerances import CLOSED, EVALUATION_ROUNDING, INTERPOLATION, ROUNDING, SEARCH_TOLERANCE
 
-solve_ivp = later("scipy.integrate", "solve_ivp")
-minimize_scalar = later("scipy.optimize", "minimize_scalar")
+solve_ivp = lazy_import("scipy.integrate", "solve_ivp")
+minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
 OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: distances of the earlier states
 SEARCH_RANGE = 4.0  # times the way: search range for a singular configuration
 SAMPLES = 24  # points of the search

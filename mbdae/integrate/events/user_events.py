@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..run_state import RunState
     from ..step_map import StepMap
 
-brentq = later("scipy.optimize", "brentq")
+brentq = lazy_import("scipy.optimize", "brentq")
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
 WIDTH = 1e-3  # of a step: distance on either side of an event for the derivative of its function
 TRIALS = 8  # steps towards a terminal event, of which three or four are needed

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import StepError
 from ...tolerances import BELOW_ROUNDING, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
 
-csr_array = later("scipy.sparse", "csr_array")
-reverse_cuthill_mckee = later("scipy.sparse.csgraph", "reverse_cuthill_mckee")
+csr_array = lazy_import("scipy.sparse", "csr_array")
+reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mckee")
 WORST_CONDITIONING = 0.1
 GROWTH_TOLERANCE = 1e-2
 SMALLEST_PIVOT = SUM_ROUNDING  # of the largest, in the system of the rows in use: below, it is singular

@@ -9,7 +9,15 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ...finite_differences import ABOVE, BELOW, NARROWER, STENCIL, TIMES, central_difference, converged_difference
+from ...finite_differences import (
+    ABOVE,
+    BELOW,
+    MAX_REDUCTIONS,
+    REDUCTION,
+    STENCIL,
+    central_difference,
+    converged_difference,
+)
 from ...system import Array
 from ...tolerances import SUM_ROUNDING
 from ..closures.constraints import Constraints
@@ -57,10 +65,10 @@ def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tup
         two-sided stencil if there are mechanisms on neither side.
     """
     for places, first in FIRST.items():
-        for i in range(TIMES):
+        for i in range(MAX_REDUCTIONS):
             with suppress(InputError):
-                _ = [make(k * h / NARROWER**i) for k in first]
-                return h / NARROWER**i, places
+                _ = [make(k * h / REDUCTION**i) for k in first]
+                return h / REDUCTION**i, places
     return h, STENCIL
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
-from ...file_io import text_of
+from ...file_io import read_text
 from ...tolerances import INPUT_DIGITS
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
@@ -139,7 +139,7 @@ def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismF
     if found.suffix in CONVERTERS:
         return read_toml(converted(found), str(found)), ()
     if found.suffix == MECHANISM:
-        return read_toml(text_of(found), str(found)), ()
+        return read_toml(read_text(found), str(found)), ()
     return MechanismFile(source=(Source(file=found.name),), title=name), ()
 
 

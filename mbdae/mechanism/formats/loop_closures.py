@@ -17,7 +17,7 @@ import pinocchio as pin
 from pydantic import Field, ValidationError
 
 from ...errors import InputError
-from ...file_io import text_of
+from ...file_io import read_text
 from ..allowed_paths import AllowedPaths, access_error
 from ..checked_table import Table, one_line
 from ..closures.closure import Axis, Closure
@@ -62,7 +62,7 @@ def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> Importe
         return part
     if not places.holds(found):
         raise access_error(FILE, found.resolve(), places.root)
-    content: Any = yaml_table(text_of(found), FILE)
+    content: Any = yaml_table(read_text(found), FILE)
     try:
         loops = CutLoops.model_validate(content)
     except ValidationError as e:

@@ -4,13 +4,13 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from ...discovery import made, plugins
+from ...discovery import instances_of, plugins
 from ...errors import InputError, require
-from ...file_io import text_of
+from ...file_io import read_text
 from .reader import Reader
 
 MECHANISM, PARAMETRIC = ".toml", ".py"
-_OWN: tuple[Reader, ...] = (*made(__package__, Reader), *made(__package__, Reader, files="*/read.py"))
+_OWN: tuple[Reader, ...] = (*instances_of(__package__, Reader), *instances_of(__package__, Reader, files="*/read.py"))
 _TAKEN = {MECHANISM, PARAMETRIC, *(suffix for reader in _OWN for suffix in reader.suffixes)}
 _ADDED = plugins(
     "mbdae.readers",
@@ -36,7 +36,7 @@ def reader_of(path: Path) -> Reader:
 
 def first_element(path: Path) -> str:
     """Return the name of the first element of an XML file."""
-    found = re.search(r"<([A-Za-z][\w.-]*)", re.sub(r"<!--.*?-->", "", text_of(path), flags=re.DOTALL))
+    found = re.search(r"<([A-Za-z][\w.-]*)", re.sub(r"<!--.*?-->", "", read_text(path), flags=re.DOTALL))
     return found[1] if found else ""
 
 

@@ -21,7 +21,7 @@ import pinocchio as pin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ...errors import InputError
-from ...file_io import text_of
+from ...file_io import read_text
 from ..allowed_paths import AllowedPaths
 from ..checked_table import one_line
 from ..closures.closure import Closure
@@ -67,10 +67,10 @@ def read_robot_yaml(path: Path, places: AllowedPaths, source: Source) -> Importe
         InputError: one line with the key and what was expected.
         UnknownNameError: for an unknown joint.
     """
-    tables, urdf = read_tables(text_of(path), path.name), path.with_name(URDF)
+    tables, urdf = read_tables(read_text(path), path.name), path.with_name(URDF)
     kinds = {n: t.upper() for n, t in zip(tables.joint_name, tables.joint_type, strict=True)}
     part = read_urdf(
-        text_of(urdf),
+        read_text(urdf),
         urdf.name,
         places,
         source.free_flyer,

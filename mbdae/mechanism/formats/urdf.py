@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ...file_io import text_of
+from ...file_io import read_text
 from ..allowed_paths import AllowedPaths
 from ..checked_table import Table
 from ..closures.closure import Axis
@@ -200,7 +200,7 @@ def _axes(tree: ET.Element) -> dict[str, tuple[str, Axis]]:
 
 
 def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
-    return with_loops(read_urdf(text_of(path), path.name, places, source.free_flyer), path, places)
+    return with_loops(read_urdf(read_text(path), path.name, places, source.free_flyer), path, places)
 
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:

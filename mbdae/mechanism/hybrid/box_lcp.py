@@ -10,11 +10,11 @@ Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...system import Array
 from ...tolerances import ROUNDING, TRUNCATION
 
-lsq_linear = later("scipy.optimize", "lsq_linear")
+lsq_linear = lazy_import("scipy.optimize", "lsq_linear")
 
 
 def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...system import Array
 from ...tolerances import SAME_STATE, UNINVOLVED
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
 
-linprog = later("scipy.optimize", "linprog")
+linprog = lazy_import("scipy.optimize", "linprog")
 ACTIVE = SAME_STATE  # of kappa: active limits
 
 

@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...discovery import later
+from ...discovery import lazy_import
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
-nnls = later("scipy.optimize", "nnls")
+nnls = lazy_import("scipy.optimize", "nnls")
 ROUNDS = 200  # of successive impacts at one instant; the last one with e = 0
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...backend import computed_by
+from ...backend import describe_backend
 from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
@@ -89,7 +89,7 @@ class Comparison(Tabular):
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
         stepped = [name for name in self.methods if name.rpartition(":")[2] in SCIPY]
         scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
-        return computed_by(self.meta.get("backend", "unknown"), self.meta.get("because", "")) + scipy + where
+        return describe_backend(self.meta.get("backend", "unknown"), self.meta.get("because", "")) + scipy + where
 
     def of(self, method: str) -> list[RunResult]:
         """The runs of a method that came to their end."""

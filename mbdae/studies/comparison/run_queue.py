@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...backend import machine
+from ...backend import machine_description
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...methods import Tableau
@@ -81,7 +81,7 @@ class RunQueue:
         self.reference, self.witness = "", ""
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
-        about = {"versions": versions(), "command": sys.argv, "machine": machine(), "runs": len(trials)}
+        about = {"versions": versions(), "command": sys.argv, "machine": machine_description(), "runs": len(trials)}
         self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.because}
         if path and path.exists() and not fresh:
             self._read(path)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...backend import computed_by, machine
+from ...backend import describe_backend, machine_description
 from ...errors import UnknownNameError
 from ...tabular import Columns, Tabular, aligned, latex
 
@@ -74,7 +74,7 @@ class OrderStudy(Tabular):
     backend: str = "python"
     because: str = ""
     missing: tuple[str, ...] = ()
-    machine: str = field(default_factory=machine, kw_only=True)
+    machine: str = field(default_factory=machine_description, kw_only=True)
 
     @property
     def holds(self) -> bool:
@@ -122,7 +122,7 @@ class OrderStudy(Tabular):
     @property
     def computed_by(self) -> str:
         """Back end and machine of all runs, in words."""
-        return f"all runs: {computed_by(self.backend, self.because)}, {self.machine}"
+        return f"all runs: {describe_backend(self.backend, self.because)}, {self.machine}"
 
     def convergence(self, method: str) -> list[list[str]]:
         """Return step sizes of a method, and for each quantity the errors and the rates between them.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, require
-from ...file_io import write_page, write_whole
+from ...file_io import atomic_write, write_page
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import document, drawn, frame
@@ -94,7 +94,7 @@ def animate(
 
         _checked(sol, fps, speed)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
-        with write_whole(path) as draft:
+        with atomic_write(path) as draft:
             scene, marks = sol.mechanism.scene.travelled(q), mode_tracks_of(sol, q)
             draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or pace(sol), marks))
         return Path(path)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError, MbdaeError
-from ...file_io import VIDEO_SUFFIXES, write_whole
+from ...file_io import VIDEO_SUFFIXES, atomic_write
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -49,7 +49,7 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
                 if progress:
                     progress(k / count)
 
-    with write_whole(path) as draft:
+    with atomic_write(path) as draft:
         video.pack(draft, drawn(), fps)
 
 

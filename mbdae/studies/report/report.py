@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...backend import machine
+from ...backend import machine_description
 from ...errors import InputError
 from ...file_io import write_page
 from ...integrate.solve import solve
@@ -234,6 +234,6 @@ def provenance(parameters: dict[str, Any]) -> dict[str, Any]:
         "command": shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]]),
         "parameters": parameters,
         "versions": {**versions(), "python": platform.python_version()},
-        "machine": machine(),
+        "machine": machine_description(),
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     }

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError
-from ...file_io import write_whole
+from ...file_io import atomic_write
 
 PART, SUFFIX = ".part", ".parquet"
 META = b"mbdae.sweep"
@@ -129,7 +129,7 @@ def write(path: Path, rows: Iterable[Row], kinds: Kinds, meta: Mapping[str, Any]
     table = pa.Table.from_pylist(
         [{**row, **row[MORE]} for row in rows], _schema({**kinds, **dict.fromkeys(more, "float")}, meta)
     )
-    with write_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         pa.parquet.write_table(table.combine_chunks(), temporary)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...backend import choose, known
+from ...backend import checked_backend, select_core
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...integrate.defaults import DEFAULTS
 from ...integrate.span import checked_span
@@ -103,8 +103,8 @@ def sweep(
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
-    there = known if isinstance(executor, Executor) else choose  # which back ends other machines have is theirs to say
-    there(settings.get("backend", "auto"))
+    check = checked_backend if isinstance(executor, Executor) else select_core  # an executor may use other machines
+    check(settings.get("backend", "auto"))
     plan = tasks(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)

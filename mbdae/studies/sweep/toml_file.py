@@ -22,7 +22,7 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from ...errors import InputError
-from ...file_io import text_of
+from ...file_io import read_text
 from ...mechanism.checked_table import Table, one_line
 from ...mechanism.formats.model_library import PARAMETRIC, find, model_names
 from ...mechanism.formats.parametric import split
@@ -77,7 +77,7 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        table = SweepTable.model_validate(tomllib.loads(text_of(path)))
+        table = SweepTable.model_validate(tomllib.loads(read_text(path)))
     except ValidationError as e:
         raise InputError(f"{path}: {one_line(e, _known_keys)}") from None
     except (ValueError, RecursionError) as e:

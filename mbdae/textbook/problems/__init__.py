@@ -5,11 +5,11 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from ...discovery import public
+from ...discovery import public_names
 from ..hessenberg import Hessenberg
 
 TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {
-    name: getattr(import_module(module), name) for name, module in public(__name__).items()
+    name: getattr(import_module(module), name) for name, module in public_names(__name__).items()
 }
 """Every problem by name."""
 globals().update(TEXTBOOK)  # a problem has the name of its function, not of the file

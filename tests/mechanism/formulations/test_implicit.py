@@ -144,8 +144,8 @@ def test_singular_systems_are_named():
     overflows = np.array([[1e-300, 1e300], [-1e-300, 1e300]]) * 1e8
     for matrix, status, said in (
         (np.zeros((2, 2)), "singular", "it is singular"),
-        (np.full((2, 2), np.nan + 0j), "nonfinite", "it has numbers that are not finite"),
-        (overflows, "nonfinite", "it has numbers that are not finite"),
+        (np.full((2, 2), np.nan + 0j), "nonfinite", "it has entries that are not finite"),
+        (overflows, "nonfinite", "it has entries that are not finite"),
     ):
         with pytest.raises(StepError, match=said) as raised:
             factorized(matrix, "it")

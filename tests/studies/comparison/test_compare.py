@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.backend import load as load_core
-from mbdae.backend import machine
+from mbdae.backend import machine_description
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.integrate.binding import common
 from mbdae.studies.comparison import run_queue
@@ -286,7 +286,7 @@ def test_one_back_end_for_all_runs(four_bar):
     methods = ["pherk5", "project:herk5", "ggl:pherk5", "ggl:radau3", "index1:dop853", "index1:RK45"]
     study = mbdae.compare(four_bar, methods=methods, **options)
     assert study.meta["backend"] == "native"
-    assert f"all runs: native back end, steps of index1:RK45 in Python, {machine()}" in str(study)
+    assert f"all runs: native back end, steps of index1:RK45 in Python, {machine_description()}" in str(study)
     written = next(iter(TEXTBOOK.values()))()
     assert common(written, [("index2", None)], "auto") == ("python", "textbook problems")
     with pytest.raises(InputError, match="does not have textbook problems"):

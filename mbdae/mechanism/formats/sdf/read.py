@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
-from ....file_io import text_of
+from ....file_io import read_text
 from ...allowed_paths import AllowedPaths
 from ...checked_table import Table
 from ...closures.closure import Closure
@@ -237,7 +237,7 @@ class SdfModel:
 
 
 def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
-    return read_sdf(text_of(path), path.name, places)
+    return read_sdf(read_text(path), path.name, places)
 
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
