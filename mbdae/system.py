@@ -1,4 +1,4 @@
-"""Interface between problems and methods: all that a method may use of a problem.
+"""Interface between problems and methods: everything that a method may use of a problem.
 
 A problem is an index-2 differential-algebraic equation in Hessenberg form on a manifold,
 
@@ -23,9 +23,10 @@ Array = np.ndarray
 
 @dataclass
 class Counts:
-    """Work done so far: evaluations of f, mass matrices M and constraint Jacobians G; solved stage systems.
+    """Counters of the work done so far.
 
-    Further factorizations of any kind, projections of embedded solutions, and of states at the ends of steps.
+    They count evaluations of f, of the mass matrix M and of the constraint Jacobian G; solved stage systems; all
+    factorizations; projections of embedded solutions, and of states at the ends of steps; Newton iterations.
     """
 
     f: int = 0
@@ -45,8 +46,8 @@ class Counts:
 class State(NamedTuple):
     """State of a one-step method: the point y (n,), and the carry, such as the derivative of an explicit first stage.
 
-    ``compensation`` (ny,) is the rounding error of the increments so far; the next step adds it (compensated summation,
-    Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5), so that many small steps lose few digits.
+    ``compensation`` (ny,) is the accumulated rounding error of the increments, which the next step adds (compensated
+    summation, Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5): many small steps lose few digits.
     """
 
     y: Array
@@ -55,7 +56,7 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of one step: the new state, the method's z (nz,), error vectors (k, ny), one per embedded formula."""
+    """Result of one step: the new state, the z of the method (nz,), error vectors (k, ny), one per embedded formula."""
 
     state: State
     z: Array
@@ -69,7 +70,7 @@ Solver = Callable[[Array, Array], tuple[Array, Array]]
 class Linearization(Protocol):
     """Partial derivatives of E x' = E f(t, x, z), 0 = g(t, x) at a point, with a chosen matrix E; arrays only."""
 
-    def weigh(self, e: Array) -> Array:
+    def apply_E(self, e: Array) -> Array:
         """Return E e, (ny,), of e (ny,)."""
 
     def factorize(self, mu: complex) -> Solver:
@@ -79,7 +80,7 @@ class Linearization(Protocol):
 class Chart(Protocol):
     """A problem in tangent coordinates x (ny,) at the start of a step, y = y_n (+) x (n,); one chart per step.
 
-    x' is (ny,), z as a stage returns it (m,): the unknowns, one for each row in use.
+    x' is (ny,); the z of a stage is (m,), one unknown for each row in use.
     """
 
     def first(self, carry: Any) -> tuple[Array, Array]:
@@ -92,17 +93,17 @@ class Chart(Protocol):
         """Return y_n (+) x, (n,)."""
 
     def all_multipliers(self, z: Array) -> Array:
-        """Return z of the last stage, (m,), in full, (nz,)."""
+        """Return all multipliers (nz,) for the unknowns z (m,) of the last stage."""
 
     def project(self, e: Array) -> Array:
         """Project a small tangent vector e (ny,) at the last stage's point onto the tangent of 0 = g along f_z."""
 
     @property
     def unknowns(self) -> Any:
-        """Identifies the unknown z: values (m,) of other steps can be reused while it is unchanged."""
+        """Identifier of the unknowns z: values (m,) of other steps can be reused if it is equal."""
 
     def start(self) -> tuple[Array, Array]:
-        """Return x' (ny,) at x = 0 and the unknown z (m,) from the hidden constraint."""
+        """Return x' (ny,) at x = 0 and the unknowns z (m,) from the hidden constraint."""
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return E (f(t, x, z) - x'), (ny,), and -g(t, x), (m,), at a stage of an implicit method."""
@@ -115,17 +116,18 @@ class Chart(Protocol):
 
 
 class System(Protocol):
-    """A problem bound to a workspace of one solve (not to be shared between threads).
+    """A problem bound to a workspace of one run (not to be shared between threads).
 
-    Methods with a body apply to problems without row selection, jumps and compiled core.
+    Methods with a default implementation apply to problems without row selection, jumps and compiled core.
 
     Attributes:
         ny: length of tangent vectors; a point y has n components, more than ny if it contains quaternions.
         nz: number of constraints.
         counts: the work done so far.
-        measured: the components of a tangent vector with error control.
+        measured: the components of a tangent vector that enter error norms.
         native: the compiled core, if it computes points and steps.
-        accuracy: of the size of y: Newton's iteration in controlled steps of collocation methods; 0: rounding.
+        accuracy: tolerance, relative to the size of y, of Newton's iteration in controlled steps of collocation
+            methods; 0 for rounding.
     """
 
     ny: int
@@ -136,24 +138,24 @@ class System(Protocol):
     accuracy: float = 0.0
 
     def new_workspace(self) -> "System":
-        """Return another workspace of the problem, in the same back end, with separate counters."""
+        """Return another workspace of the problem, with the same back end and separate counters."""
 
     def order_of(self, tableau: Any) -> int:
-        """Return the order of y that a method claims on a problem like this."""
+        """Return the order of y that a method claims for this kind of problem."""
         return tableau.order
 
     def split(self, y: Array) -> tuple[Array, ...]:
-        """Return the user's view of a point: y itself, or q and v of a mechanism."""
+        """Return a point as users see it: y itself, or q and v of a mechanism."""
         return (y,)
 
     def chart(self, t: float, y: Array) -> Chart:
         """Open a step at (t, y)."""
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Return y' (ny,) in the tangent at y (n,), z (nz,) from g_t + g_y f(t, y, z) = 0: the root near a guess."""
+        """Return y' (ny,) and z (nz,) from g_t + g_y f(t, y, z) = 0; of several roots z, the one near a guess."""
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
-        """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; nan where they cannot be computed."""
+        """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; NaN where they cannot be computed."""
         F, z = np.full((len(t), self.ny), np.nan), np.full((len(t), self.nz), np.nan)
         for i in range(len(t)):
             with suppress(StepError):
@@ -161,9 +163,10 @@ class System(Protocol):
         return F, z
 
     def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
-        """Return a step computed in one call; None if `mbdae.methods` must compute its stages.
+        """Return a step of the compiled core; None if `mbdae.methods` must compute the stages.
 
-        Controlled steps of collocation methods have an error estimate, and fail early; others always have one.
+        Controlled steps of collocation methods have an error estimate, and fail early if the iteration converges
+        slowly; steps of other methods always have an error estimate.
         """
         return None
 
@@ -174,13 +177,13 @@ class System(Protocol):
         """Return y (+) x, (n,)."""
 
     def rounding_loss(self, y0: Array, x: Array, y1: Array) -> Array:
-        """Return the rounding error of x (ny,) in y1 = y0 (+) x (n,), (ny,); zero where the tangent is curved."""
+        """Return the rounding error of y1 = y0 (+) x in the tangent, (ny,); zero for curved components."""
 
     def difference(self, y0: Array, y1: Array) -> Array:
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """Return y (n,) projected onto constraints that methods do not enforce, as positions; if tight, to rounding."""
+        """Return y (n,) projected onto constraints that methods do not enforce (positions); to rounding, if tight."""
         return y
 
     @property
@@ -189,35 +192,42 @@ class System(Protocol):
         return ()
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
-        """Use these rows from now on, until `update_independent_rows` selects others.
+        """Use these rows until `update_independent_rows` selects others.
 
-        Without ``held`` as many others also replace them where they become ill-conditioned.
+        Args:
+            rows: indices of the rows.
+            held: whether they are kept even if they become ill-conditioned; otherwise better rows replace them.
         """
 
     def update_independent_rows(self, t: float, state: State) -> State:
-        """Select the rows in use of the next step, and return the state projected onto them."""
+        """Select the rows in use for the next step, and return the state projected onto them."""
         return state
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which f or y may jump; sign * inf if none.
 
-        At exactly that time, f has its value after the jump (for increasing t).
+        Exactly at that time, f has its value after the jump (for increasing t).
         """
         return sign * np.inf
 
     def jump(self, t: float, y: Array) -> Array:
-        """Return y (n,) just after time t: equal to y except for components that jump there."""
+        """Return y (n,) just after time t: equal to y except for components that jump at t."""
         return y
 
     def size(self, y: Array) -> Array:
         """Magnitude of each tangent component for relative tolerances, (ny,); 1 for rotations."""
 
     def magnitude(self, y: Array) -> Array:
-        """`size`, and what it is measured by where y is near zero: characteristic lengths and the largest speed."""
+        """Return `size` plus characteristic lengths and the largest speed, a scale that never vanishes, (ny,)."""
         return 1 + self.size(y)
 
     def noise(self, y: Array, share: float) -> Array:
-        """Return the rounding error of an error estimate at y, (ny,): `mbdae.methods.tableau.Tableau.noise` of v."""
+        """Return the rounding error of an error estimate at y, (ny,).
+
+        Args:
+            y: the point, (n,).
+            share: rounding error relative to |v|, `mbdae.methods.tableau.Tableau.noise`.
+        """
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
         """Return the norm of (g_y f_z)^-1, the amplification of rounding from g to z."""

@@ -39,12 +39,12 @@ class Columns(NamedTuple):
 class Tabular:
     """Base of the results of studies: display in notebooks, tables in files.
 
-    ``__str__`` describes a result, with a heading in the first line. Optional are `cells`, a table to read, and
-    `tabulated`, numerical columns for further processing.
+    ``__str__`` describes a result, with a heading in the first line. A result may have a table of text (`cells`) and
+    columns of numbers for further processing (`tabulated`).
     """
 
     def cells(self) -> list[list[str]]:
-        """Return the table as text, headings first; empty if the text has none."""
+        """Return the table as text, headings first; empty if there is no table."""
         return []
 
     def remarks(self) -> list[str]:
@@ -61,7 +61,7 @@ class Tabular:
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data: the columns."""
-        return {name: _listed(x) for name, x in self.tabulated().values.items()}
+        return {name: _as_list(x) for name, x in self.tabulated().values.items()}
 
     def to_pandas(self) -> Any:
         """Return the columns as a ``pandas.DataFrame``, units by column in ``attrs["units"]``.
@@ -69,18 +69,18 @@ class Tabular:
         Raises:
             InputError: without pandas, or for a result without columns.
         """
-        pandas, found = needed("pandas"), self.tabulated()
+        pandas, found = optional_package("pandas"), self.tabulated()
         frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in found.values.items()})
         frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
         return frame
 
     def to_xarray(self) -> Any:
-        """Return the columns as an ``xarray.Dataset`` over time, or their independent column, with ``attrs["units"]``.
+        """Return the columns as an ``xarray.Dataset`` over their independent column, with ``attrs["units"]``.
 
         Raises:
             InputError: without xarray, or for a result without columns.
         """
-        xarray, found = needed("xarray"), self.tabulated()
+        xarray, found = optional_package("xarray"), self.tabulated()
         dim = found.over or "row"
         arrays = {}
         for name, x in found.values.items():
@@ -101,7 +101,7 @@ class Tabular:
         return latex(cells, self._heading())
 
     def save(self, path: str | Path) -> None:
-        """Write the columns as .csv, all as .json, or the table as .tex.
+        """Write the columns as .csv, all data as .json, or the table as .tex.
 
         Raises:
             InputError: for another suffix, a result without columns or table, or an unwritable path.
@@ -129,19 +129,19 @@ class Tabular:
         return f"<div><strong>{escape(first)}</strong>{body}{below}</div>"
 
 
-def needed(package: str) -> ModuleType:
+def optional_package(package: str) -> ModuleType:
     """Import an optional package.
 
     Raises:
-        InputError: naming it, if it is missing.
+        InputError: if it is not installed; the message names it.
     """
     try:
         return import_module(package)
     except ImportError:
-        raise InputError(f"this needs the package {package!r}, which is not there: pip install {package}") from None
+        raise InputError(f"this needs the package {package!r}, which is not installed: pip install {package}") from None
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return lines of aligned columns, the first left-aligned and the others right-aligned."""
     widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
     shifted = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
@@ -149,8 +149,8 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def table(cells: Sequence[Sequence[str]]) -> str:
-    """Return a table in HTML, headings first; columns of words are left-aligned. Cells of `Markup` are HTML already."""
-    sides = [' style="text-align: left"' if word else "" for word in wordy(cells[1:])] or [""] * len(cells[0])
+    """Return an HTML table, headings first; columns of text are left-aligned. Cells of type `Markup` are HTML."""
+    sides = [' style="text-align: left"' if word else "" for word in text_columns(cells[1:])] or [""] * len(cells[0])
     head, *body = (
         "".join(f"<{tag}{side}>{escape(c)}</{tag}>" for c, side in zip(row, sides, strict=True))
         for tag, row in zip(["th", *len(cells[1:]) * ["td"]], cells, strict=True)
@@ -159,13 +159,13 @@ def table(cells: Sequence[Sequence[str]]) -> str:
     return f'<div class="wide"><table><tr>{head}</tr>{lines}</table></div>'
 
 
-def wordy(rows: Sequence[Sequence[str]]) -> list[bool]:
-    """Return which columns are words: those in which a cell begins with a letter; none without rows."""
+def text_columns(rows: Sequence[Sequence[str]]) -> list[bool]:
+    """Return for each column whether it is text, that is, a cell begins with a letter; empty without rows."""
     return [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
 
 
 def latex(cells: Sequence[Sequence[str]], heading: str = "") -> str:
-    """Return a table in LaTeX, headings first, numbers like 1.2e-05 as powers of ten; the heading is a comment."""
+    """Return a LaTeX table, headings first, with powers of ten for numbers like 1.2e-05; the heading is a comment."""
     heads, *rows = ([_cell(c) for c in row] for row in cells)
     body = [" & ".join(row) + r" \\" for row in (heads, *rows)]
     above = [f"% {heading}", r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}"]
@@ -180,14 +180,14 @@ def _cell(text: str) -> str:
 
 
 def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
-    """Write columns of equal length, by name, as comma-separated values; columns of (n, k) are split, from 0."""
+    """Write columns of equal length as comma-separated values; an (n, k) column is split into k columns, from 0."""
     flat: dict[str, Any] = {}
     for name, x in columns.items():
         flat |= {name: x} if np.ndim(x) < 2 else {f"{name}[{i}]": part for i, part in enumerate(np.asarray(x).T)}
     with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(flat)
-        out.writerows(zip(*(_listed(x) for x in flat.values()), strict=True))
+        out.writerows(zip(*(_as_list(x) for x in flat.values()), strict=True))
 
 
 def finite(data: Any) -> Any:
@@ -199,5 +199,5 @@ def finite(data: Any) -> Any:
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
-def _listed(x: Any) -> list[Any]:
+def _as_list(x: Any) -> list[Any]:
     return x.tolist() if isinstance(x, np.ndarray) else list(x)

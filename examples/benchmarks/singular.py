@@ -40,7 +40,7 @@ OUTCOMES = ("right", "loose", "stopped", "slow", "v there", "wrong, told", "sile
 NEAR = 1e-2  # rad, m, and relative: right
 LOOSE = 100.0  # times rtol: accumulated errors of steps as a change of the speed at the start
 REGULAR = 0.1  # of the largest ratio of singular values: lam is compared above
-TOLD = "went over to another branch", "rows that depended on others"
+TOLD = "left its branch there", "rows that depended on others"
 KEPT = 300  # nodes at which a run is compared
 EXPLICIT_STEPS, IMPLICIT_STEPS = 20000, 1500
 

@@ -29,7 +29,7 @@ def completed(names: Callable[[], Iterable[str]], *, files: bool = True) -> Comp
 
     Args:
         names: the valid names.
-        files: the word may also be the path of a file.
+        files: whether the word may also be the path of a file.
     """
 
     def complete(context: Context, parameter: Parameter, word: str) -> list[CompletionItem]:

@@ -1,8 +1,8 @@
-"""Ctrl-C on the command line: an error that commands catch; during an import one line, and exit.
+"""Ctrl-C on the command line: an exception that commands catch; during an import, one line of text and exit.
 
-Imported first, since imports continue while commands start. An exception would surface inside the imports of other
-packages, which may change it. Only during Python's imports before mbdae, a tenth of a second with `site`, Ctrl-C
-causes Python's traceback.
+This module is imported first, since commands import further modules while they start. An exception would be raised
+inside the imports of other packages, which may change it. Only during Python's own start-up, a tenth of a second, does
+Ctrl-C cause a traceback.
 """
 
 import os

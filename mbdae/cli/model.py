@@ -64,12 +64,12 @@ class ChosenModel:
 
     @property
     def textbook(self) -> bool:
-        """Whether it is a textbook problem."""
+        """Whether the name is that of a textbook problem."""
         return self.name in public_names("mbdae.textbook.problems")
 
     @property
     def source(self) -> "str | Mechanism":
-        """The name, or the mechanism if it has another start."""
+        """The name, or the mechanism if start values are given."""
         return self.load() if self.start else self.name
 
 
@@ -104,4 +104,4 @@ def model_argument(command: Callable[..., Any], names: Callable[[], list[str]] =
 
 
 problem_argument = partial(model_argument, names=problems)
-"""The same, where it may be a problem of textbooks."""
+"""The same for commands that also accept a textbook problem."""

@@ -10,32 +10,34 @@ from ..backend import BACKENDS
 from ..integrate.defaults import DEFAULTS
 from .completion import FORMULATIONS, completed, methods
 from .signature import REQUIRED, Argument, arguments_of
-from .values import TimeSpan, listed, locked_joints, parsed_numbers, values_by_name
+from .values import TimeSpan, locked_joints, parsed_numbers, split_names, values_by_name
 
 Decorator = Callable[..., Any]
 LETTERS = {"actuator": "-a", "method": "-m", "parameter": "-p", "signal": "-s", "T": "-t"}
-READERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options given several times, by annotation
+PARSERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options that can be repeated, by annotation
     "Sequence[float]": lambda values, option: parsed_numbers(values, float, option),
     "Sequence[int]": lambda values, option: parsed_numbers(values, int, option),
     "Hold": locked_joints,
     "Mapping[str, float]": values_by_name,
-    "Sequence[str]": lambda values, option: listed(values),
-    "Iterable[str]": lambda values, option: listed(values),
+    "Sequence[str]": lambda values, option: split_names(values),
+    "Iterable[str]": lambda values, option: split_names(values),
 }
 SCALARS: dict[str, Any] = {"float": float, "int": int, "str": str}
 
 
-def several(*names: str, kind: str, default: Any = None, **settings: Any) -> Decorator:
-    """Return an option that is given several times, or once with commas, read by the annotation of its argument."""
-    read = READERS[kind]
+def multiple_option(*names: str, kind: str, default: Any = None, **settings: Any) -> Decorator:
+    """Return an option that can be repeated or contain a list with commas, parsed by the annotation of its argument."""
+    parse = PARSERS[kind]
     return click.option(
-        *names, multiple=True, callback=lambda _, option, values: read(values, option.opts[-1]) or default, **settings
+        *names, multiple=True, callback=lambda _, option, values: parse(values, option.opts[-1]) or default, **settings
     )
 
 
-def several_methods(help: str = "A method; several times for several.") -> Decorator:
-    """Return the option of several methods."""
-    return several("-m", "--method", "methods", kind="Sequence[str]", help=help, shell_complete=completed(methods))
+def methods_option(help: str = "A method; several times for several.") -> Decorator:
+    """Return the option for one or several methods."""
+    return multiple_option(
+        "-m", "--method", "methods", kind="Sequence[str]", help=help, shell_complete=completed(methods)
+    )
 
 
 SHARED: dict[str, Decorator] = {
@@ -44,7 +46,7 @@ SHARED: dict[str, Decorator] = {
         "-m", "--method", help=f"A name of `mbdae methods`; the model's own, or {DEFAULTS['method']}.",
         shell_complete=completed(methods),
     ),
-    "methods": several_methods(),
+    "methods": methods_option(),
     "t_span": click.option(
         "-t", "--t-span", type=TimeSpan(), help="End time in s, or start,end; from 0 to the model's own when left out."
     ),
@@ -56,22 +58,22 @@ SHARED: dict[str, Decorator] = {
     "formulation": click.option(
         "--formulation",
         shell_complete=completed(lambda: FORMULATIONS, files=False),
-        help="index2; ggl: positions of closures kept too; index1: accelerations, -m dop853, or scipy's RK45, ...",
+        help="index2; ggl: closures also at position level; index1: accelerations, -m dop853, or scipy's RK45, ...",
     ),
     "project": click.option(
-        "--project/--no-project", default=None, help="Bring the state back to the closures after each step, or not."
+        "--project/--no-project", default=None, help="Project the state onto the closures after each step, or not."
     ),
     "backend": click.option(
         "--backend", type=click.Choice(BACKENDS), default="auto", show_default=True,
         help="The compiled core, or Python.",
     ),
-    "q": several(
+    "q": multiple_option(
         "--q", "q", kind="Mapping[str, float]", help="Search from joint=value, in rad or m; else from the start."
     ),
-    "v": several(
+    "v": multiple_option(
         "--v", "v", kind="Mapping[str, float]", help="A constant speed, joint=value, in rad/s or m/s."
     ),
-    "hold": several("--hold", kind="Iterable[str]", default=(), help="A joint to lock where it starts."),
+    "hold": multiple_option("--hold", kind="Iterable[str]", default=(), help="A joint to lock where it starts."),
     "t": click.option("-t", "t", type=float, default=0.0, show_default=True, help="Time in s, for drivers."),
     "from": click.option("--from", "first", type=float, help="Start of the span, in rad or m; with --to."),
     "to": click.option("--to", "last", type=float, help="End of the span."),
@@ -96,8 +98,8 @@ def options_of(package: str, study: str, words: str, types: Mapping[str, Any]) -
 
     Args:
         package: dotted name of the folder of the study.
-        study: its name.
-        words: the arguments; ``signal`` is an option that gives the argument ``signals`` several values.
+        study: name of the study.
+        words: names of the arguments; ``signal`` is a repeatable option for the argument ``signals``.
         types: click types that are narrower than the annotations.
     """
     out = []
@@ -112,9 +114,9 @@ def options_of(package: str, study: str, words: str, types: Mapping[str, Any]) -
 def _option(names: list[str], argument: Argument, kind: Any) -> Decorator:
     """Return the option for an argument, by its annotation."""
     kinds, default = argument.kinds, argument.default
-    read = next((kind for kind in READERS if kind in kinds), None)
-    if read:
-        return several(*names, kind=read, default=default, help=argument.help)
+    repeatable = next((kind for kind in PARSERS if kind in kinds), None)
+    if repeatable:
+        return multiple_option(*names, kind=repeatable, default=default, help=argument.help)
     if kinds == ("bool",):
         return click.option(*names, is_flag=True, help=argument.help)
     literal = next((kind for kind in kinds if kind.startswith("Literal[")), None)

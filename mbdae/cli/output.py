@@ -62,7 +62,7 @@ PLOT = output_file(
 
 
 def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
-    """Check files to be written before anything is computed; return those that are given.
+    """Check output files before anything is computed; return the paths that are given.
 
     Raises:
         InputError: for an invalid suffix, or a folder that does not exist.
@@ -79,28 +79,28 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     return [path for path, _ in named]
 
 
-def finish(sol: "Solution") -> None:
-    """Exit 1, with the reason on stderr, if a run did not come to its end."""
+def exit_unless_successful(sol: "Solution") -> None:
+    """Exit with code 1, and the reason on stderr, if a run was not successful."""
     if not sol.success:
         click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
         sys.exit(FAILED)
 
 
-def stopped(what: str) -> NoReturn:
-    """Exit 1 after the user stopped a study, reporting on stderr whether partial results exist."""
+def exit_interrupted(what: str) -> NoReturn:
+    """Exit with code 1 after the user stopped a study; ``what`` describes, on stderr, what is missing."""
     click.echo(printable(f"mbdae: stopped by the user {what}"), err=True)
     sys.exit(FAILED)
 
 
 def emit(data: Any, text: str, as_json: bool) -> None:
-    """Print a result as one JSON document, numbers that are not finite as null, or as text."""
+    """Print a result as text, or as one JSON document with null for numbers that are not finite."""
     from ..tabular import finite
 
     click.echo(json.dumps(finite(data), allow_nan=False) if as_json else printable(text))
 
 
-def show(rows: list[dict[str, Any]], as_json: bool) -> None:
-    """Print rows as a table, or as JSON; on narrow screens words are wrapped, except in the first column."""
+def print_table(rows: list[dict[str, Any]], as_json: bool) -> None:
+    """Print rows as a table, or as JSON; on narrow screens text is wrapped, except in the first column."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

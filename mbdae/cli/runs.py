@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 def span(mech: "Problem", t_span: tuple[float, ...] | None) -> tuple[float, float]:
-    """The time span of an option: from 0 to an end or to the model's own, or from a start to an end.
+    """Return the time span of an option: from 0 to an end or to the duration of the model, or from a start to an end.
 
     Raises:
-        InputError: for an end alone that is not positive, or an empty span.
+        InputError: for a single end time that is not positive, or an empty span.
     """
     from ..integrate.span import checked_span
 
@@ -30,16 +30,16 @@ def simulate(
     step: float | None,
     **options: Any,
 ) -> "Solution":
-    """Run a model from its start with a progress bar; None settings are those of its file, or the defaults.
+    """Run a model from its start with a progress bar; None means the setting of its file, or the default.
 
     Raises:
         InputError: for tolerances together with a fixed step, and as for `mbdae.solve`.
     """
-    from ..integrate.settings import completed
+    from ..integrate.settings import complete_settings
     from ..integrate.solve import solve
 
     if step is not None and (rtol is not None or options.get("atol") is not None):
-        raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
+        raise InputError("give --step for a fixed step size, or --rtol and --atol for step-size control, not both")
     given = {"method": method, "rtol": rtol, "step": step, **options}
-    with progress_bar(str(completed(mech, given)["method"]), 1.0) as report:
+    with progress_bar(str(complete_settings(mech, given)["method"]), 1.0) as report:
         return solve(mech, span(mech, t_span), progress=report, **given)

@@ -1,6 +1,6 @@
 """Arguments of a public function, read from its source text: names, annotations, defaults and descriptions.
 
-Importing a study takes a second, and completion and ``--help`` need its arguments only.
+Importing a study takes a second; completion and ``--help`` need only its arguments.
 """
 
 import ast
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ..discovery import public_names
 
-REQUIRED = object()  # the default of an argument without one
+REQUIRED = object()  # default of required arguments
 
 
 class Argument(NamedTuple):
@@ -20,7 +20,7 @@ class Argument(NamedTuple):
 
     Attributes:
         kinds: the alternatives of its annotation, without None: ``("str", "Sequence[str]")``.
-        default: its value when left out; `REQUIRED` without one.
+        default: its value when left out; `REQUIRED` for a required argument.
         help: the first sentence of its description in the docstring.
     """
 
@@ -48,7 +48,7 @@ def arguments_of(package: str, name: str) -> dict[str, Argument]:
 
 
 def _kinds(annotation: ast.expr | None, text: str) -> tuple[str, ...]:
-    """Return the alternatives of an annotation; a name of choices in the file, ``Find = Literal[...]``, is replaced."""
+    """Return the alternatives of an annotation; an alias in the file, ``Find = Literal[...]``, is resolved."""
     kinds: list[str] = []
     while isinstance(annotation, ast.BinOp):
         kinds.insert(0, ast.unparse(annotation.right))

@@ -11,14 +11,14 @@ import click
 from ..discovery import lazy_import, public_names
 from .model import model_argument
 from .options import SHARED, Decorator, options_of
-from .output import HOLDS, OutputFile, emit, stopped, writable
+from .output import HOLDS, OutputFile, emit, exit_interrupted, writable
 from .values import span_of
 
 Study = Callable[..., Any]
 
 
 class Result(Protocol):
-    """Result of a study; it has `save` and `plot` where its command has these options."""
+    """Result of a study, with methods `save` and `plot` if its command has these options."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""
@@ -99,7 +99,7 @@ def study_command(
         words: options of the study, see `options_of`.
         files: files that the result writes.
         exit_code: exit code by the result.
-        missing: description of what a stopped study did not finish; empty if it finished.
+        missing: description of what an interrupted study did not finish; empty for a finished study.
         settings: as for `command`.
     """
 
@@ -113,7 +113,7 @@ def study_command(
                     file.write(found, path, given)
             out.emit(found.to_dict(), str(found))
             if missing(found):
-                stopped(missing(found))
+                exit_interrupted(missing(found))
             sys.exit(exit_code(found))
 
         return command(words, *files, **settings)(deliver)

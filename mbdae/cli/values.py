@@ -26,7 +26,7 @@ class TimeSpan(click.ParamType):
 
 
 def span_of(first: float | None, last: float | None) -> tuple[float, float] | None:
-    """The span of ``--from`` and ``--to``; None without both.
+    """Return the span of ``--from`` and ``--to``; None without both.
 
     Raises:
         InputError: for one of them without the other.
@@ -36,13 +36,13 @@ def span_of(first: float | None, last: float | None) -> tuple[float, float] | No
     return None if first is None or last is None else (first, last)
 
 
-def listed(values: Iterable[str]) -> list[str]:
-    """Return names of an option given several times, or once with commas; numbers belong to the name before."""
+def split_names(values: Iterable[str]) -> list[str]:
+    """Return names from a repeated option or a list with commas; numbers after a comma belong to the name before."""
     return [text for value in values for text in re.split(r",(?=[A-Za-z])", value) if text]
 
 
 def parsed_numbers(values: Iterable[str], kind: Any, name: str) -> list[Any] | None:
-    """Return numbers of an option given several times, or once with commas; None when left out.
+    """Return numbers from a repeated option or a list with commas; None when left out.
 
     Raises:
         InputError: naming the option.
@@ -54,13 +54,13 @@ def parsed_numbers(values: Iterable[str], kind: Any, name: str) -> list[Any] | N
 
 
 def values_by_name(texts: Iterable[str], option: str) -> dict[str, Any]:
-    """Return numbers of an option ``name=value`` given several times; several numbers with commas are a list.
+    """Return numbers by name from a repeated option ``name=value``; numbers separated by commas become a list.
 
     Raises:
         InputError: naming the option.
     """
     out: dict[str, Any] = {}
-    for text in listed(texts):
+    for text in split_names(texts):
         name, _, value = text.partition("=")
         found = parsed_numbers((value,), float, f"{option} {name}") if value else None
         if not found:
@@ -70,13 +70,13 @@ def values_by_name(texts: Iterable[str], option: str) -> dict[str, Any]:
 
 
 def locked_joints(texts: Iterable[str], option: str) -> dict[str, float | None]:
-    """Return joints of an option ``name`` or ``name=value``, and where they are locked: None where they start.
+    """Return joints from an option ``name`` or ``name=value``, with their locked values; None for the start value.
 
     Raises:
         InputError: naming the option.
     """
     out: dict[str, float | None] = {}
-    for text in listed(texts):
+    for text in split_names(texts):
         name, given, value = text.partition("=")
         try:
             out[name] = float(value) if given else None

@@ -1,4 +1,4 @@
-"""Backward steps from a run's last node, to states that a polynomial continues across a singular configuration."""
+"""Backward steps from the last node of a run: states from which a polynomial crosses a singular configuration."""
 
 from dataclasses import dataclass, replace
 
@@ -16,40 +16,42 @@ from .run_state import RunState
 from .steppers.adaptive import Adaptive
 from .steppers.native import NativeStepper
 
-SHARPER, SHARPEST = NEGLIGIBLE, SOLUTION_ROUNDING  # times rtol, and the smallest rtol
-MOST = 100  # steps from one time to the next; twice the largest number ever needed
+RTOL_FACTOR, MIN_RTOL = NEGLIGIBLE, SOLUTION_ROUNDING  # tolerance of these steps relative to rtol, and its minimum
+MAX_STEPS = 100  # from one time to the next; twice the largest number ever needed
+SOURCES = (UserEvents, Jumps)  # sources of events of the backward runs
 
 
 @dataclass(frozen=True)
 class BackwardStepper:
-    """Takes backward steps from a run's last node.
+    """Backward steps from the last node of a run.
+
+    They use the default method: a method of low order would need thousands of steps for this accuracy.
 
     Attributes:
         run: the run.
-        rtol: tolerance of these steps, with the default method: a low-order method would need thousands of accurate
-            ones.
-        anywhere: whether it may start at any node; otherwise, for an implicit method of stiff motions, only at the
+        rtol: relative tolerance of these steps.
+        from_any_node: whether they may start at any node; if not (implicit methods, for stiff motions), only at the
             first node of a smooth interval, where no earlier steps exist.
     """
 
     run: RunState
     rtol: float
-    anywhere: bool
+    from_any_node: bool
 
     @classmethod
-    def of(cls, run: RunState, rtol: float) -> "BackwardStepper | None":
-        """Return the backward stepper of a run; None if forces cannot be integrated backwards."""
+    def from_run(cls, run: RunState, rtol: float) -> "BackwardStepper | None":
+        """Return the backward stepper of a run; None if forces cannot be integrated backward in time."""
         try:
             run.system.breakpoint(run.t, -run.sign)
         except InputError:  # a sampled controller
             return None
-        return cls(run, max(SHARPER * rtol, SHARPEST), isinstance(run.tableau, Tableau))
+        return cls(run, max(RTOL_FACTOR * rtol, MIN_RTOL), isinstance(run.tableau, Tableau))
 
     def __call__(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, in turn.
+        """Return times (k,), points (k, ...) and rates (k, ny): first at the last node, then at earlier times.
 
         Raises:
-            StepError: if they cannot be reached.
+            StepError: if a time cannot be reached.
         """
         run, tableau = self.run, method(DEFAULTS["method"])
         system = run.system.new_workspace()
@@ -58,12 +60,12 @@ class BackwardStepper:
         for t in times.tolist():
             control = Adaptive(tableau.error_power, self.rtol, None, None, np.inf)
             stepper = NativeStepper(control, system, tableau, True) if system.native else control
-            ahead = {"method": tableau, "project": True, "t0": ts[-1], "t1": t, "end": t, "jumps": (), "events": ()}
-            back = RunState(run.problem, replace(run.options, **ahead), system, stepper, ys[-1], (UserEvents, Jumps))
-            back.begin()
-            rates.append(back.F)
-            time_loop(back, MOST)
+            options = {"method": tableau, "project": True, "t0": ts[-1], "t1": t, "end": t, "jumps": (), "events": ()}
+            backward = RunState(run.problem, replace(run.options, **options), system, stepper, ys[-1], SOURCES)
+            backward.begin()
+            rates.append(backward.F)
+            time_loop(backward, MAX_STEPS)
             ts.append(t)
-            ys.append(back.ys[-1])
+            ys.append(backward.ys[-1])
         rates.append(system.derivative(ts[-1], ys[-1])[0])
         return np.array(ts), np.array(ys), np.array(rates)

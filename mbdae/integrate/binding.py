@@ -10,39 +10,41 @@ from ..system import System
 
 
 def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str) -> tuple[System, str]:
-    """Bind a problem to a workspace, of the compiled core where possible.
+    """Bind a problem to a workspace; to one of the compiled core, where possible.
 
     Returns:
-        The workspace; and, for ``backend="auto"``, why the run cannot use the core, or "".
+        The workspace; and, for ``backend="auto"``, the reason why the run cannot use the core, or "".
 
     Raises:
         InputError: for ``backend="native"`` if the core is missing or does not support the problem.
         UnknownNameError: for an unknown back end or formulation.
     """
-    missing = "" if isinstance(problem, Mechanism) else "textbook problems"
+    unsupported = "" if isinstance(problem, Mechanism) else "textbook problems"
     system = problem.workspaces.acquire if isinstance(problem, Mechanism) else problem.system
-    native = None if missing and backend in ("auto", "native") else select_core(backend)
+    native = None if unsupported and backend in ("auto", "native") else select_core(backend)
     if native:
         try:
             return system(formulation, baumgarte, native), ""
         except NotCompiled as e:
-            missing = str(e)
-    if missing and backend == "native":
-        raise InputError(f"backend='native' does not have {missing}: take 'auto' or 'python'")
-    why = "" if backend == "python" else missing or status()
-    return system(formulation, baumgarte), why
+            unsupported = str(e)
+    if unsupported and backend == "native":
+        raise InputError(f"backend='native' does not support {unsupported}: use 'auto' or 'python'")
+    reason = "" if backend == "python" else unsupported or status()
+    return system(formulation, baumgarte), reason
 
 
-def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str) -> tuple[str, str]:
+def common_backend(
+    problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str
+) -> tuple[str, str]:
     """Choose one back end for several runs, so that their computing times are comparable.
 
     Args:
         problem: a mechanism or a textbook problem.
-        runs: formulation, and alpha and beta of Baumgarte's terms.
-        backend: as of `mbdae.solve`.
+        runs: formulation, and Baumgarte's parameters alpha and beta, of each run.
+        backend: as for `mbdae.solve`.
 
     Returns:
-        ``"native"`` or ``"python"``; and why one of the runs cannot use the core, or "".
+        ``"native"`` or ``"python"``; and the reason why one of the runs cannot use the core, or "".
 
     Raises:
         InputError: for ``backend="native"`` if the core does not support all of them.
@@ -50,8 +52,8 @@ def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]],
     """
     reasons = set()
     for run in runs:
-        system, why = bind(problem, *run, checked_backend(backend))
-        reasons.add(why)
+        system, reason = bind(problem, *run, checked_backend(backend))
+        reasons.add(reason)
         if isinstance(problem, Mechanism):
             problem.workspaces.release(system)  # type: ignore[arg-type]
     because = "; ".join(sorted(reasons - {""}))

@@ -1,11 +1,11 @@
-"""Carries of a run's method at its nodes, kept for short runs so that gradients need not recompute them."""
+"""Carries of the method at the nodes of a run: stored for short runs, which saves gradients from recomputing them."""
 
 from typing import Any
 
 import numpy as np
 
 from ..system import Array, State
-from .checkpoints import SHORT
+from .checkpoints import MAX_STORED
 
 
 class CarryRecord:
@@ -13,42 +13,42 @@ class CarryRecord:
 
     def __init__(self) -> None:
         self.rows: dict[int, Array] = {}
-        self.renewed: set[int] = set()
+        self.restarted: set[int] = set()
 
     def capacity_left(self, n: int) -> int:
-        """Return the number of further nodes that can be kept after the first n."""
-        return max(SHORT - n, 0)
+        """Return for how many nodes after the first n carries can be stored."""
+        return max(MAX_STORED - n, 0)
 
-    def note(self, i: int, carry: Any, restarted: bool = False) -> None:
+    def store(self, i: int, carry: Any, restarted: bool = False) -> None:
         """Store the carry at node i."""
-        if i < SHORT and isinstance(carry, np.ndarray):
+        if i < MAX_STORED and isinstance(carry, np.ndarray):
             self.extend(i, carry[None], [0] if restarted else [])
 
-    def extend(self, first: int, carries: Array, renewed: list[int]) -> None:
+    def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
         """Store the carries of several nodes, (k, nc), some of them restarted."""
-        at = range(first, first + len(carries))
-        self.rows.update(zip(at, carries, strict=True))
-        self.renewed -= set(at)
-        self.renewed |= {first + i for i in renewed}
+        nodes = range(first, first + len(carries))
+        self.rows.update(zip(nodes, carries, strict=True))
+        self.restarted -= set(nodes)
+        self.restarted |= {first + i for i in restarted}
 
-    def of(self, n: int) -> "tuple[Array, list[int]] | None":
-        """Return the carries at nodes 0 to n - 2, (n - 1, nc), and the restarted ones; None if they are not known."""
+    def up_to(self, n: int) -> "tuple[Array, list[int]] | None":
+        """Return the carries at nodes 0 to n - 2, (n - 1, nc), and the restarted nodes; None if one is not stored."""
         sizes = {len(self.rows.get(i, ())) for i in range(n - 1)}
         if len(sizes) != 1 or 0 in sizes:
             return None
-        return np.array([self.rows[i] for i in range(n - 1)]), sorted(i for i in self.renewed if i < n)
+        return np.array([self.rows[i] for i in range(n - 1)]), sorted(i for i in self.restarted if i < n)
 
 
 class RecordedStates:
-    """States of a run with recorded carries, see `mbdae.integrate.checkpoints`."""
+    """States of a run with stored carries, with the interface of `mbdae.integrate.checkpoints.Checkpoints`."""
 
     def __init__(self, ys: Array, carries: Array) -> None:
         self.ys, self.carries, self.length = ys, carries, len(ys)
 
     def __getitem__(self, i: int) -> State:
-        """Return the state at node i, from which a step continues."""
+        """Return the state at node i, from which the next step starts."""
         return State(self.ys[i], self.carries[i])
 
-    def carried(self, i: int, j: int) -> Array:
+    def carries_between(self, i: int, j: int) -> Array:
         """Return the carries at nodes i to j - 1, (j - i, nc)."""
         return self.carries[i:j]

@@ -1,7 +1,8 @@
-"""Checkpointed states of repeatable steps: every k-th one is kept, those between are recomputed.
+"""Checkpoints of a run: every k-th state is stored, and the states in between are recomputed.
 
-For n steps and k near the root of n that is 2 k states instead of n, at the cost of repeating each step once (Griewank,
-Optim. Methods Softw. 1 (1992), one level). A repeated segment is bitwise equal, as steps are functions of their start.
+For n steps and k close to the square root of n, this stores 2 k states instead of n, at the cost of repeating each step
+once (Griewank, Optim. Methods Softw. 1 (1992), one level). A recomputed segment is bitwise equal, since a step depends
+only on the state at its start.
 """
 
 from collections.abc import Callable
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..system import Array, State
 
-SHORT = 1000  # steps up to which all states are kept
+MAX_STORED = 1000  # states; runs with fewer steps store all
 
 Recompute = Callable[[int, int, State], list[State]]
 
@@ -22,33 +23,33 @@ class Checkpoints:
     Args:
         n: number of nodes.
         start: the state at node 0.
-        walk: i, j and the state at node i -> the states at nodes i, ..., j. Called for all nodes once, later segment by
-            segment.
+        recompute: (i, j, state at node i) -> the states at nodes i, ..., j; called once for all nodes, later for single
+            segments.
 
     Attributes:
-        length: of a segment, in nodes: k.
+        length: number of nodes of a segment, k.
     """
 
-    def __init__(self, n: int, start: State, walk: Recompute) -> None:
-        self.n, self.walk, self.length = n, walk, max(SHORT, isqrt(n))
-        self.kept = [start]
-        while len(self.kept) * self.length < n:
-            self.kept.append(self._found(len(self.kept) - 1).pop())
-        self._found(len(self.kept) - 1)
+    def __init__(self, n: int, start: State, recompute: Recompute) -> None:
+        self.n, self.recompute, self.length = n, recompute, max(MAX_STORED, isqrt(n))
+        self.saved = [start]
+        while len(self.saved) * self.length < n:
+            self.saved.append(self._recompute_segment(len(self.saved) - 1).pop())
+        self._recompute_segment(len(self.saved) - 1)
 
     def __getitem__(self, i: int) -> State:
         """Return the state at node i."""
         return self.segment(i // self.length)[i % self.length]
 
-    def carried(self, i: int, j: int) -> Array:
+    def carries_between(self, i: int, j: int) -> Array:
         """Return the carries at nodes i to j - 1, (j - i, nc)."""
         return np.array([self[k].carry for k in range(i, j)])
 
     def segment(self, j: int) -> list[State]:
-        """Return the states at nodes j k, ..., j k + k - 1, possibly with one more."""
-        return self._states if j == self._at else self._found(j)
+        """Return the states at nodes j k, ..., j k + k - 1, possibly followed by one more."""
+        return self._states if j == self._at else self._recompute_segment(j)
 
-    def _found(self, j: int) -> list[State]:
+    def _recompute_segment(self, j: int) -> list[State]:
         first = j * self.length
-        self._at, self._states = j, self.walk(first, min(first + self.length, self.n - 1), self.kept[j])
+        self._at, self._states = j, self.recompute(first, min(first + self.length, self.n - 1), self.saved[j])
         return self._states

@@ -1,4 +1,4 @@
-"""Default settings of a run, for those that neither its arguments nor the mechanism's file specify."""
+"""Default settings of a run, used where neither its arguments nor the mechanism file specify them."""
 
 from math import inf
 from typing import Any

@@ -2,20 +2,20 @@
 
 from ..errors import InputError
 from ..mechanism import Mechanism
-from ..methods import Tableau, method_of
+from ..methods import Tableau, method_from_settings
 from ..methods.radau import RadauIIA
 from ..solution.solution import Solution
 
 
 def require_differentiable(sol: Solution) -> Mechanism:
-    """Return the mechanism of a run whose steps can be repeated.
+    """Return the mechanism of a run that can be recomputed and differentiated.
 
     Raises:
-        InputError: names the unsupported feature.
+        InputError: for other runs; the message names the unsupported feature.
     """
     mech, s = sol.mechanism, sol.settings
     form = s.get("formulation")
-    if form not in ("index2", "ggl") or not isinstance(method_of(s), Tableau | RadauIIA):
+    if form not in ("index2", "ggl") or not isinstance(method_from_settings(s), Tableau | RadauIIA):
         known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
         raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
     if not sol.ended:
@@ -31,7 +31,7 @@ def require_differentiable(sol: Solution) -> Mechanism:
 
 
 def _first_switch(sol: Solution) -> str:
-    """Return the first mode change in words."""
+    """Return the name of the switch that changes first."""
     if sol.impacts:
         return sol.impacts[0].where[0]
     changes = zip(sol.mechanism.switches, sol.modes[0][1], sol.modes[1][1], strict=True)

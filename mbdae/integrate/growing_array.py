@@ -1,4 +1,4 @@
-"""A table of numbers to which rows are appended."""
+"""An array to which rows are appended."""
 
 from typing import Any
 
@@ -8,9 +8,9 @@ from ..system import Array
 
 
 class GrowingArray:
-    """Rows of equal length with the interface of a list; as an array, `numpy` copies the current rows.
+    """Rows of equal length, with the interface of a list; conversion to a numpy array copies the current rows.
 
-    A row counts only when it is completely written, so that an interrupt leaves the table readable.
+    The length is updated after a row is completely written, so an interrupt leaves the array consistent.
     """
 
     def __init__(self, first: Array) -> None:

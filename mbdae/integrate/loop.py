@@ -3,13 +3,13 @@
 Until the end of the span:
 
 1. the stepper advances: one step in Python, or many in the compiled core, which returns when Python is needed (a
-singular configuration, an event function, a progress report); a source of events may take its place, to cross a
-singular configuration;
+singular configuration, an event function, a progress report); alternatively, a source of events replaces the step, to
+cross a singular configuration;
 2. each source of events returns its first event in the last step (`mbdae.integrate.events.source`);
 3. the earliest one acts: the run ends, or continues in another mode or after a jump.
 
-On both back ends, each step is proposed, taken, compared with the tolerance, projected onto the closures if the run
-projects, and accepted or rejected; then the rows of the next one are chosen
+On both back ends, a step is proposed and taken, its error is compared with the tolerance, its end is projected onto the
+closures if the run projects, and the step is accepted or rejected; then the rows of the next step are selected
 (`mbdae.system.System.update_independent_rows`).
 """
 
@@ -41,7 +41,7 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
     except StepError as e:
         if isinstance(e, EventError):
             run.drop_nodes_after(e.node)
-        if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
+        if e.status == "force" and len(run.ts) == 1:  # no step was taken: an error in the law
             raise InputError(str(e)) from e
         for source in run.sources:
             e = source.explain(run, e)
@@ -50,13 +50,13 @@ def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) 
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     if stopped:
         return "event", f"{STATUS['event']} at t = {run.t:.17g}"
-    asked = run.options.t1
-    words = "" if run.t == asked else next((x for d in run.problem.drivers if (x := d.outside(asked))), "")
-    return ("driver", words) if words else ("finished", STATUS["finished"])
+    t1 = run.options.t1
+    undefined = "" if run.t == t1 else next((x for d in run.problem.drivers if (x := d.outside(t1))), "")
+    return ("driver", undefined) if undefined else ("finished", STATUS["finished"])
 
 
 def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
-    """Step to the end of the span; True if an event stopped the run before."""
+    """Step to the end of the span; return True if an event stopped the run before."""
     total = run.time_left()
     while run.time_left() > 0:
         before = len(run.ts)
@@ -74,10 +74,10 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
 
 
 def _advance(run: RunState, max_steps: int | None) -> State | None:
-    """Try a step, or several; return the state at its start, None if a source replaced the step.
+    """Try one or several steps; return the state at the start of the last one, None if a source replaced the step.
 
     Raises:
-        StepError: after the largest number of steps.
+        StepError: if the largest number of steps is reached.
     """
     left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
     if left is not None and left <= 0:
@@ -90,11 +90,11 @@ def _advance(run: RunState, max_steps: int | None) -> State | None:
 
 
 def _rejected(run: RunState, step: StepMap) -> bool:
-    """Undo the last step if a source cannot detect its events in it, and return True."""
+    """Undo the last step, and return True, if a source cannot detect its events in such a long step."""
     if not step.start or not any(source.rejects(step) for source in run.sources):
         return False
-    run.stepper.take_back()
-    run.take_back(step.start)
+    run.stepper.undo_step()
+    run.undo_step(step.start)
     run.rejected = (run.rejected or 0) + 1
     return True
 
@@ -103,10 +103,10 @@ def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
     """Let the source of the earliest event in the last step act; return whether that ends the run."""
     acting = list[EventSource]()
     for source in run.sources:
-        event = source.first(step)
+        event = source.first_event(step)
         if event is None:
             continue
-        if event.end is not None or event.t != step.t1:  # before the events found so far
+        if event.end is not None or event.t != step.t1:  # earlier than the previous events
             run.truncate(step, event)
             acting.clear()
         acting.append(source)

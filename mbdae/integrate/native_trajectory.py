@@ -1,4 +1,4 @@
-"""Steps of a trajectory in the compiled core, many at once: carries, tangents and adjoints."""
+"""Sequences of steps of a trajectory in the compiled core: carries, tangents and adjoints."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,16 +11,16 @@ from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.formulations.compiled_systems import CompiledSystem
 from ..system import Array, State
 from ..tolerances import TINY
-from .steppers.fixed import TOLERATED
+from .steppers.fixed import FIXED_STEP_TOLERANCE
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
-MANY = 1000  # steps per call, between checks for Ctrl-C
+STEPS_PER_CALL = 1000  # between checks for Ctrl-C
 
 
 class NodeRange(NamedTuple):
-    """Consecutive nodes of a trajectory: the steps from them, times (m + 1,), points, and carries."""
+    """Consecutive nodes of a trajectory: the steps between them, times (m + 1,), points, and carries."""
 
     steps: range
     ts: Array
@@ -29,161 +29,167 @@ class NodeRange(NamedTuple):
 
 
 class RecomputedStates(NamedTuple):
-    """States after some steps, where the carry was restarted, and whether all could be repeated."""
+    """States after some steps, whether the carry was restarted there, and whether all steps were reproduced."""
 
     states: list[State]
-    renewed: list[int]
+    restarted: list[int]
     complete: bool
 
 
 class NativeTrajectory:
-    """Steps of a trajectory in the compiled core, from node i to node j > i without other maps between.
+    """Sequences of steps of a trajectory in the compiled core, without other maps between them.
 
     Args:
-        trace: trajectory of a run.
+        trajectory: trajectory of a run.
         parameters: the varied parameters of its mechanism.
 
     Attributes:
-        of: the same.
-        parameters: those of the core.
+        varied: the varied parameters.
+        parameters: the same, bound to the core.
 
     Raises:
-        InputError: without the core, and for features that it does not support.
+        InputError: without the core, and for features that the core does not support.
     """
 
-    def __init__(self, trace: "Trajectory", parameters: Parameters) -> None:
-        system = trace.system
+    def __init__(self, trajectory: "Trajectory", parameters: Parameters) -> None:
+        system = trajectory.system
         if backend.load() is None:
             raise InputError(f"derivatives of runs need the compiled core of mbdae; {backend.status()}")
         try:
-            if not isinstance(system, CompiledSystem):  # which raises the reason
+            if not isinstance(system, CompiledSystem):  # raises NotCompiled with the reason
                 system = system.mechanism.system(system.formulation, native=backend.load())
             self.parameters = bind_parameters(system, parameters)
         except NotCompiled as e:
             raise InputError(f"derivatives of runs need the compiled core, which does not compute {e}") from None
-        self.trace, self.core, self.of = trace, system.core, parameters
-        self.method = system.method(trace.tableau)
+        self.trajectory, self.core, self.varied = trajectory, system.core, parameters
+        self.method = system.method(trajectory.tableau)
         self.run = system.native.Run()
-        self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED
+        self.run.project, self.run.adaptive, self.run.tolerated = (
+            trajectory.project,
+            trajectory.controlled,
+            FIXED_STEP_TOLERANCE,
+        )
         self.run.nothing = TINY
-        if trace.controlled:
+        if trajectory.controlled:
             control = self.run.control
-            control.rtol, control.atol = trace.stepper.rtol, np.atleast_1d(trace.stepper.atol).tolist()
+            control.rtol, control.atol = trajectory.stepper.rtol, np.atleast_1d(trajectory.stepper.atol).tolist()
             control.nothing = TINY
         self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
 
-    def after(self, i: int, ends: bool = False) -> int:
-        """Return the last node reached from node i by steps only; i itself where the core cannot continue.
+    def segment_end(self, i: int, ends: bool = False) -> int:
+        """Return the last node of the sequence of steps that starts at node i; i itself if there is no such step.
 
         Args:
             i: a node.
-            ends: exclude the last step of the run, whose size varies.
+            ends: whether to exclude the last step of the run, because its size varies.
         """
-        kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
-        last, j = min(len(self.trace.ts) - 1 - ends, (i // kept + 1) * kept), i
-        while j < last and self.is_plain_step(j) and not (j > i and self.trace.renewed[j]):
+        length = self.trajectory.checkpoints.length if self.trajectory.checkpoints else STEPS_PER_CALL
+        last, j = min(len(self.trajectory.ts) - 1 - ends, (i // length + 1) * length), i
+        while j < last and self.is_plain_step(j) and not (j > i and self.trajectory.restarted[j]):
             j += 1
         return j
 
-    def before(self, i: int) -> int:
-        """Return the first node from which only steps lead to node i; i itself if there is none."""
-        kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
-        first, j = (i - 1) // kept * kept, i
-        while j > max(0, first) and self.is_plain_step(j - 1) and not (j < i and self.trace.renewed[j]):
+    def segment_start(self, i: int) -> int:
+        """Return the first node of the sequence of steps that ends at node i; i itself if there is no such step."""
+        length = self.trajectory.checkpoints.length if self.trajectory.checkpoints else STEPS_PER_CALL
+        first, j = (i - 1) // length * length, i
+        while j > max(0, first) and self.is_plain_step(j - 1) and not (j < i and self.trajectory.restarted[j]):
             j -= 1
         return j
 
     def is_plain_step(self, i: int) -> bool:
-        """Return whether node i leads to the next by a step of the core, apart from a restarted carry."""
-        return not (self.trace.jumped[i] or i + 1 in self.trace.changes or i in self.blocked)
+        """Return whether a step of the core leads from node i to the next node, except for a restarted carry."""
+        return not (self.trajectory.jumped[i] or i + 1 in self.trajectory.changes or i in self.blocked)
 
     def nodes(self, i: int, j: int) -> NodeRange:
-        """Return nodes i .. j, and use the rows of their steps."""
-        trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
-        if trace.checkpoints:
-            carries[:-1] = trace.checkpoints.carried(i, j)
-        trace.enter_node(i)
-        return NodeRange(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
+        """Return nodes i, ..., j, and use the rows of their steps in the workspace."""
+        trajectory, carries = self.trajectory, np.zeros((j - i + 1, self.trajectory.n_carry))
+        if trajectory.checkpoints:
+            carries[:-1] = trajectory.checkpoints.carries_between(i, j)
+        trajectory.enter_node(i)
+        return NodeRange(
+            range(i, j), np.ascontiguousarray(trajectory.ts[i : j + 1]), np.array(trajectory.ys[i : j + 1]), carries
+        )
 
-    def short(self, i: int, t: float) -> NodeRange:
-        """Return node i and the end of a shorter step from there."""
-        trace = self.trace
-        _, ts, ys, carries = self.nodes(i, i + 1 if i + 1 < len(trace.ts) else i)
+    def shortened_step(self, i: int, t: float) -> NodeRange:
+        """Return node i and the end of a shorter step from node i, at time t."""
+        trajectory = self.trajectory
+        _, ts, ys, carries = self.nodes(i, i + 1 if i + 1 < len(trajectory.ts) else i)
         return NodeRange(range(i, i + 1), np.array([ts[0], t]), np.array([ys[0], ys[0]]), np.array([carries[0]] * 2))
 
-    def recompute(self, i: int, j: int, state: State, near: tuple[float, float]) -> RecomputedStates | None:
-        """Recompute states from node i to j, or as far as only steps lead there.
+    def recompute(self, i: int, j: int, state: State, tolerances: tuple[float, float]) -> RecomputedStates | None:
+        """Recompute the states after node i up to node j, or up to the end of the sequence of steps.
 
-        Only the last point is the recomputed one; before it those of the run are used.
+        The last point is recomputed; the points before it are those of the run.
         """
-        j = min(j, self.after(i))
+        j = min(j, self.segment_end(i))
         if j == i:
             return None
-        trace = self.trace
-        trace.enter_node(i)
-        ts, ys = np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1])
+        trajectory = self.trajectory
+        trajectory.enter_node(i)
+        ts, ys = np.ascontiguousarray(trajectory.ts[i : j + 1]), np.array(trajectory.ys[i : j + 1])
         ys[0] = state.y
-        found = self.core.recompute(self.method, trace.halved, self.run, ts, ys, state.carry, *near)
+        found = self.core.recompute(self.method, trajectory.halved, self.run, ts, ys, state.carry, *tolerances)
         if found is None:
             self.blocked |= set(range(i, j))
             return None
-        carries, renewed, steps, end = found
+        carries, restarted, steps, end = found
         points = [*ys[1:steps], end] if steps else []
         states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
-        return RecomputedStates(states, renewed[1 : steps + 1], i + steps == j)
+        return RecomputedStates(states, restarted[1 : steps + 1], i + steps == j)
 
     def adjoint(self, nodes: NodeRange, extra: Array, bar: Array) -> tuple[Array, Array]:
         """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
 
         Args:
-            nodes: connected by steps only.
-            extra: cotangents added at each of them, (m + 1, ny + nc); ignored at the first and the last.
-            bar: the cotangents at the last.
+            nodes: nodes of a sequence of steps.
+            extra: cotangents that are added at each node, (m + 1, ny + nc); ignored at the first and the last node.
+            bar: the cotangents at the last node, (ny + nc,).
         """
-        given = self.parameters, self.method, self.trace.halved, self.trace.project
+        given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
         along = np.ascontiguousarray(extra), np.ascontiguousarray(bar)
-        return self._repeated(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
+        return self._checked(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
 
     def tangent(self, nodes: NodeRange, first: Array, dp: Array, dh: Array | None = None) -> Array:
         """Return the variations of y and carry at the nodes, (m + 1, d, ny + nc).
 
         Args:
-            nodes: connected by steps only.
-            first: variations at the first of them, (d, ny + nc).
-            dp: of the parameters, (d, k).
-            dh: of the size of each step, (d,).
+            nodes: nodes of a sequence of steps.
+            first: variations of y and carry at the first node, (d, ny + nc).
+            dp: variations of the parameters, (d, k).
+            dh: variations of the size of each step, (d,).
         """
-        given = self.parameters, self.method, self.trace.halved, self.trace.project
+        given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
         along = np.ascontiguousarray(first), np.ascontiguousarray(dp)
-        return self._repeated(nodes, self.core.tangent(*given, *nodes[1:], *along, dh, self._friction))
+        return self._checked(nodes, self.core.tangent(*given, *nodes[1:], *along, dh, self._friction))
 
     @property
     def _friction(self) -> Any:
-        """Partials of friction that depends on multipliers, which the core takes from Python."""
-        return self.trace.sensitivity.friction if self.trace.system.sliding else None
+        """Partials of friction that depends on multipliers; the core calls Python for them."""
+        return self.trajectory.sensitivity.friction if self.trajectory.system.sliding else None
 
-    def _repeated(self, nodes: NodeRange, found: Any) -> Any:
-        """Return what the core found.
+    def _checked(self, nodes: NodeRange, found: Any) -> Any:
+        """Return a result of the core.
 
         Raises:
-            InputError: if it could not repeat or differentiate the steps.
+            InputError: if the core could not repeat or differentiate the steps.
         """
         if found is None:
             t0, t1 = nodes.ts[[0, -1]]
-            self.trace.repeat_between(t0, t1)  # which knows why it fails
-            what = f"the steps from t = {t0:.9g} s to {t1:.9g} s have no derivatives"
-            raise InputError(f"{what}: numbers are not finite, or the equations of a stage are singular")
+            self.trajectory.repeat_between(t0, t1)  # raises an error with the reason, if it fails in Python too
+            steps = f"the steps from t = {t0:.9g} s to {t1:.9g} s have no derivatives"
+            raise InputError(f"{steps}: numbers are not finite, or the equations of a stage are singular")
         return found
 
 
 class NativeStep(NamedTuple):
-    """The step from node i to the next one, with the projection of its end; variations are columns."""
+    """The step from node i to the next node, with the projection of its end; variations are columns."""
 
     core: NativeTrajectory
     i: int
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
-        """Return the variations of y and of the carry, for dp (k, m) and dh (m,) of the step size."""
+        """Return the variations of y and of the carry, for variations dp (k, m) and dh (m,) of the step size."""
         nodes, ny = self.core.nodes(self.i, self.i + 1), len(dy)
         found = self.core.tangent(nodes, np.concatenate([dy, carry]).T, dp.T, dh)[-1].T
         return found[:ny], found[ny:]

@@ -11,9 +11,9 @@ from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ..solution.solution import Problem
 from ..system import Array
 from .events.event import Event, as_events
-from .settings import completed
-from .span import checked_span, end_of_tables, within
-from .steppers.scipy_ivp import find
+from .settings import complete_settings
+from .span import checked_span, checked_times, end_of_tables
+from .steppers.scipy_ivp import find_method
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class RunOptions:
     Attributes:
         method: a tableau, or a solver of scipy.
         t1: end of the span.
-        t_eval: output times; None for the steps of the run.
-        end: end of the run: t1, or the end of a driver's table without extrapolation.
+        t_eval: output times; None for the nodes of the run.
+        end: end of the run: t1, or the end of the table of a driver that is not extrapolated.
         project: whether positions are projected after each step.
     """
 
@@ -47,7 +47,7 @@ class RunOptions:
     t_eval: Array | None
 
     @classmethod
-    def of(
+    def from_arguments(
         cls,
         problem: Problem,
         t_span: Sequence[float] | None,
@@ -57,19 +57,22 @@ class RunOptions:
         backend: str,
         **given: Any,
     ) -> "RunOptions":
-        """Check and complete the arguments of a run; None means not given.
+        """Return the options for the arguments of a run; None means not given.
 
         Raises:
-            InputError: for wrong arguments.
+            InputError: for invalid arguments.
             UnknownNameError: for an unknown method.
         """
-        positive(**{name: given[name] for name in ("step", "first_step", "max_step", "max_steps")})
-        c = completed(problem, given)
-        method = find(c["formulation"], c["method"])
-        c |= {"method": method, "project": projected(problem, c["project"], c["formulation"], method, c["step"])}
+        require_positive(**{name: given[name] for name in ("step", "first_step", "max_step", "max_steps")})
+        c = complete_settings(problem, given)
+        method = find_method(c["formulation"], c["method"])
+        c |= {
+            "method": method,
+            "project": projects_positions(problem, c["project"], c["formulation"], method, c["step"]),
+        }
         t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
         end = end_of_tables(problem.drivers, t0, t1)
-        times = None if t_eval is None else within(t_eval, t0, end)
+        times = None if t_eval is None else checked_times(t_eval, t0, end)
         c |= {"jumps": jumps, "events": as_events(events), "backend": backend, "t_eval": times}
         return cls(**c, t0=t0, t1=t1, end=end)
 
@@ -80,17 +83,17 @@ class RunOptions:
 
     def record(self) -> dict[str, Any]:
         """Return the options that are stored with the solution."""
-        own = isinstance(self.method, Tableau) and METHODS.get(self.method.name) is not self.method
+        custom = isinstance(self.method, Tableau) and METHODS.get(self.method.name) is not self.method
         return {
             "method": self.method.name,
             "formulation": self.formulation,
             "project": self.project,
             "baumgarte": self.baumgarte,
             "t_span": [self.t0, self.t1],
-        } | ({"tableau": self.method.to_dict()} if own else {})
+        } | ({"tableau": self.method.to_dict()} if custom else {})
 
 
-def positive(**values: Any) -> None:
+def require_positive(**values: Any) -> None:
     """Reject values that are not positive numbers; None means not given.
 
     Raises:
@@ -103,15 +106,17 @@ def positive(**values: Any) -> None:
             raise InputError(f"{name} must be a positive number, got {value!r}")
 
 
-def projected(problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None) -> bool:
+def projects_positions(
+    problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None
+) -> bool:
     """Return whether positions are projected after each step."""
     if project not in (True, False, "auto"):
         raise InputError(f"project is True, False or 'auto', got {project!r}")
     if project == "auto":
         return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
     if project and not isinstance(problem, Mechanism):
-        raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
+        raise InputError("project=True is for mechanisms: the method itself satisfies 0 = g of a textbook problem")
     if project and formulation != "index2" and not isinstance(method, ExplicitMethod):
-        belongs = f"project=True belongs to formulation 'index2', and to {', '.join(EXPLICIT)} of 'index1'"
-        raise InputError(f"{belongs}; got {method.name!r} of {formulation!r}")
+        valid = f"project=True is for formulation 'index2', and for {', '.join(EXPLICIT)} of 'index1'"
+        raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
     return bool(project)

@@ -1,4 +1,4 @@
-"""Solution of a run."""
+"""The solution of a run, with its statistics and warnings."""
 
 from typing import Any
 
@@ -13,13 +13,13 @@ from .run_state import RunState
 
 
 def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
-    """Make the solution of a run, at the requested times; accuracy checks are applied to a finished run."""
+    """Return the solution of a run at the requested times; the accuracy of a finished run is checked."""
     stats = _statistics(run, seconds)
     message = "; ".join([message, *(words for source in run.sources if (words := source.warning()))])
     settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
     n = len(run.ts)
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
-    found = _found(run)
+    found = _results(run)
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
     if full.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
         full.status, full.message = "doubtful", words
@@ -36,27 +36,27 @@ def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
     return stats
 
 
-def _found(run: RunState) -> dict[str, Any]:
-    """Return rows in use and carries up to the last node, and what the sources of events have found."""
+def _results(run: RunState) -> dict[str, Any]:
+    """Return rows in use and carries up to the last node, and the results of the sources of events."""
     n = len(run.ts)
-    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": run.carried.of(n)}
+    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": run.carries.up_to(n)}
     for source in run.sources:
         found |= source.results(run)
     return found
 
 
 def _at_times(full: Solution, times: Array, sign: float, found: dict[str, Any]) -> Solution:
-    """Interpolate a solution at the times that it reached."""
+    """Interpolate a solution at those of the times that the run reached."""
     t, y, z = full.nodes
-    status, message, read = full.status, full.message, list[Array]()
+    status, message, computed = full.status, full.message, list[Array]()
     reached = times[(times - t[-1]) * sign <= 0]
     try:
         for point in full.points(reached):
-            read.append(point)
-    except StepError as e:  # the end of a step without a stage there may lie where forces fail
+            computed.append(point)
+    except StepError as e:  # forces may fail at the end of a step of a method without a stage there
         if full.success:
-            status, message = e.status, f"t_eval cannot be read: {e}"
-    reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])
+            status, message = e.status, f"the solution cannot be evaluated at t_eval: {e}"
+    reached, points = reached[: len(computed)], np.array(computed).reshape(len(computed), y.shape[1])
     columns = [np.interp(sign * reached, sign * t, column) for column in z.T]
     own = np.array(columns).T.reshape(len(reached), z.shape[1])
     return Solution(full.problem, reached, points, own, status, message, full.stats, full.settings, (t, y, z), **found)

@@ -8,22 +8,22 @@ from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.formulations.projection import contradictions
 from ..mechanism.reactions import scaled
-from ..solution.columns import balance
+from ..solution.columns import energy_balance
 from ..solution.solution import Solution
 from ..tolerances import AMBIGUOUS_PIVOT, VISIBLE
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
-ENERGY_TOLERANCE = 0.1  # of the energy that moves
+ENERGY_TOLERANCE = 0.1  # of the energy that is exchanged
 SAMPLES = 8  # steps at which the energy is computed
-WATCHED = 400  # nodes at which preconditions of closures are checked
+PRECONDITION_NODES = 400  # nodes at which preconditions of closures are checked
 
 
 def accuracy_warnings(sol: Solution, system: Index2System) -> str:
     """Return accuracy warnings of a run, with remedies; empty if there are none.
 
     Args:
-        sol: a run of a mechanism to its end.
-        system: its workspace, with records of all rows at the ends of all steps.
+        sol: a finished run of a mechanism.
+        system: its workspace, which recorded the residuals of all rows at the ends of all steps.
     """
     inaccurate, others = ([text for check in checks if (text := check(sol, system))] for checks in CHECKS)
     if inaccurate:
@@ -32,12 +32,12 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
 
 
 def _remedy(sol: Solution, system: Index2System) -> str:
-    """Return how a run becomes more accurate, or which rows make that impossible."""
+    """Return how to make a run more accurate, or which rows make that impossible."""
     if names := contradictions(system, sol.nodes[0][-1], sol.nodes[1][-1]):
         return f"{names} contradict each other"
     fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
-    kept = sol.settings["project"] or formulation == "ggl" or not system.ng
-    return f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
+    closed = sol.settings["project"] or formulation == "ggl" or not system.ng
+    return f"take a smaller {'step' if fixed else 'rtol'}{'' if closed else ', or project=True'}"
 
 
 def violated_closures(sol: Solution, system: Index2System) -> str:
@@ -50,8 +50,8 @@ def violated_closures(sol: Solution, system: Index2System) -> str:
     return f"closures were violated by {size} ({which.name!r} by {which.text} at the end)"
 
 
-def rows_not_kept(sol: Solution, system: Index2System) -> str:
-    """Return which row that depended on others was not kept at velocity level; empty if none."""
+def violated_redundant_rows(sol: Solution, system: Index2System) -> str:
+    """Return which redundant row was violated at velocity level; empty if none."""
     slip = 0.0 if sol.settings["formulation"] == "index1" else _largest_slip(system)
     if slip <= VISIBLE:
         return ""
@@ -61,29 +61,29 @@ def rows_not_kept(sol: Solution, system: Index2System) -> str:
     return f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)"
 
 
-def lost_energy(sol: Solution, system: Index2System) -> str:
-    """Return by how much the energy balance is violated, if by more than `ENERGY_TOLERANCE`."""
-    lost = relative_energy_error(sol, system)
-    return "" if lost <= ENERGY_TOLERANCE else f"the energy balance is lost: {lost:.2g} of the energy that moves"
+def energy_imbalance(sol: Solution, system: Index2System) -> str:
+    """Return by how much the energy balance is violated, if by more than `ENERGY_TOLERANCE`; else empty."""
+    error = relative_energy_error(sol, system)
+    return "" if error <= ENERGY_TOLERANCE else f"the energy balance is violated by {error:.2g} of the energy exchanged"
 
 
 def lost_preconditions(sol: Solution, system: Index2System) -> str:
     """Return which closure lost a precondition, and when; empty if none."""
     ts, ys, _ = sol.nodes
-    some = np.unique(np.linspace(0, len(ts) - 1, WATCHED).astype(int))
+    some = np.unique(np.linspace(0, len(ts) - 1, PRECONDITION_NODES).astype(int))
     return lost_precondition(system, ts[some], ys[some, : system.nq])
 
 
 def _largest_slip(system: Index2System) -> float:
-    """Return |G v + g_t| over all rows, of the largest speeds; the characteristic rate is added where nothing moves."""
+    """Return |G v + g_t| over all rows relative to the largest speeds; at rest, to the characteristic rate."""
     slip, speed = system.largest_rate, system.largest_speed
     return slip / (speed + system.mechanism.characteristic_rate) if not slip <= VISIBLE * speed else 0.0
 
 
 def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
-    """Return which closure was redundant at the start, but not at the end of a projected run; empty if none.
+    """Return which closure was redundant at the start, but is not at the end of a projected run; empty if none.
 
-    An example is wheels that steer in parallel: projection then closes all rows, which blocks a motion.
+    An example is wheels that steer in parallel: the projection satisfies all rows, which blocks a motion.
     """
     used = list(sol.in_use[-1][1]) if sol.in_use else []
     if not sol.settings["project"] or not 0 < len(used) < system.ng:
@@ -99,9 +99,9 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
 
 
 def lift_off(sol: Solution, system: Index2System) -> str:
-    """Return which rolling bodies separate from their surface, and when; empty if none.
+    """Return which rolling bodies would separate from their surface, and when; empty if none.
 
-    The method's multipliers select candidates, those of the hidden constraint decide.
+    The multipliers of the method select candidates; those of the hidden constraint decide.
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
     found = []
@@ -131,11 +131,11 @@ def relative_energy_error(sol: Solution, system: Index2System) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic, potential = system.residuals(times, some)[2].T
         v = some[:, system.nq : system.nq + system.nv]
-        error, scale = balance(system.mechanism, v, kinetic, potential, some[:, -1])
+        error, scale = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
     return float(error.max() / scale) if scale else 0.0
 
 
 CHECKS = (
-    (violated_closures, rows_not_kept, lost_energy),  # those that a higher accuracy mends
+    (violated_closures, violated_redundant_rows, energy_imbalance),  # a higher accuracy is the remedy
     (dependent_rows_changed, lift_off, lost_preconditions),
 )

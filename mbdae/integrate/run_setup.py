@@ -1,4 +1,4 @@
-"""Setup of a run: workspace, stepper and start."""
+"""Setup of a run: workspace, stepper and initial point."""
 
 from numbers import Real
 from typing import Any
@@ -19,12 +19,12 @@ from .steppers.native import NativeStepper
 from .steppers.scipy_ivp import Scipy, ScipySolver
 from .steppers.stepper import PythonStepper
 
-NEWTON = NEGLIGIBLE  # of rtol, with its root for a small one: accuracy of implicit stages, see RADAU5
-DRIFTED = 100.0  # times rtol: largest violation of loops at the start, as after a run with drift
+NEWTON_TOLERANCE = NEGLIGIBLE  # of rtol, or sqrt(rtol) if smaller: tolerance of implicit stages, as in RADAU5
+START_DRIFT = 100.0  # times rtol: largest constraint violation at the start, as after a run with drift
 
 
 def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Array | None, Array | None]) -> RunState:
-    """Return a run that can begin from (q, v, s), each None for that of the mechanism.
+    """Return a run that can begin from (q, v, s); None means the start of the mechanism.
 
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
@@ -34,16 +34,16 @@ def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Ar
     inner = _stepper(system, options)
     native = system.native and not isinstance(options.method, ScipySolver)
     stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
-    if inner.control and options.formulation != "ggl":  # which keeps 0 = g and 0 = G v to rounding
+    if inner.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(inner.control.rtol)
-        system.accuracy = min(NEWTON, rtol**0.5) * rtol
+        system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
     run.fallback = fallback
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
         run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
-    if run.singular and run.control:
-        run.back = BackwardStepper.of(run, float(run.control.rtol))
+    if run.singularity_monitor and run.control:
+        run.backward_stepper = BackwardStepper.from_run(run, float(run.control.rtol))
     return run
 
 
@@ -57,7 +57,7 @@ def _stepper(system: System, o: RunOptions) -> PythonStepper:
 
 
 def _start(problem: Problem, start: tuple[Array | None, Array | None, Array | None], t: float, rtol: Any) -> Array:
-    """Return the start; with step-size control, loops may be violated as after a run with drift."""
+    """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
     q, v, s = start
-    drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
+    drifted = START_DRIFT * float(rtol) if isinstance(rtol, Real) else 0.0
     return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted))

@@ -1,4 +1,4 @@
-"""State of a run and its record of nodes."""
+"""State of a run, and its record of nodes."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -37,7 +37,11 @@ Source = TypeVar("Source", bound=EventSource)
 
 
 class RunState:
-    """State and record of a run."""
+    """State and record of a run.
+
+    A smooth interval lies between two discontinuities of the right-hand side or of the state: jumps, impacts and mode
+    changes. Each discontinuity adds a second node at the same time, up to rounding.
+    """
 
     def __init__(
         self,
@@ -49,21 +53,23 @@ class RunState:
         kinds: Sequence[type[EventSource]] = SOURCES,
     ) -> None:
         self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
-        self.t, self.t1, self.sign, self.restarts = options.t0, options.end, options.sign, 0
+        self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
         self.system, self.stepper, self.state = system, stepper, State(start)
         self.rejected: int | None = 0
-        self.taken_back: Array | None = None  # steps since one was, and what projections undid, see `projected_step`
-        self.restarted = False  # the method's carry was computed again after the projection of the last step
+        self.undone_motion: Array | None = (
+            None  # motion since a step was undone, and its undone part, see `projected_step`
+        )
+        self.restarted = False  # whether the carry was recomputed after the projection of the last step
         self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
-        self.carried = CarryRecord()
-        self.back: BackwardStepper | None = None
+        self.carries = CarryRecord()
+        self.backward_stepper: BackwardStepper | None = None
         self.settings = options.record()  # recorded with the solution
         self.fallback = ""  # why the run cannot use the compiled core
         self._record: Solution | None = None
-        self.sources = tuple(source for kind in kinds if (source := kind.of(self)))
-        self.modes, self.singular = self._source(ModeChanges), self._source(SingularityMonitor)
-        self.events, self.ahead = self._source(UserEvents), self._source(Jumps)
+        self.sources = tuple(source for kind in kinds if (source := kind.from_run(self)))
+        self.mode_changes, self.singularity_monitor = self._source(ModeChanges), self._source(SingularityMonitor)
+        self.user_events, self.jumps = self._source(UserEvents), self._source(Jumps)
 
     def _source(self, kind: type[Source]) -> Source:
         """Return the source of a kind; None if the run has none."""
@@ -75,19 +81,19 @@ class RunState:
         return None if self.options.formulation == "index1" else self.stepper.control
 
     def begin(self) -> None:
-        """Compute the derivative at the start; a method with an explicit first stage carries it."""
+        """Begin a smooth interval at the last node: adjust the point, and compute its derivative and the carry."""
         y = self.ys[-1].copy()
         for source in reversed(self.sources):  # states jump before mode selection
-            y = source.start(self, y)
+            y = source.adjust_point(self, y)
         if not self.in_use:
-            y = self._closed(y)
-        self._begin_at(y)
-        self.leg = self.ahead.leg(self.t)
+            y = self._start_on_closures(y)
+        self._start_at(y)
+        self.interval = self.jumps.interval(self.t)
         for source in self.sources:
-            source.begin(self)
+            source.begin_interval(self)
 
-    def _closed(self, y: Array) -> Array:
-        """Determine rank and rows with closed loops; the start itself is projected if the run projects."""
+    def _start_on_closures(self, y: Array) -> Array:
+        """Determine rank and rows in use at a point on the closures; return that point if the run projects, else y."""
         with suppress(StepError):
             closed = self.system.restore(self.t, y)
             self.system.update_independent_rows(self.t, State(closed))
@@ -95,20 +101,20 @@ class RunState:
             return closed if self.project else y
         return y
 
-    def _begin_at(self, y: Array, restarted: bool = False) -> None:
+    def _start_at(self, y: Array, restarted: bool = False) -> None:
         y = self.ys[-1] = self.system.update_independent_rows(self.t, State(y)).y
-        self._note(restarted)
+        self._record_rows(restarted)
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
-        self.carried.note(len(self.ts) - 1, self.state.carry)
+        self.carries.store(len(self.ts) - 1, self.state.carry)
 
-    def _note(self, restarted: bool = False) -> None:
+    def _record_rows(self, restarted: bool = False) -> None:
         rows = self.system.in_use
         if restarted or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
 
     def restart_after_jump(self, t: float) -> None:
-        """Restart after a jump, at time t: a second point of the solution, right after the one before."""
+        """Begin the next smooth interval after a jump, at time t: a second node, just after the previous one."""
         self.end_interval()
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
@@ -116,62 +122,62 @@ class RunState:
         self.t = t
         self.begin()
         self.stepper.restart()
-        self.restart()
+        self.notify_discontinuity()
 
     def switch_mode(self, y: Array) -> None:
-        """Restart in another mode: a second point of the solution at the same time."""
+        """Begin a smooth interval in another mode at y: a second node at the same time."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
         self.ts.append(self.t)
-        self._begin_at(y, restarted=True)
+        self._start_at(y, restarted=True)
         self.stepper.restart()
-        self.restart(switched=True)
+        self.notify_discontinuity(mode_changed=True)
 
     def end_interval(self) -> None:
         """End a smooth interval at the last node."""
         for source in self.sources:
-            source.end(self)
+            source.end_interval(self)
 
-    def restart(self, switched: bool = False) -> None:
-        """Restart the sources of events after a jump before the last node, or in another mode."""
-        self.restarts += 1
+    def notify_discontinuity(self, mode_changed: bool = False) -> None:
+        """Notify the sources of events of a discontinuity just before the last node: a jump, or a mode change."""
+        self.discontinuities += 1
         for source in self.sources:
-            source.restart(self, switched)
+            source.after_discontinuity(self, mode_changed)
 
     @property
     def dense_order(self) -> int:
-        """Order of the dense output: one below that of the method."""
+        """Order of the dense output: one below the order of the method."""
         return max(1, self.system.order_of(self.tableau) - 1)
 
     @property
     def steps(self) -> int:
         """Number of accepted steps."""
-        return len(self.ts) - 1 - self.restarts
+        return len(self.ts) - 1 - self.discontinuities
 
-    def left(self) -> float:
-        """Time left to the end of the smooth interval, positive."""
-        return abs(self.leg.stop - self.t)
+    def time_to_interval_end(self) -> float:
+        """Time to the end of the smooth interval, positive."""
+        return abs(self.interval.stop - self.t)
 
     def time_left(self) -> float:
-        """Time left to the end of the run, positive."""
+        """Time to the end of the run, positive."""
         return abs(self.t1 - self.t)
 
     def accept(self, t: float, step: Step) -> None:
-        """Record a step; the time comes last, so that the record stays consistent if interrupted."""
+        """Record a step; its time is recorded last, so an interrupt leaves the record consistent."""
         self.zs.append(step.z)
         self.ys.append(step.state.y)
         self.ts.append(t)
         try:
             self.state = self.system.update_independent_rows(t, step.state)
-        except StepError:  # in a singular configuration, where no step can begin
+        except StepError:  # a singular configuration, where no step can begin
             del self.ts[-1:], self.ys[-1:], self.zs[-1:]
             raise
         self.t, self.ys[-1] = t, self.state.y
-        self.carried.note(len(self.ts) - 1, self.state.carry, self.restarted)
-        self._note()
+        self.carries.store(len(self.ts) - 1, self.state.carry, self.restarted)
+        self._record_rows()
 
     def append_node(self, t: float, y: Array, last: bool) -> None:
-        """Append a node that is not the end of a step; the last one may be singular, since no step begins there."""
+        """Append a node that is not the end of a step; the last node may be singular, since no step begins there."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
         self.ts.append(t)
@@ -179,10 +185,10 @@ class RunState:
         if last:
             self.state = State(y)
         else:
-            self._begin_at(y)
+            self._start_at(y)
 
-    def restored(self, t: float, state: State, tight: bool = False) -> State:
-        """Return the state projected onto the closures; restarts the carry if that moved the state much."""
+    def projected(self, t: float, state: State, tight: bool = False) -> State:
+        """Return the state projected onto the closures, with a new carry if the projection exceeds the tolerance."""
         y = self.system.restore(t, state.y, tight)
         move = self.system.difference(state.y, y)
         self.restarted = not (state.carry is None or self.stepper.tolerates(self, y, move))
@@ -190,10 +196,10 @@ class RunState:
             return State(y, state.carry)
         return State(y, self.system.carry(*self.system.derivative(t, y)))
 
-    def close(self) -> None:
+    def project_last_node(self) -> None:
         """Project the last node onto the closures, until |g| stops falling."""
         with suppress(StepError):
-            self.state = self.restored(self.t, self.state, tight=True)
+            self.state = self.projected(self.t, self.state, tight=True)
             self.ys[-1] = self.state.y
             self.record().rates.pop(len(self.ts) - 1, None)
 
@@ -209,24 +215,24 @@ class RunState:
         """Return the rows in use at node i."""
         return next((rows for first, rows in reversed(self.in_use) if first <= i), ())
 
-    def take_back(self, state: State) -> None:
-        """Undo the last step, which started from a state."""
+    def undo_step(self, state: State) -> None:
+        """Remove the last step, which started from the given state."""
         del self.ts[-1:], self.ys[-1:], self.zs[-1:]
         self.t, self.state = self.ts[-1], state
         self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
         self.system.use_rows(self.in_use[-1][1])
 
     def truncate(self, step: "StepMap", event: Occurrence) -> None:
-        """End the last step at an event."""
-        self.stepper.take_back()
-        self.take_back(step.start or State(step.y))
+        """Shorten the last step so that it ends at an event."""
+        self.stepper.undo_step()
+        self.undo_step(step.start or State(step.y))
         if event.end is not None and event.t != step.t:
             if event.singular:
                 self.append_node(event.t, event.end.state.y, last=True)
             else:
                 self.accept(event.t, event.end)
         for source in self.sources:
-            source.truncated(self)
+            source.discard_beyond_end(self)
 
     def drop_nodes_after(self, node: int) -> None:
         """Remove the nodes after a given one."""
@@ -241,12 +247,12 @@ class RunState:
             self.problem.workspaces.release(self.system)
 
     def record(self) -> Solution:
-        """Return the run so far as a solution that shares the lists: its dense output serves event detection."""
+        """Return the run so far as a solution that shares its lists; its dense output is used by event detection."""
         if self._record is None:
             settings = {"dense_order": self.dense_order}
             stats = {"backend": self.stepper.backend}
             tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
             tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
-            tables["modes"] = self.modes.modes if self.modes else []
+            tables["modes"] = self.mode_changes.modes if self.mode_changes else []
             self._record = Solution(self.problem, **tables)
         return self._record

@@ -1,4 +1,4 @@
-"""Settings of a run: those given, then those of the mechanism's file, then the defaults."""
+"""Settings of a run: from its arguments, else from the mechanism file, else the defaults."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,31 +7,31 @@ from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..solution.solution import Problem
 from .defaults import DEFAULTS
-from .steppers.scipy_ivp import find
+from .steppers.scipy_ivp import find_method
 
-OF_METHOD, OF_CONTROL = ("formulation", "project", "baumgarte"), ("rtol", "atol")
+METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
 
 
-def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
+def complete_settings(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings of a run, where None means not given.
 
     Raises:
-        UnknownNameError, InputError: for an invalid method in the mechanism's file.
+        UnknownNameError, InputError: for an invalid method in the mechanism file.
     """
-    said = {name: x for name, x in given.items() if x is not None}
-    own = _own(problem)
-    left = set(OF_METHOD if "method" in said or "formulation" in said else ())
-    left |= set(OF_CONTROL if "step" in said else ())
-    left |= {"step"} if any(name in said for name in OF_CONTROL) else set()
-    found = {**DEFAULTS, **{name: x for name, x in own.items() if name not in left}, **said}
-    if "method" in own and "method" not in said:
+    arguments = {name: x for name, x in given.items() if x is not None}
+    from_file = _file_settings(problem)
+    overridden = set(METHOD_SETTINGS if "method" in arguments or "formulation" in arguments else ())
+    overridden |= set(CONTROL_SETTINGS if "step" in arguments else ())
+    overridden |= {"step"} if any(name in arguments for name in CONTROL_SETTINGS) else set()
+    settings = {**DEFAULTS, **{name: x for name, x in from_file.items() if name not in overridden}, **arguments}
+    if "method" in from_file and "method" not in arguments:
         try:
-            find(found["formulation"], found["method"])
+            find_method(settings["formulation"], settings["method"])
         except UnknownNameError as e:
             raise UnknownNameError(f"solve.{e.kind}", e.name, e.valid) from None
-    return found
+    return settings
 
 
-def _own(problem: Problem) -> dict[str, Any]:
-    """Return the settings from a mechanism's file."""
+def _file_settings(problem: Problem) -> dict[str, Any]:
+    """Return the settings of the mechanism file."""
     return problem.settings.given if isinstance(problem, Mechanism) else {}

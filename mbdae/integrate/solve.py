@@ -47,8 +47,7 @@ def solve(
     Defaults come from the ``[solve]`` table of a mechanism file (`mbdae.mechanism.model_settings.SolveSettings`).
 
     Args:
-        problem: a mechanism, a `mbdae.Hessenberg` problem (which has a start), or the name or path of one, see
-            `mbdae.load`.
+        problem: a mechanism, a `mbdae.Hessenberg` problem (with its own start), or a name or path, see `mbdae.load`.
         t_span: start and end in s; the end may lie before the start. From 0 to the model's duration when left out.
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
@@ -59,37 +58,37 @@ def solve(
             level, by a second multiplier; ``"index1"``: neither, accelerations are integrated as a baseline.
             Mechanisms only.
         project: project the state onto g = 0 and G v = 0 after each step, over all rows and in the mass metric; for
-            ``"index2"``, and dop853. ``"auto"`` does so for ``"index2"`` with step-size control, and not with fixed
+            ``"index2"``, and dop853. ``"auto"`` projects for ``"index2"`` with step-size control, and not with fixed
             steps, which serve to study methods. Without projection, g and redundant rows drift with the errors of the
             method.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
-        step: fixed step in s; the step size is controlled when left out, and singular configurations are then crossed.
-            If a fixed step would end in one, three shorter steps replace two.
+        step: fixed step in s; when left out, the step size is controlled, and singular configurations are crossed. If a
+            fixed step would end in a singular configuration, three shorter steps replace two.
         rtol: relative tolerance per step of q and v; 1e-8 when left out.
         atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
-        first_step: first step in s; guessed when left out.
+        first_step: first step in s; estimated when left out.
         max_step: largest step in s.
         max_steps: largest number of steps taken or rejected; unlimited when left out.
-        jumps: times at which forces (of t) jump: steps end there. Controllers and functions of time in mechanism files
-            provide their times.
+        jumps: times at which forces that depend on t jump: steps end there. The times of controllers and of functions
+            of time in mechanism files are known.
         t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps when left out.
         events: signals and levels, ``"q.slider = 0.3"``, functions event(t, q, v) -> float (textbook problems:
-            event(t, y)), or `mbdae.Event` of either; zeros are reported, and a terminal one ends the run.
-        progress: called with the fraction done, after each step or several times a second.
+            event(t, y)), or `mbdae.Event` of either; zeros are reported, and a terminal event ends the run.
+        progress: called with the completed fraction, after each step or several times a second.
         backend: ``"native"``: the compiled core, for mechanisms; ``"python"``; or ``"auto"``: the core if it is
             available and supports the problem. ``stats["backend"]`` reports which.
 
     Returns:
-        The solution, with everything up to the point of failure if there was one: see `status` and `message`. Runs with
-        status ``"finished"`` or ``"event"`` are successes; a ``"doubtful"`` one came to its end, but checks of loops,
-        velocities or energy failed; those with another of `mbdae.errors.STATUS` stopped before.
+        The solution; after a failure, up to the last node: see `status` and `message`. Runs with status ``"finished"``
+        or ``"event"`` are successful; a ``"doubtful"`` run reached its end, but checks of closures, velocities or
+        energy failed; runs with any other status of `mbdae.errors.STATUS` stopped before the end.
 
     Raises:
-        InputError: for wrong arguments, or an inconsistent start.
+        InputError: for invalid arguments, or an inconsistent start.
         UnknownNameError: for an unknown method.
     """
     problem = problem_of(problem, "solve")
-    options = RunOptions.of(
+    options = RunOptions.from_arguments(
         problem, t_span, t_eval, jumps, events, backend, method=method, formulation=formulation, project=project,
         baumgarte=baumgarte, step=step, rtol=rtol, atol=atol, first_step=first_step, max_step=max_step,
         max_steps=max_steps,

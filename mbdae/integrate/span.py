@@ -14,9 +14,9 @@ def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple
     """Return start and end of a run in s; the end may lie before the start.
 
     Args:
-        t_span: start and end, or an end alone for a span from 0.
-        pair: reject an end alone; start and end may coincide.
-        end: require an end alone, which is positive.
+        t_span: start and end, or only the end of a span from 0.
+        pair: require start and end, which may coincide.
+        end: require only an end, which must be positive.
 
     Raises:
         InputError: for an invalid time span.
@@ -35,10 +35,10 @@ def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple
 
 
 def end_of_tables(drivers: Sequence[Driver], t0: float, t1: float) -> float:
-    """Return the end of a run: t1, or the end of a driver's table without ``beyond``.
+    """Return the end of a run: t1, or the end of the table of a driver without ``beyond``.
 
     Raises:
-        InputError: if the run begins outside of it, or at its end.
+        InputError: if the run begins outside the table, or at its end.
     """
     reached = t1
     for d in drivers:
@@ -50,11 +50,11 @@ def end_of_tables(drivers: Sequence[Driver], t0: float, t1: float) -> float:
     return reached
 
 
-def within(t_eval: Array, t0: float, t1: float) -> Array:
-    """Return times to report as an array, within the span from t0 to t1, in its order.
+def checked_times(t_eval: Array, t0: float, t1: float) -> Array:
+    """Return output times as an array.
 
     Raises:
-        InputError: for any other times.
+        InputError: unless the times are ordered, in the direction of the span, and lie between t0 and t1.
     """
     try:
         times = np.asarray(t_eval, float)

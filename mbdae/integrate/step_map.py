@@ -1,4 +1,4 @@
-"""The last step of a run as a function of the share of it: by shorter steps of the method, and by dense output."""
+"""The last step of a run as a function of theta in [0, 1]: by shorter steps of the method, and by dense output."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,13 +19,13 @@ class StepMap:
 
     Args:
         run: the run, at the end of the step.
-        start: the state at its start; None for a singularity crossing, which cannot be repeated as a step.
-        ends: whether an event was found at its end.
+        start: the state at the start of the step; None for a singularity crossing, which cannot be repeated as a step.
+        ends: whether an event occurs at the end of the step.
 
     Attributes:
-        t, h: start and size of the step, signed.
+        t, h: start time and signed size of the step.
         t1: end of the step.
-        y, y1: the points there, (n,).
+        y, y1: the points at t and t1, (n,).
         first: whether it is the first step of the run.
     """
 
@@ -36,7 +36,7 @@ class StepMap:
         self._known = {0.0: self.y, 1.0: self.y1}
 
     def dense(self, theta: float) -> Array:
-        """Return y (n,) after a share of the step, of one order below the method's; each is computed once."""
+        """Return y (n,) at t + theta h by dense output, one order below the method; values are cached."""
         if theta not in self._known:
             self._known[theta] = self._curve(theta)
         return self._known[theta]
@@ -44,8 +44,8 @@ class StepMap:
     @cached_property
     def _curve(self) -> Callable[[float], Array]:
         run = self.run
-        if run.singular and self.start is None:
-            return partial(run.singular.along, self.h)
+        if run.singularity_monitor and self.start is None:
+            return partial(run.singularity_monitor.crossing_point, self.h)
         return run.record().dense(self.node)
 
     def rates(self) -> tuple[Array, Array]:
@@ -67,10 +67,10 @@ class StepMap:
         return Step(State(self.point(theta)), self.run.zs[-1], np.empty(0))
 
     def take(self, theta: float) -> Step:
-        """Take a step of size theta h from the same start, in the way of the run, which is left unchanged.
+        """Return a step of size theta h from the same start, with the projection of the run; the run is unchanged.
 
         Raises:
-            StepError: if it fails.
+            StepError: if the step fails.
         """
         run, system = self.run, self.run.system
         now, rows, before = (run.t, run.state), system.in_use, run.rows_at(self.node)
@@ -78,11 +78,11 @@ class StepMap:
         try:
             if before != rows:
                 system.use_rows(before)
-            if run.singular:
-                run.singular.begin_step()
+            if run.singularity_monitor:
+                run.singularity_monitor.begin_step()
             step = run.stepper.take(run, theta * self.h)
             if run.project:
-                step = step._replace(state=run.restored(self.t + theta * self.h, step.state))
+                step = step._replace(state=run.projected(self.t + theta * self.h, step.state))
             return step
         finally:
             run.t, run.state = now

@@ -1,4 +1,5 @@
-"""Stiffness detection: steps limited by stability, where accuracy would allow longer ones."""
+"""Stiffness detection: steps that are limited by stability, where accuracy would allow longer steps."""
+
 
 import warnings
 from contextlib import suppress
@@ -20,19 +21,19 @@ if TYPE_CHECKING:
     from .run_state import RunState
     from .step_map import StepMap
 
-FIRST, MOST = 2000, 16000  # steps before the first check (shorter runs end soon), and between later ones
+FIRST_CHECK, MAX_PAUSE = 2000, 16000  # steps before the first check (shorter runs end soon); between checks, at most
 WINDOW = 50  # steps over which one polynomial approximates the velocities
-NODES, BETWEEN = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # of the window: interpolation and comparison points
-ROUGH = 3.0  # times the tolerance: fast modes that remain excited at the stability limit
-LONGER = 2.0  # step ratio that would be unstable
+NODES, COMPARED = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # interpolation nodes and comparison points of a window
+ROUGH = 3.0  # times the tolerance: amplitude of fast modes that remain excited at the stability limit
+STEP_RATIO = 2.0  # ratio of a hypothetical longer step, which must be unstable
 ITERATIONS = 12  # of the power method
 WIDTH = 1e-7  # of 1 + |y|: size of the difference
-FREE = 0.9  # of max_step: longer steps are limited by it
+FREE = 0.9  # of max_step: longer steps are limited by max_step
 
 
 @dataclass
 class Stiff:
-    """Record of detected stiffness.
+    """Detected stiffness.
 
     Attributes:
         t: time in s.
@@ -52,25 +53,26 @@ class Stiff:
 class StiffnessDetector(EventSource):
     """Checks at intervals whether stability limits the controlled steps of a half-explicit method.
 
-    Two conditions must hold. One polynomial of degree 4 approximates the velocities of the last fifty steps to three
-    times the tolerance, so accuracy does not require them, as it would for vibrations of the motion. And steps twice as
-    long would be unstable: |R(2 h lam)| > 1 with the method's stability function R and the largest eigenvalue lam of
-    y' = f(t, y, z(t, y)), where z satisfies the hidden constraint. The power method computes lam, only where the motion
-    is smooth. (Hairer, Wanner II, IV.2, compare two stages at one time, which few half-explicit methods have.)
+    A run is stiff under two conditions. First, a polynomial of degree 4 approximates the velocities of the last fifty
+    steps to three times the tolerance, so accuracy does not require such short steps, as it would for vibrations.
+    Second, steps of twice the size would be unstable: |R(2 h lam)| > 1, with the stability function R of the method and
+    the largest eigenvalue lam of y' = f(t, y, z(t, y)), where z satisfies the hidden constraint. The power method
+    computes lam only where the motion is smooth. (The test of Hairer, Wanner II, IV.2, needs two stages at the same
+    time, which few half-explicit methods have.)
 
     Args:
-        system: the run's workspace.
+        system: the workspace of the run.
         tableau: a half-explicit method.
         control: step-size control.
     """
 
     def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
-        self.next = self.pause = FIRST  # the next node to check, and the interval to the one after
+        self.next = self.pause = FIRST_CHECK  # the next node to check, and the number of nodes from it to the one after
         self.found: Stiff | None = None
 
     @classmethod
-    def of(cls, run: "RunState") -> "StiffnessDetector | None":
+    def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
         if not isinstance(run.system, Index2System) or not run.control or not isinstance(run.tableau, Tableau):
             return None
         return cls(run.system, run.tableau, run.control)
@@ -81,36 +83,36 @@ class StiffnessDetector(EventSource):
     def statistics(self, run: "RunState") -> dict[str, Any]:
         return {"stiff": asdict(self.found)} if self.found else {}
 
-    def restart(self, run: "RunState", switched: bool) -> None:
-        """Restart the window after a jump."""
+    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+        """Start the window after the discontinuity."""
         self.next = max(self.next, len(run.ts) - 1 + WINDOW)
 
-    def first(self, step: "StepMap") -> None:
-        """Check the steps since the last check; the first stiff one causes a warning."""
+    def first_event(self, step: "StepMap") -> None:
+        """Check the steps since the last check; warn at the first stiff window."""
         self.check(step.run)
 
-    def end(self, run: "RunState") -> None:
-        """Check the steps of an interval."""
+    def end_interval(self, run: "RunState") -> None:
+        """Check the steps at the end of a smooth interval."""
         self.check(run)
 
     def check(self, run: "RunState") -> None:
         """Warn at the first stiff window."""
         while not self.found and self.next < len(run.ts):
             n = self.next
-            self.next, self.pause = n + self.pause, min(2 * self.pause, MOST)
+            self.next, self.pause = n + self.pause, min(2 * self.pause, MAX_PAUSE)
             with suppress(StepError):
-                self.found = self._judge(run, n)
+                self.found = self._check_window(run, n)
             if self.found:
                 warnings.warn(str(self.found), stacklevel=7)
 
-    def _judge(self, run: "RunState", n: int) -> Stiff | None:
-        """Return the stiffness of the steps before node n, if any."""
+    def _check_window(self, run: "RunState", n: int) -> Stiff | None:
+        """Return the stiffness of the steps before node n; None if they are not stiff."""
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
-        if abs(h) > FREE * self.control.largest or not self._smooth(run, n):
+        if abs(h) > FREE * self.control.max_step or not self._smooth(run, n):
             return None
         lam = _largest_eigenvalue(run.record().system, run.ts[n], run.ys[n])
         z = abs(h) * complex(-abs(lam.real), lam.imag)  # a smooth motion decays, whatever the rounding
-        if not _growth(self.tableau, LONGER * z) > 1:
+        if not _stability_function(self.tableau, STEP_RATIO * z) > 1:
             return None
         return Stiff(float(run.ts[n]), float(abs(h)), float(abs(z)))
 
@@ -118,9 +120,9 @@ class StiffnessDetector(EventSource):
         """Return whether one polynomial of degree 4 approximates velocities and states before node n closely."""
         t, nq, nv, ns = run.ts[n - WINDOW : n + 1], self.system.nq, self.system.nv, self.system.ns
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
-        weights = _lagrange([t[i] for i in NODES], [t[i] for i in BETWEEN])
+        weights = _lagrange([t[i] for i in NODES], [t[i] for i in COMPARED])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
-        gap = (v[list(BETWEEN)] - weights @ v[list(NODES)]) / (
+        gap = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (
             atol + self.control.rtol * np.abs(v[-1]) + TINY
         )
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
@@ -131,17 +133,17 @@ def _lagrange(nodes: list[float], times: list[float]) -> Array:
     return np.array([[prod((t - a) / (b - a) for a in nodes if a != b) for b in nodes] for t in times])
 
 
-def _growth(tableau: Tableau, z: complex) -> float:
-    """Return |R(z)|, R(z) = 1 + z b^T (I - z A)^-1 (1, .., 1), of the method or of the two half steps it takes."""
+def _stability_function(tableau: Tableau, z: complex) -> float:
+    """Return |R(z)|, R(z) = 1 + z b^T (I - z A)^-1 (1, .., 1), of a step, or of one of its two half steps."""
     a = tableau.arrays
     z = z if tableau.b_embedded else z / 2
     return float(abs(1 + z * (a.b @ np.linalg.solve(np.eye(len(a.b)) - z * a.A, np.ones(len(a.b))))))
 
 
 def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
-    """Return the largest eigenvalue of y' = f(t, y, z(t, y)) by the power method, one of two if they are a pair.
+    """Return the largest eigenvalue of y' = f(t, y, z(t, y)) by the power method; one of a complex pair.
 
-    Of three iterates x_2 = a x_1 + b x_0 is fitted, and lam^2 = a lam + b.
+    The relation x_2 = a x_1 + b x_0 is fitted to three iterates, and lam^2 = a lam + b.
 
     Raises:
         StepError: if y' cannot be computed.

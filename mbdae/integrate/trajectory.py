@@ -1,8 +1,8 @@
 """Recompute the steps of a run for its discrete tangent and adjoint.
 
-The nodes of a run define its steps: each leads from one node to the next with the accepted size. Two nodes at one time,
-up to rounding, are a jump. Besides the nodes, a trajectory keeps the carries of the method at some of them
-(`mbdae.integrate.checkpoints`), and where they were restarted; stages are recomputed on demand.
+The nodes of a run define its steps: each step leads from one node to the next, with the accepted size. Two nodes at the
+same time, up to rounding, are a jump. Besides the nodes, a trajectory stores the carries of the method at some nodes
+(`mbdae.integrate.checkpoints`), and the nodes where the carry was restarted; stages are recomputed on demand.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
-from ..methods import Method, method_of
+from ..methods import Method, method_from_settings
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE
@@ -30,28 +30,28 @@ JUMP = 6 * MARGIN  # roundings of t: closer nodes are the two sides of a jump
 
 
 class _RunView(NamedTuple):
-    """View of a run with the data that a stepper needs to assess a projection."""
+    """The data of a run that a stepper needs to compare a projection with its tolerance."""
 
     system: System
     state: State
 
 
 class LinearMap(NamedTuple):
-    """Part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
+    """Partials of a map by (y, p): a matrix (ny, ny + k) for a map of y, or (nc, ny + k) for the carry."""
 
     matrix: Array
     maps_carry: bool
 
     def forward(self, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
         """Return the variations of y and of the carry."""
-        found = self.matrix @ np.concatenate([dy, dp])
-        return (dy, found) if self.maps_carry else (found, carry)
+        variation = self.matrix @ np.concatenate([dy, dp])
+        return (dy, variation) if self.maps_carry else (variation, carry)
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, of the carry and of the parameters."""
-        back = self.matrix.T @ (carry if self.maps_carry else y)
-        ny = len(y)
-        return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.maps_carry else (back[:ny], carry, back[ny:])
+        cotangent = self.matrix.T @ (carry if self.maps_carry else y)
+        at_y, at_p = cotangent[: len(y)], cotangent[len(y) :]
+        return (y + at_y, np.zeros_like(carry), at_p) if self.maps_carry else (at_y, carry, at_p)
 
 
 TrajectoryPart = NativeStep | LinearMap
@@ -67,24 +67,24 @@ class Trajectory:
     Attributes:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
-        given: the first point before controllers, modes and projections changed it.
-        system: a workspace, shared by runs with the same parameters: each `enter_node` prepares it for this run.
-        sensitivity: discrete sensitivity of the maps.
+        given: the initial point, before controllers, mode selection and projection change it.
+        system: a workspace, shared by runs with the same parameters; `enter_node` sets its mode and rows in use.
+        sensitivity: discrete sensitivity of the maps other than steps.
         n_carry: length of the carry.
-        core: its steps in the compiled core.
+        core: the steps in the compiled core.
 
     Raises:
-        InputError: for an unsupported run, one whose steps cannot be repeated, and without the core.
+        InputError: for an unsupported run, for a run whose steps cannot be repeated, and without the core.
     """
 
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
         mech, settings = require_differentiable(sol), sol.settings
         self.sol, self.project = sol, bool(settings.get("project"))
-        self.tableau = cast(Method, method_of(settings))
+        self.tableau = cast(Method, method_from_settings(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
-        own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not specify them
-        self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
+        defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings
+        self.given = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
@@ -101,11 +101,11 @@ class Trajectory:
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
         self.n_carry = self.sensitivity.n_carry if self.tableau.carries else 0
-        self.renewed = np.zeros(len(self.ts), bool)
+        self.restarted = np.zeros(len(self.ts), bool)
         self.checkpoints: Checkpoints | RecordedStates | None = None
         if self.n_carry and sol.carried:
             self.checkpoints = RecordedStates(self.ys, sol.carried[0])
-            self.renewed[sol.carried[1]] = True
+            self.restarted[sol.carried[1]] = True
         elif self.n_carry:
             self.enter_node(0)
             self.checkpoints = Checkpoints(
@@ -114,7 +114,7 @@ class Trajectory:
 
     def enter_node(self, i: int) -> None:
         """Use the rows that were in use at node i."""
-        self._enter(self.core.of)
+        self._enter(self.core.varied)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
@@ -130,8 +130,8 @@ class Trajectory:
         """Return the state at which the step from node i starts."""
         return State(self.ys[i], self.checkpoints[i].carry if self.checkpoints else None)
 
-    def start(self) -> Iterator[TrajectoryPart]:
-        """Yield the maps from a given start to the first node."""
+    def start_parts(self) -> Iterator[TrajectoryPart]:
+        """Yield the maps from the initial point to the first node."""
         self.enter_node(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
@@ -142,13 +142,13 @@ class Trajectory:
             yield LinearMap(impact, False)
         if self.project:
             yield LinearMap(self.at_start("restored", lambda: self.sensitivity.restored(t, y)), False)
-        if self.project and (y != self.ys[0]).any():  # runs from a perturbed start may take another Gauss-Newton step
+        if self.project and (y != self.ys[0]).any():  # a perturbed start may need another Gauss-Newton step
             yield LinearMap(self.at_start("closed", lambda: self.sensitivity.restored(t, self.ys[0])), False)
         if self.n_carry:
             yield LinearMap(self.at_start("renewal", lambda: self.sensitivity.renewed(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
-        """Return partials at the first node, computed once for runs from one start with the same parameters."""
+        """Return partials at the first node, computed once for runs with the same start and parameters."""
         s = self.system
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
         return self.sensitivity.parameters.once(name, key, find)
@@ -165,14 +165,14 @@ class Trajectory:
             y = self.system.jump(t1, self.ys[i]) if self.jumped[i] else self.between(i, t1)
             self.enter_node(i + 1)
             yield LinearMap(self.sensitivity.row_update(t1, y), False)
-        if changed or self.jumped[i] or self.renewed[i + 1]:
-            yield from self._renewal(t1, y1)
+        if changed or self.jumped[i] or self.restarted[i + 1]:
+            yield from self._carry_restart(t1, y1)
 
     def carry_restart_parts(self, i: int) -> Iterator[TrajectoryPart]:
-        """Yield the maps after a step to node i and its projection, which restart the carry."""
-        if self.renewed[i]:
+        """Yield the map that restarts the carry after a step to node i and its projection, if there is one."""
+        if self.restarted[i]:
             self.enter_node(i)
-            yield from self._renewal(float(self.ts[i]), self.ys[i])
+            yield from self._carry_restart(float(self.ts[i]), self.ys[i])
 
     def between(self, i: int, t: float) -> Array:
         """Return the point (n,) after a shorter step from node i."""
@@ -186,7 +186,7 @@ class Trajectory:
         """Whether a step consists of two half steps."""
         return self.controlled and not self.tableau.b_embedded
 
-    def _renewal(self, t: float, y: Array) -> Iterator[TrajectoryPart]:
+    def _carry_restart(self, t: float, y: Array) -> Iterator[TrajectoryPart]:
         if self.n_carry:
             yield LinearMap(self.sensitivity.renewed(t, y), True)
 
@@ -196,7 +196,7 @@ class Trajectory:
         while i < j:
             if self.core and (found := self.core.recompute(i, j, states[-1], (SAME_STATE, AGREEMENT))):
                 states += found.states
-                self.renewed[i + 1 : i + 1 + len(found.states)] = found.renewed
+                self.restarted[i + 1 : i + 1 + len(found.states)] = found.restarted
                 i += len(found.states)
                 if not found.complete:
                     raise InputError(self._mismatch(i))
@@ -206,19 +206,19 @@ class Trajectory:
         return states
 
     def _advance(self, i: int, state: State) -> State:
-        """Return the state at node i + 1 with its carry, and check that the step reproduces that of the run.
+        """Return the state at node i + 1 with its carry, and check that the step reproduces the point of the run.
 
-        Points and carries are recomputed together, as in the run: in stiff runs, rounding errors that only one of them
-        contains would grow from step to step.
+        Points and carries are recomputed together, as in the run: in stiff runs, rounding errors in only one of them
+        would grow from step to step.
         """
         self.enter_node(i)
         y1 = self.ys[i + 1]
         if not self.jumped[i]:
-            state, self.renewed[i + 1] = self._repeat(i, state)
-            apart = np.abs(self.system.difference(state.y, y1)).max()
-            if not apart <= SAME_STATE * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
+            state, self.restarted[i + 1] = self._repeat(i, state)
+            error = np.abs(self.system.difference(state.y, y1)).max()
+            if not error <= SAME_STATE * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
                 raise InputError(self._mismatch(i))
-            if not apart <= AGREEMENT * (1 + np.abs(y1).max()):
+            if not error <= AGREEMENT * (1 + np.abs(y1).max()):
                 state = State(y1, state.carry)
         if self.jumped[i] or i + 1 in self.changes:
             self.enter_node(i + 1)
@@ -232,7 +232,7 @@ class Trajectory:
         """Repeat each step between two nodes.
 
         Raises:
-            InputError: if that fails, with the reason.
+            InputError: if a step fails, with the reason.
         """
         first, last = sorted((t0, t1))
         for i in np.flatnonzero((self.ts[:-1] >= first) & (self.ts[1:] <= last)).tolist():
@@ -245,8 +245,8 @@ class Trajectory:
             state = self._taken(t, h, start)
             if not self.project:
                 return State(state.y, state.carry), False
-            closed, standing = self.system.restore(t + h, state.y), _RunView(self.system, start)
-            if self.stepper.tolerates(standing, closed, self.system.difference(state.y, closed)):
+            closed, view = self.system.restore(t + h, state.y), _RunView(self.system, start)
+            if self.stepper.tolerates(view, closed, self.system.difference(state.y, closed)):
                 return State(closed, state.carry), False
             return State(closed, self._restarted_carry(i + 1, closed)), True
         except StepError as e:

@@ -9,18 +9,19 @@ from .. import errors
 from ..discovery import members, plugins
 from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
-from .order.conditions import proven
+from .order.conditions import proven_orders
 from .radau import Method, RadauIIA
 from .tableau import Tableau
 
 METHODS: dict[str, Method] = {m.name: m for m in sorted(members(__name__, Tableau, RadauIIA), key=lambda m: m.name)}
-"""Every method by name, found in the files of this folder: a method that exists cannot be missing here."""
+"""All methods by name, discovered in the files of this folder: none can be missing."""
+
 
 _ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")
-METHODS |= {m.name: replace(m, **proven(m)) if not m.order else m for m in _ADDED.values()}
+METHODS |= {m.name: replace(m, **proven_orders(m)) if not m.order else m for m in _ADDED.values()}
 
 EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, ExplicitMethod)}
-"""Methods for ordinary differential equations, which step accelerations."""
+"""Methods for ordinary differential equations, which integrate the index-1 formulation."""
 
 
 def method(name: str | Method) -> Method:
@@ -37,8 +38,8 @@ def method(name: str | Method) -> Method:
     if isinstance(name, Tableau | RadauIIA):
         known = METHODS.get(name.name, name)
         if known != name:
-            raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau its own")
-        return replace(name, **proven(name)) if isinstance(name, Tableau) and not name.order else name
+            raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau another name")
+        return replace(name, **proven_orders(name)) if isinstance(name, Tableau) and not name.order else name
     text = str(name)
     if text.endswith(".toml"):
         return method(read_tableau(text))
@@ -49,11 +50,11 @@ def method(name: str | Method) -> Method:
     return METHODS[text]
 
 
-def method_of(settings: Mapping[str, Any]) -> Method:
-    """Return the method of a run from its settings, which contain a custom method in full.
+def method_from_settings(settings: Mapping[str, Any]) -> Method:
+    """Return the method of a run from its settings, which contain the complete tableau of a custom method.
 
     Raises:
         UnknownNameError, InputError: as for `method`.
     """
-    own = settings.get("tableau")
-    return tableau(own, "the tableau of a run") if own else method(settings["method"])
+    custom = settings.get("tableau")
+    return tableau(custom, "the tableau of a run") if custom else method(settings["method"])

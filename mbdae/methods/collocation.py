@@ -25,18 +25,19 @@ from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING, NEGLIGIBLE
 from .radau_coefficients import RadauArrays, lagrange
 
-EXTRA_ITERATIONS = 8  # largest number of iterations from there on
-FIRST = 3  # iterations after a first change that is already that small: their rate is unknown
+MAX_FURTHER_ITERATIONS = 8  # after a change of the size of rounding errors
+FIRST_ITERATIONS = 3  # further iterations if already the first change is that small, so that the rate is unknown
 EXPECTED_RATE = (
     0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
 )
-REUSE = 0.03  # partial derivatives and factors are reused for the same h while the rate is below this
-ANDERSON_DEPTH = 10  # changes combined where the simplified Newton iteration does not converge
-FAR = 0.5  # of the size of y and its displacement: larger first changes make the guess unreliable
+REUSE_RATE = 0.03  # convergence rate below which partial derivatives and factors are reused for the same h
+ANDERSON_DEPTH = 10  # changes that are combined if the simplified Newton iteration does not converge
+MAX_FIRST_CHANGE = 0.5  # of the size of y and its displacement: a larger change means that the guess is useless
 
 
 class StageMemory(NamedTuple):
-    """Data passed to the next step: stage values for a first guess, and the partial derivatives with their rate."""
+    """Data for the next step: stage values for its guess, and partial derivatives with their convergence rate."""
+
 
     unknowns: Any
     h: float
@@ -48,17 +49,17 @@ class StageMemory(NamedTuple):
 
 
 def collocation_step(
-    system: System, a: RadauArrays, t: float, h: float, state: State, patience: int, estimate: bool
+    system: System, a: RadauArrays, t: float, h: float, state: State, max_iterations: int, estimate: bool
 ) -> Step:
     """Advance (t, y) to t + h.
 
-    The state's carry is the `StageMemory` of the previous step; any other value counts as none.
+    The carry of the state is the `StageMemory` of the previous step; any other value is ignored.
 
-    The equations are solved to rounding, so that neither the order of a method nor G v = 0 is limited by a tolerance;
-    under step-size control to the accuracy that the run asks for (`mbdae.system.System`). Jacobians are evaluated in
-    the middle of the step, at predicted stages, which halves the distance to the other stages; they and their factors
-    are reused while h is constant and the iteration converges well. When h changes, new Jacobians cost less than the
-    iterations that they save.
+    The equations are solved to rounding, so that no tolerance limits the order of a method or G v = 0; under step-size
+    control, to the accuracy required by the run (`mbdae.system.System`). Partial derivatives are evaluated at the
+    predicted stage in the middle of the step, which halves the distance to the other stages; they and their factors
+    are reused while h is constant and the iteration converges fast. When h changes, new partial derivatives cost less
+    than the iterations that they save.
 
     Args:
         system: the problem.
@@ -66,7 +67,7 @@ def collocation_step(
         t: time.
         h: step size.
         state: y and the carry.
-        patience: largest number of iterations.
+        max_iterations: largest number of iterations.
         estimate: whether to compute an error estimate.
 
     Raises:
@@ -83,14 +84,14 @@ def collocation_step(
         F, z = chart.start()
         K, Z = np.tile(F, (s, 1)), np.tile(z, (s, 1))
     accuracy = system.accuracy if estimate else 0.0
-    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience, accuracy)
+    stages = _Stages(system, chart, a, t, h, system.size(state.y), max_iterations, accuracy)
     found = None
-    if memory is not None and memory.h == h and memory.rate < REUSE:
+    if memory is not None and memory.h == h and memory.rate < REUSE_RATE:
         with suppress(StepError):
             found = stages.solve(K, Z, memory.partials, memory.solvers)
     if found is None:
         # the caller may retry with a shorter step
-        found = stages.simplified_newton(K, Z) if estimate else stages.found(K, Z)
+        found = stages.simplified_newton(K, Z) if estimate else stages.solve_with_fallback(K, Z)
     x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
@@ -112,23 +113,23 @@ def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
     """
     h, none = found.h, np.zeros(found.Z.shape[1])
     filtered = found.partials.factorize(h * a.gamma) if a.real is None else found.solvers[a.real]
-    misses = [h * a.gamma * (F - row @ found.K) for row in a.start]
-    return np.array([filtered(found.partials.weigh(miss), none)[0] for miss in misses])
+    defects = [h * a.gamma * (F - row @ found.K) for row in a.start]
+    return np.array([filtered(found.partials.apply_E(defect), none)[0] for defect in defects])
 
 
-def _left(size: float, rate: float) -> int:
+def _remaining_iterations(size: float, rate: float) -> int:
     """Return the number of remaining iterations after a change of this size, to reach the tolerance."""
     if rate * size <= BELOW_ROUNDING:
         return 0
     return (
-        EXTRA_ITERATIONS
+        MAX_FURTHER_ITERATIONS
         if rate >= 1
-        else min(EXTRA_ITERATIONS, int(np.ceil(np.log(BELOW_ROUNDING / size) / np.log(rate))) - 1)
+        else min(MAX_FURTHER_ITERATIONS, int(np.ceil(np.log(BELOW_ROUNDING / size) / np.log(rate))) - 1)
     )
 
 
-def _error(size: float, rate: float) -> float:
-    """Return what is left of a change of this size: the sum of a geometric series."""
+def _remaining_error(size: float, rate: float) -> float:
+    """Return the error that remains after a change of this size: the sum of a geometric series."""
     return rate * size / (1 - rate) if rate < 1 else np.inf
 
 
@@ -143,49 +144,49 @@ class _Stages:
         t: float,
         h: float,
         size: Array,
-        patience: int,
+        max_iterations: int,
         accuracy: float = 0.0,
     ) -> None:
-        self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
+        self.chart, self.a, self.t, self.h, self.max_iterations = chart, a, t, h, max_iterations
         self.counts, self.measured, self.size, self.accuracy = system.counts, system.measured, size, accuracy
 
     def solve(self, K: Array, Z: Array, partials: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
-        Changes of X shrink by ``rate`` (Hairer, Wanner II, section IV.8), measured over pairs of iterations: errors of
-        X corrected by the first of a pair change G v = 0, which the second corrects. Once one is small, it determines
+        Changes of X decrease by ``rate`` (Hairer, Wanner II, section IV.8), which is measured over pairs of iterations:
+        a correction of X violates G v = 0, which the second iteration corrects. Once a change is small, it determines
         the number of remaining iterations, before rounding dominates the measured rate.
 
         Raises:
             StepError: if the iteration diverges or is too slow.
         """
         scale, last, rate, left = self._scale(K), np.inf, EXPECTED_RATE, 0
-        for k in range(self.patience):
+        for k in range(self.max_iterations):
             dK, dZ = self._correction(K, Z, solvers)
             if not k:
                 scale = np.maximum(scale, self._scale(dK))
             K, Z = K + dK, Z + dZ
-            size = self._measure(dK, scale)
+            size = self._norm(dK, scale)
             self.counts.newton += 1
             if not np.isfinite(size):
                 break
             if last <= ITERATION_ROUNDING:
                 left -= 1
             elif not k:
-                left = FIRST
+                left = FIRST_ITERATIONS
             else:
                 rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
-                left = _left(size, rate)
-            exact = size <= ITERATION_ROUNDING and (left <= 0 or k == self.patience - 1)
-            if exact or (_error(size, rate) if k else size) <= self.accuracy:
+                left = _remaining_iterations(size, rate)
+            exact = size <= ITERATION_ROUNDING and (left <= 0 or k == self.max_iterations - 1)
+            if exact or (_remaining_error(size, rate) if k else size) <= self.accuracy:
                 return StageMemory(self.chart.unknowns, self.h, K, Z, partials, solvers, rate)
-            if k > 1 and last > ITERATION_ROUNDING and self._slow(size, rate, self.patience - 1 - k):
+            if k > 1 and last > ITERATION_ROUNDING and self._is_slow(size, rate, self.max_iterations - 1 - k):
                 break
             last = size
         raise self._diverges()
 
-    def _slow(self, size: float, rate: float, further: int) -> bool:
-        """Say whether so many further iterations do not suffice."""
+    def _is_slow(self, size: float, rate: float, further: int) -> bool:
+        """Return whether the given number of further iterations does not suffice."""
         return rate >= 1 or rate**further * size > max(ITERATION_ROUNDING, self.accuracy)
 
     def simplified_newton(self, K: Array, Z: Array) -> StageMemory:
@@ -194,8 +195,8 @@ class _Stages:
         partials = self.chart.linearize(X[i], K[i], Z[i])
         return self.solve(K, Z, partials, _factorize(partials, self.a, self.h))
 
-    def found(self, K: Array, Z: Array) -> StageMemory:
-        """Iterate from a guess with partial derivatives at its middle; if that does not converge, use `anderson`."""
+    def solve_with_fallback(self, K: Array, Z: Array) -> StageMemory:
+        """Iterate by `simplified_newton`; if that does not converge, by `anderson`."""
         try:
             return self.simplified_newton(K, Z)
         except StepError as failed:
@@ -205,10 +206,10 @@ class _Stages:
                 raise failed from None
 
     def anderson(self, K: Array, Z: Array) -> StageMemory:
-        """Iterate from a guess where bodies rotate far within a step, so that one set of partials is inaccurate.
+        """Iterate from a guess for large rotations within a step, for which one set of partials is inaccurate.
 
-        Each iterate is the combination of the last ones with the least change, plus this change (Anderson acceleration:
-        H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step takes new partial derivatives.
+        Each iterate is the combination of the last iterates with the smallest change, plus this change (Anderson
+        acceleration: H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step computes new partials.
 
         Raises:
             StepError: if this does not converge either.
@@ -218,49 +219,48 @@ class _Stages:
         solvers, scale, last = _factorize(partials, self.a, self.h), self._scale(K), np.inf
         weight = 1 / (1 + np.abs(np.concatenate([K.ravel(), Z.ravel()])))
         points, changes = np.empty((0, len(weight))), np.empty((0, len(weight)))
-        for _ in range(self.patience):
+        for _ in range(self.max_iterations):
             dK, dZ = self._correction(K, Z, solvers)
             known = scale.any()
-            if not known:  # from rest, where nothing acts yet: no guess is far from that
+            if not known:  # at rest without forces the scale is zero: no guess can be judged
                 scale = self._scale(dK)
-            size = self._measure(dK, scale)
+            size = self._norm(dK, scale)
             self.counts.newton += 1
-            if not size < (FAR if known else np.inf):
+            if not size < (MAX_FIRST_CHANGE if known else np.inf):
                 break
             if size <= BELOW_ROUNDING or last <= size <= ITERATION_ROUNDING:
                 return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, partials, solvers, np.inf)
             change = np.concatenate([dK.ravel(), dZ.ravel()])
             points = np.vstack([points, np.concatenate([K.ravel(), Z.ravel()])])[-ANDERSON_DEPTH - 1 :]
             changes, last = np.vstack([changes, change])[-ANDERSON_DEPTH - 1 :], size
-            moves, turns = np.diff(points, axis=0), np.diff(changes, axis=0)
-            share = np.linalg.lstsq((turns * weight).T, change * weight)[0]
-            at = points[-1] + change - share @ (moves + turns)
-            K, Z = at[:n].reshape(K.shape), at[n:].reshape(Z.shape)
+            steps, differences = np.diff(points, axis=0), np.diff(changes, axis=0)
+            coefficients = np.linalg.lstsq((differences * weight).T, change * weight)[0]
+            point = points[-1] + change - coefficients @ (steps + differences)
+            K, Z = point[:n].reshape(K.shape), point[n:].reshape(Z.shape)
         raise self._diverges()
 
     def _diverges(self) -> StepError:
         return StepError(
             "newton",
-            f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge: take shorter "
-            "steps, or rtol in their place",
+            f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge: use shorter "
+            "steps, or step-size control (rtol)",
         )
 
-    def _moves(self, K: Array) -> Array:
+    def _displacements(self, K: Array) -> Array:
         """Return the measured components of X = h A K, (s, .)."""
         return self.h * (self.a.A @ K)[:, self.measured]
 
     def _scale(self, K: Array) -> Array:
-        """The size of y and of its change, no component's below a thousandth of the largest.
+        """Return the size of y plus its change in the step, at least a thousandth of the largest component.
 
-        The change is what a guess foresees or the first correction makes of it: from rest, where nothing acts at the
-        start, the guess foresees none.
+        The change is that of the guess, or of the first correction: at rest without forces the guess has none.
         """
-        scale = self.size[self.measured] + np.abs(self._moves(K)).max(axis=0)
+        scale = self.size[self.measured] + np.abs(self._displacements(K)).max(axis=0)
         return scale + NEGLIGIBLE * scale.max(initial=0.0)
 
-    def _measure(self, dK: Array, scale: Array) -> float:
-        """The change of X by dK, (s, ny), in root mean square of the scale."""
-        return float(np.sqrt(np.mean((self._moves(dK) / (scale + np.finfo(float).tiny)) ** 2)))
+    def _norm(self, dK: Array, scale: Array) -> float:
+        """Return the root mean square of the change of X by dK, (s, ny), relative to the scale."""
+        return float(np.sqrt(np.mean((self._displacements(dK) / (scale + np.finfo(float).tiny)) ** 2)))
 
     def _correction(self, K: Array, Z: Array, solvers: list[Solver]) -> tuple[Array, Array]:
         a, h, X = self.a, self.h, self.h * (self.a.A @ K)

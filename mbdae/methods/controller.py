@@ -42,10 +42,10 @@ def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> flo
 
 @dataclass
 class Controller:
-    """PI controller h_new = 0.9 h err^(-1/k + 0.75 beta) err_last^beta, by default within a fifth and ten times h.
+    """PI controller h_new = 0.9 h err^(-1/k + 0.75 beta) err_last^beta, by default between 0.2 h and 10 h.
 
-    k is the power of h in the error estimate. A rejected step does not count as the last one, and the step after it
-    does not grow (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth up to a factor ``steady`` is suppressed, to
+    k is the power of h in the error estimate. A rejected step does not change err_last, and the step size does not grow
+    after it (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth by a factor below ``steady`` is suppressed, to
     reuse data that depend on h (the same, section IV.8).
     """
 
@@ -66,7 +66,7 @@ class Controller:
         return 0.75 * self.beta - 1 / self.power
 
     def next_step(self, h: float, err: float) -> float:
-        """Return the step to take after one of size h with error norm err (accepted when err <= 1)."""
+        """Return the next step size after a step of size h with error norm err (accepted if err <= 1)."""
         if not err <= 1:
             self.rejected = True
             shrink = SAFETY * err ** (-1 / self.power) if np.isfinite(err) else 0.0

@@ -1,4 +1,4 @@
-"""Custom methods: from a table, from a file, and from the settings of a run."""
+"""Custom tableaus: from entries by name, from a file, and from the settings of a run."""
 
 import tomllib
 from collections.abc import Mapping
@@ -11,22 +11,22 @@ from ..file_io import read_text
 from .tableau import Tableau
 
 KEYS = tuple(f.name for f in fields(Tableau))
-NEEDED = ("name", "A", "b")
+REQUIRED = ("name", "A", "b")
 
 
 def tableau(data: Mapping[str, Any], what: str) -> Tableau:
-    """Make a tableau from its entries by name, those of `Tableau`.
+    """Return a tableau with the given entries, the arguments of `Tableau` by name.
 
     Raises:
         UnknownNameError: for an unknown entry.
-        InputError: for one that is missing or wrong; ``what`` names the place.
+        InputError: for a missing or invalid entry; the message begins with ``what``.
     """
     for key in data:
         if key not in KEYS:
             raise UnknownNameError(f"key of {what}", key, KEYS)
-    missing = [key for key in NEEDED if not data.get(key)]
+    missing = [key for key in REQUIRED if not data.get(key)]
     if missing:
-        raise InputError(f"{what} needs {', '.join(missing)}: a tableau has {', '.join(NEEDED)}")
+        raise InputError(f"{what} needs {', '.join(missing)}: a tableau has {', '.join(REQUIRED)}")
     numbers = {key: x for key, x in data.items() if key.startswith(("order", "project", "rounded"))}
     name = data["name"]
     if not (isinstance(name, str) and name.isprintable()) or not all(isinstance(x, int) for x in numbers.values()):
@@ -41,7 +41,7 @@ def read_tableau(path: str | Path) -> Tableau:
     """Read a tableau from a TOML file: ``name``, rows ``A``, ``b``, and further entries of `Tableau`.
 
     Raises:
-        InputError: for a file that is missing, or not a tableau.
+        InputError: for a missing file, or a file without a valid tableau.
     """
     try:
         data = tomllib.loads(read_text(Path(path)))

@@ -22,8 +22,8 @@ class ExplicitMethod:
 
         Y_i = y_0 + h sum_{j<i} a_ij F(t_j, Y_j),   y_1 = y_0 + h sum b_i F_i
 
-    A last stage at y_1 is added: it is the first of the next step, and has the multipliers at y_1. The error estimate
-    is
+    A last stage at y_1 is added: it is the first stage of the next step, and provides the multipliers at y_1. The error
+    estimate is
 
         err_1^2 / (err_1^2 + 0.01 err_2^2)^(1/2),   of size h^(2 (p_1 + 1) - (p_2 + 1))
 
@@ -87,7 +87,7 @@ class ExplicitMethod:
 
     @cached_property
     def exact_Ahat(self) -> list[Row]:
-        """Unit matrix, (n, n): stages satisfy no constraint."""
+        """Identity matrix, (n, n): stages satisfy no constraint."""
         n = len(self.A) + 1
         return [_row(("0",) * i + ("1",), n) for i in range(n)]
 
@@ -100,8 +100,8 @@ class ExplicitMethod:
     def exact_embedded(self) -> list[Row]:
         """Exact weights of both embedded formulas, (n,) each."""
         n = len(self.A) + 1
-        moved = [b + e for b, e in zip(self.exact_b, _row(self.e_embedded, n), strict=True)]
-        return [moved, _row(self.b_companion, n)]
+        embedded = [b + e for b, e in zip(self.exact_b, _row(self.e_embedded, n), strict=True)]
+        return [embedded, _row(self.b_companion, n)]
 
     @cached_property
     def arrays(self) -> ButcherArrays:
@@ -117,13 +117,13 @@ class ExplicitMethod:
         return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, self.noise)
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step, as `half_explicit_step` of `mbdae.methods`, with unconstrained stages."""
+        """Take one step, see `mbdae.methods.half_explicit_step.half_explicit_step`, with unconstrained stages."""
         return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     controlled_step = step
 
     def steady(self, ny: int) -> float:
-        """As for `mbdae.methods.tableau.Tableau.steady`."""
+        """Return 1: see `mbdae.methods.tableau.Tableau.steady`."""
         return 1.0
 
 

@@ -29,11 +29,11 @@ def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: f
     chart = system.chart(t, state.y)
     F = np.zeros((n, system.ny))
     A, Ahat = h * a.A, h * a.Ahat
-    times, met, factors = (t + a.c * h).tolist(), (t + a.chat * h).tolist(), Ahat.diagonal().tolist()
+    times, constraint_times, factors = (t + a.c * h).tolist(), (t + a.chat * h).tolist(), Ahat.diagonal().tolist()
     if first:
         F[0], z = chart.first(state.carry)
     for i in range(first, n):  # F_i and later ones are still zero
-        F[i], z = chart.stage(times[i], A[i].dot(F), met[i], Ahat[i].dot(F), factors[i])
+        F[i], z = chart.stage(times[i], A[i].dot(F), constraint_times[i], Ahat[i].dot(F), factors[i])
     x = h * a.b.dot(F) if state.compensation is None else h * a.b.dot(F) + state.compensation
     y = chart.point(x)
     carry = system.carry(F[-1], z) if first else None

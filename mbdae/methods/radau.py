@@ -21,10 +21,10 @@ from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
 
-PATIENCE, SHORT_PATIENCE = 60, 15  # iterations for a given step, and for one that can be shortened
-TYPICAL = 5  # iterations
-STEADY, LARGE = 1.2, 40  # growth of h that costs more than it saves, for steps with more components
-MOST = 15  # stages: with more, the eigenvectors of A are too ill-conditioned for double precision
+MAX_ITERATIONS, MAX_ITERATIONS_CONTROLLED = 60, 15  # for fixed steps, and for steps that can be shortened
+TYPICAL_ITERATIONS = 5
+SUPPRESSED_GROWTH, LARGE_SYSTEM = 1.2, 40  # growth of h that costs more than it saves, for systems of larger dimension
+MAX_STAGES = 15  # stages: with more, the eigenvectors of A are too ill-conditioned for double precision
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class RadauIIA:
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II, sections IV.5 and VII.4"
 
     def __post_init__(self) -> None:
-        if not 1 <= self.stages <= MOST:
-            raise ValueError(f"a Radau IIA method has 1 to {MOST} stages here, got {self.stages}")
+        if not 1 <= self.stages <= MAX_STAGES:
+            raise ValueError(f"a Radau IIA method has 1 to {MAX_STAGES} stages here, got {self.stages}")
 
     @property
     def name(self) -> str:
@@ -89,22 +89,21 @@ class RadauIIA:
 
         An iteration evaluates s residuals and solves s // 2 complex systems of one stage, and a real one for odd s.
         """
-        return TYPICAL * self.stages
+        return TYPICAL_ITERATIONS * self.stages
 
     @property
     def smallest_pivot(self) -> float:
         """1 / sum_j |omega_sj|, omega the inverse of A; the rounding error of the method's z is eps / (h times it)."""
         return 1 / float(np.abs(np.linalg.inv(self.arrays.A)[-1]).sum())
 
-    patience = PATIENCE
-    carries = False  # data passed from step to step are only a guess
+    carries = False  # data of the previous step serve as a guess only
 
     @cached_property
     def arrays(self) -> RadauArrays:
         """The coefficients in double precision."""
         return coefficients(self.stages).arrays
 
-    # -- the same as a tableau with an explicit first stage at y_n, for order conditions ------------------------------
+    # -- order conditions: the method as a tableau with an explicit first stage at y_n ---------------------------------
 
     explicit_first = True
     project_embedded = True
@@ -119,7 +118,7 @@ class RadauIIA:
 
     @property
     def exact_Ahat(self) -> list[Row]:
-        """The same: a stage satisfies the constraint where it evaluates f."""
+        """Equal to `exact_A`: a stage satisfies the constraint at the point where it evaluates f."""
         return self.exact_A
 
     @property
@@ -141,12 +140,12 @@ class RadauIIA:
         c, gamma = [Fraction(x) for x in coefficients(self.stages).c], Fraction(self.arrays.gamma)
         used = c[skip:]
         start = [prod(x / (x - y) for x in used if x != y) if y in used else Fraction(0) for y in c]
-        miss = [Fraction(1), *(-x for x in start)]
-        return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, miss, strict=True))
+        defect = [Fraction(1), *(-x for x in start)]
+        return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, defect, strict=True))
 
     def steady(self, ny: int) -> float:
-        """Growth of h up to this factor is suppressed, to reuse expensive partial derivatives and factors."""
-        return STEADY if ny > LARGE else 1.0
+        """Return the factor below which growth of h is suppressed, to reuse partial derivatives and factors."""
+        return SUPPRESSED_GROWTH if ny > LARGE_SYSTEM else 1.0
 
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core, with the thresholds of its iteration."""
@@ -155,22 +154,22 @@ class RadauIIA:
         real = -1 if a.real is None else a.real
         return native.Radau(
             a.c, a.A, modes, real, a.gamma, a.start, a.middle,
-            patience=PATIENCE, short_patience=SHORT_PATIENCE,
+            patience=MAX_ITERATIONS, short_patience=MAX_ITERATIONS_CONTROLLED,
             tolerance=BELOW_ROUNDING, near=ITERATION_ROUNDING,
-            further=collocation.EXTRA_ITERATIONS, first=collocation.FIRST, expected=collocation.EXPECTED_RATE,
-            reuse=collocation.REUSE, share=NEGLIGIBLE,
+            further=collocation.MAX_FURTHER_ITERATIONS, first=collocation.FIRST_ITERATIONS,
+            expected=collocation.EXPECTED_RATE, reuse=collocation.REUSE_RATE, share=NEGLIGIBLE,
         )  # fmt: skip
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""
         return system.compiled_step(self, t, h, state) or collocation_step(
-            system, self.arrays, t, h, state, PATIENCE, estimate=False
+            system, self.arrays, t, h, state, MAX_ITERATIONS, estimate=False
         )
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate; fail if the iteration converges slowly."""
         return system.compiled_step(self, t, h, state, controlled=True) or collocation_step(
-            system, self.arrays, t, h, state, SHORT_PATIENCE, estimate=True
+            system, self.arrays, t, h, state, MAX_ITERATIONS_CONTROLLED, estimate=True
         )
 
 

@@ -31,8 +31,8 @@ class Tableau:
     the next step's first stage.
 
     Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, which mean exactly the
-    decimals as written; a whole table may be one text, one row per line. Claims that are left out are those that the
-    order conditions prove, up to order 5, when `mbdae.methods.method` is given the tableau.
+    decimals as written; a table may also be one text with one row per line. If claims are left out,
+    `mbdae.methods.method` derives them from the order conditions, up to order 5.
 
     Args:
         name: name typed by the user, for instance ``"pherk5"``.
@@ -43,7 +43,7 @@ class Tableau:
         Ahat: rows of ahat_ij as text; left out for HERK.
         order: claimed order of y (q and v) for general f.
         order_linear: claimed order of y when f is linear in z, as in mechanics; left out if the same.
-        order_own: claimed order of the method's z (lam_own).
+        order_own: claimed order of the z of the method (lam_own).
         b_embedded: weights of the embedded formula over the n stages, as text; empty if there is none.
         b_companion: weights of a second embedded formula, one order lower (see `mbdae.methods.controller`).
         order_embedded: order of the embedded formula, after projection if `project_embedded`.
@@ -119,7 +119,7 @@ class Tableau:
 
     @property
     def carries(self) -> bool:
-        """Whether a step needs more than the end point of the previous one."""
+        """Whether a step needs more than the end point of the previous step."""
         return self.explicit_first
 
     @property
@@ -162,7 +162,7 @@ class Tableau:
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
     def steady(self, ny: int) -> float:
-        """Growth of h that is suppressed: none, since no data depend on h."""
+        """Return the factor below which growth of h is suppressed: 1, since no data depend on h."""
         return 1.0
 
     def compiled(self, native: Any) -> Any:

@@ -1,4 +1,5 @@
-"""Solutions in files: .npz contains everything and can be read again, .csv is a table of named columns."""
+"""Solutions in files: .npz contains the complete solution and can be read; .csv is a table of named columns."""
+
 
 import json
 import sys
@@ -33,21 +34,21 @@ HEADERS: dict[tuple[int, int], Callable[..., Any]] = {
 }
 FORMAT = 2  # 1 contained Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
-OWN = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # arrays, besides those of events
+ARRAYS = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # besides those of events
 LARGEST_TEXT = 2**27  # bytes of the text in a file, four for each character
-LARGE, FOLDED = 2**28, 100  # bytes of arrays that are always read, and largest compression ratio beyond
+LARGE, MAX_COMPRESSION = 2**28, 100  # bytes of arrays that are always read; largest compression ratio of larger files
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
 )  # fmt: skip
 
-class _Lenient(BaseModel):
+class _OpenModel(BaseModel):
     """Data of a run: fields named here are checked, others may be present."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
 
-class _Settings(_Lenient):
+class _Settings(_OpenModel):
     method: str
     dense_order: int = Field(ge=1, le=20)
     formulation: str = "index2"
@@ -60,7 +61,7 @@ class _Settings(_Lenient):
     s: tuple[float, ...] = ()
 
 
-class _Stats(_Lenient):
+class _Stats(_OpenModel):
     steps: int
     rejected: int | None
     f: int
@@ -72,7 +73,7 @@ class _Stats(_Lenient):
     backend: str
 
 
-class _Run(_Lenient):
+class _Run(_OpenModel):
     """Data of a run besides its arrays."""
 
     mechanism: dict[str, Any]
@@ -97,7 +98,7 @@ def write(sol: "Solution", path: str | Path) -> None:
     """Write a solution as .npz without pickles, or its `mbdae.solution.columns.signals` as .csv.
 
     Raises:
-        InputError: for a textbook problem, whose functions cannot be written, or an unwritable path.
+        InputError: for a custom textbook problem, whose functions cannot be written, or an unwritable path.
     """
     if Path(path).suffix not in SUFFIXES:
         raise InputError(f"a solution is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
@@ -110,7 +111,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         arrays |= dict(zip(_event(i), (np.asarray(x) for x in found), strict=True))
     meta = {
         "format": FORMAT,
-        "mechanism": described(sol.problem),
+        "mechanism": problem_data(sol.problem),
         "settings": sol.settings,
         "stats": sol.stats,
         "status": sol.status,
@@ -128,7 +129,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
 
 
-def described(problem: Any) -> dict[str, Any]:
+def problem_data(problem: Any) -> dict[str, Any]:
     """Return JSON data from which a problem can be recreated.
 
     Raises:
@@ -138,7 +139,7 @@ def described(problem: Any) -> dict[str, Any]:
         return describe(problem)
     if not listed(problem):
         known = ", ".join(TEXTBOOK)
-        raise InputError(f"the functions of {problem.title!r} cannot be written; by name those of {known} are")
+        raise InputError(f"the functions of {problem.title!r} cannot be saved; those of {known} can")
     return {"textbook": problem.name}
 
 
@@ -152,21 +153,21 @@ def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, i
 
 
 def read(path: str | Path, meshes: Sequence[str | Path] = ()) -> dict[str, Any]:
-    """Read a .npz file; return the arguments of `mbdae.Solution`. Warns for a file of another mbdae.
+    """Read a .npz file; return the arguments of `mbdae.Solution`. Warns about a file of another version of mbdae.
 
-    Sizes are read first: only arrays of a run are unpacked, and only to the announced size.
+    Sizes are checked first: only the arrays of a run are unpacked, and only if they have the announced shapes.
 
     Args:
         path: the file.
         meshes: folders from which meshes are read, besides those below the file's folder and of installed packages.
 
     Raises:
-        InputError: for a file that is missing, damaged, of another kind, or of a newer format.
+        InputError: for a missing or damaged file, a file of another kind, or of another format.
     """
-    with _damage(path):
+    with _reported_as_damage(path):
         shapes, meta = _sizes(path)
     _check_version(path, meta)
-    with _damage(path):
+    with _reported_as_damage(path):
         return _arguments(path, shapes, meta, [Path(path).absolute().parent, *map(Path, meshes)])
 
 
@@ -178,23 +179,23 @@ def _sizes(path: str | Path) -> tuple[dict[str, Shape], dict[str, Any]]:
         headers = {x.filename.removesuffix(".npy"): _header(file, x) for x in file.infolist()}
     shape, kind = headers.pop("meta")
     if shape or kind.kind != "U" or kind.itemsize > LARGEST_TEXT:
-        raise ValueError(f"what it says of itself is no text of at most {LARGEST_TEXT // 4} characters")
+        raise ValueError(f"its metadata are not a text of at most {LARGEST_TEXT // 4} characters")
     meta = json.loads(str(_arrays(path, ["meta"])["meta"]))
     if not {"format", "versions"} <= meta.keys() or not isinstance(meta["versions"]["mbdae"], str):
         raise ValueError("its format or version is missing")
     if any(kind != np.dtype(float) for _, kind in headers.values()):
         raise ValueError("expected arrays of real numbers")
     shapes = {name: shape for name, (shape, _) in headers.items()}
-    size, folded = sum(8 * prod(shape) for shape in shapes.values()), Path(path).stat().st_size
-    if size > LARGE and size > FOLDED * folded:
-        raise ValueError(f"its {folded / 1e6:.3g} MB unfold to {size / 1e6:.3g} MB, which no run does")
+    size, compressed = sum(8 * prod(shape) for shape in shapes.values()), Path(path).stat().st_size
+    if size > LARGE and size > MAX_COMPRESSION * compressed:
+        raise ValueError(f"its {compressed / 1e6:.3g} MB unpack to {size / 1e6:.3g} MB, too much for a run")
     return shapes, meta
 
 
 def _header(file: ZipFile, entry: ZipInfo) -> tuple[Shape, np.dtype]:
     """Return shape and type of an array, without reading it."""
     if entry.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-        raise BadZipFile("it is packed otherwise than by numpy")
+        raise BadZipFile("its compression is not that of numpy")
     with file.open(entry) as stream:
         version = np.lib.format.read_magic(stream)
         if version not in HEADERS:
@@ -213,13 +214,13 @@ def _arguments(
 ) -> dict[str, Any]:
     run = _Run.model_validate(meta)
     problem, width, ng = _restored(run.mechanism, meshes)
-    named = [*OWN, *(name for i in range(min(run.events, len(shapes))) for name in _event(i))]
+    named = [*ARRAYS, *(name for i in range(min(run.events, len(shapes))) for name in _event(i))]
     if unknown := sorted(shapes.keys() - {*named}):
-        raise ValueError(f"no run has an array {unknown[0]!r}")
+        raise ValueError(f"unknown array {unknown[0]!r}")
     _check_announced(run, shapes, width, ng)
     _check_numbers(problem, run, ng)
     if run.arrays is not None and run.arrays != shapes:
-        raise ValueError("its arrays are not those that it announces")
+        raise ValueError("its arrays do not have the announced shapes")
     data = _arrays(path, named)
     events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
     for ts, ys in ((data["t"], data["y"]), (data["steps_t"], data["steps_y"]), *events):
@@ -234,7 +235,7 @@ def _arguments(
 
 
 def _check_announced(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -> None:
-    """Refuse arrays that do not belong together, a run without times, and an unknown status."""
+    """Reject arrays with inconsistent shapes, a run without times, and an unknown status."""
     for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
         _check_shapes(shapes[t], shapes[y], shapes[z], width, ng)
     for t, y in map(_event, range(run.events)):
@@ -246,7 +247,7 @@ def _check_announced(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -
 
 
 def _check_points(t: np.ndarray, y: np.ndarray) -> None:
-    """Refuse points that are not finite, and times that both rise and fall."""
+    """Reject points that are not finite, and times that are not monotonic."""
     finite = np.isfinite(t).all() and np.isfinite(y).all()
     if not finite or len({*np.sign(np.diff(t)).tolist()} - {0.0}) > 1:
         raise ValueError("times are not in order, or points are not finite")
@@ -255,7 +256,7 @@ def _check_points(t: np.ndarray, y: np.ndarray) -> None:
 def _check_numbers(problem: Any, run: _Run, ng: int) -> None:
     """Reject rows, start values and modes that are invalid for the mechanism."""
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
-        raise ValueError("rows are in use that the mechanism does not have")
+        raise ValueError("rows in use that the mechanism does not have")
     lengths = getattr(problem, "nq", 0), getattr(problem, "nv", 0), len(getattr(problem, "states", ()))
     start = run.settings.q, run.settings.v, run.settings.s
     if any(len(x) not in (0, n) for x, n in zip(start, lengths, strict=True)):
@@ -271,7 +272,7 @@ def _event(i: int) -> tuple[str, str]:
 
 
 @contextmanager
-def _damage(path: str | Path) -> Iterator[None]:
+def _reported_as_damage(path: str | Path) -> Iterator[None]:
     """Report errors of a file in one line."""
     try:
         yield

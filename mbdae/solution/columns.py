@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .solution import Solution
 
-TURN = 2 * np.pi
+TWO_PI = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
-LOADS, WORLD_AXES, OWN_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
+WRENCH_UNITS, WORLD_AXES, LOCAL_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
 MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
-MOVING = COARSE  # of gravity's rate, which is known without an evaluation: above, the mechanism moves
+MOVING = COARSE  # of the rate of gravity, which needs no evaluation: faster mechanisms move
 
 
 class Residuals(NamedTuple):
@@ -42,11 +42,11 @@ class Residuals(NamedTuple):
     potential: Array
 
 
-def balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
-    """Return |E - E_0 - W| in J, (n,), and the reference energy: 0 if nothing moves.
+def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
+    """Return |E - E_0 - W| in J, (n,), and the reference energy in J, which is 0 at rest.
 
     Args:
-        mech: the mechanism, whose lengths and rate make velocities comparable with zero.
+        mech: the mechanism, whose characteristic lengths and rate define when velocities are zero.
         v: velocities, (n, nv).
         kinetic: kinetic energy in J, (n,).
         potential: potential energy in J, (n,).
@@ -100,14 +100,14 @@ def contact_forces(sol: "Solution") -> dict[str, Array]:
     return {f"{kind}.{name}": getattr(x, kind) for name, x in found.items() for kind in CONTACT}
 
 
-def pulls(mech: "Mechanism") -> dict[str, list[int]]:
-    """Return closures and driven distances between frames, with rows that are forces in orthogonal directions.
+def force_rows(mech: "Mechanism") -> dict[str, list[int]]:
+    """Return closures and drivers between frames, each with its rows in m.
 
-    These are rows in m, whose multipliers have the length of the force. Closures with regularised friction are
-    excluded, since friction is not one of their multipliers.
+    The multipliers of these rows are components of a force in orthogonal directions. Closures with regularised friction
+    are excluded, since friction is not one of their multipliers.
     """
-    rubbed = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
-    framed = [c.name for c in mech.constraints if c.frames and c.name not in rubbed]
+    regularised = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
+    framed = [c.name for c in mech.constraints if c.frames and c.name not in regularised]
     return {name: [i for i in mech.rows_of(name) if mech.row_units[i] == "m"] for name in framed}
 
 
@@ -151,41 +151,44 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
     return reaction(mech, name, sol.t, sol.q, sol.lam, sol.v)
 
 
-def load_units(mech: "Mechanism") -> dict[str, str]:
+def reaction_units(mech: "Mechanism") -> dict[str, str]:
     """Return units of the columns of joint and closure wrenches: magnitude, world axes, local axes."""
-    ends = ("", *(f".{axis}" for axis in (*WORLD_AXES, *OWN_AXES)))
+    ends = ("", *(f".{axis}" for axis in (*WORLD_AXES, *LOCAL_AXES)))
     return {
-        f"{word}.{name}{end}": unit for name in reaction_names(mech) for word, unit in LOADS.items() for end in ends
+        f"{word}.{name}{end}": unit
+        for name in reaction_names(mech)
+        for word, unit in WRENCH_UNITS.items()
+        for end in ends
     }
 
 
-def load_columns(sol: "Solution") -> dict[str, Array]:
+def reaction_columns(sol: "Solution") -> dict[str, Array]:
     """Return columns of joint and closure wrenches, see `mbdae.mechanism.joint_wrenches.reaction_wrenches`."""
     n, mech = len(sol.t), sol.mechanism
     world, own = (x.reshape(n, -1, 3) for x in reaction_wrenches(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
     all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)
-    return dict(zip(load_units(mech), all_of.reshape(n, -1).T, strict=True))
+    return dict(zip(reaction_units(mech), all_of.reshape(n, -1).T, strict=True))
 
 
 def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:
     """Return the angle of an unbounded revolute joint (cosine and sine in q) at the times of a solution, in rad, (n,).
 
-    The branch is followed from step to step by the mean velocity, so that fast rotations are counted, too.
+    The angle is unwrapped from step to step with the mean velocity, so that fast rotations are counted, too.
     """
     ts, ys, _ = sol.nodes
     ts, ys = np.asarray(ts), np.asarray(ys)
     angle = np.arctan2(ys[:, iq + 1], ys[:, iq])
     w = ys[:, sol.mechanism.nq + iv]
-    moves = np.diff(ts) * (w[1:] + w[:-1]) / 2
-    for i, move in enumerate(moves):
-        angle[i + 1] = _near(angle[i + 1], angle[i] + move)
+    rotations = np.diff(ts) * (w[1:] + w[:-1]) / 2
+    for i, rotation in enumerate(rotations):
+        angle[i + 1] = _nearest_branch(angle[i + 1], angle[i] + rotation)
     if sol.steps is None:
         return angle
     ascending = slice(None) if len(ts) < 2 or ts[-1] > ts[0] else slice(None, None, -1)
     guess = np.interp(sol.t, ts[ascending], angle[ascending])
-    return _near(np.arctan2(sol.q[:, iq + 1], sol.q[:, iq]), guess)
+    return _nearest_branch(np.arctan2(sol.q[:, iq + 1], sol.q[:, iq]), guess)
 
 
-def _near(angle: Array, guess: Array) -> Array:
-    """Return the angle minus the full turns that bring it nearest to a guess."""
-    return angle + TURN * np.round((guess - angle) / TURN)
+def _nearest_branch(angle: Array, guess: Array) -> Array:
+    """Return the angle plus the multiple of 2 pi that makes it closest to a guess."""
+    return angle + TWO_PI * np.round((guess - angle) / TWO_PI)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError, StepError
 from ..system import Array
-from .sampling import at_once
+from .sampling import sample_together
 
 
 class DenseOutput:
@@ -36,10 +36,10 @@ class DenseOutput:
         return self.steps or (self.t, self.y, self.z_own)
 
     def at(self, i: int) -> Any:
-        """Return the workspace with the rows in use at node i: results depend on nothing else."""
-        return self.placed(self.system, i)
+        """Return the workspace in the mode and with the rows in use at node i: results depend on nothing else."""
+        return self.prepared(self.system, i)
 
-    def placed(self, system: Any, i: int, held: bool = True) -> Any:
+    def prepared(self, system: Any, i: int, held: bool = True) -> Any:
         """Return a workspace of any formulation in the mode and with the rows in use at node i.
 
         Args:
@@ -59,7 +59,7 @@ class DenseOutput:
         return next((mode for first, mode in reversed(self.modes) if first <= i), ())
 
     def before(self, t: Array) -> Array:
-        """Return the node before each time, (k,): the later one of two at a jump."""
+        """Return the node at or before each time, (k,); of the two nodes at a jump, the second."""
         ts = np.asarray(self.nodes[0])
         sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
         return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
@@ -82,33 +82,33 @@ class DenseOutput:
         return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
 
     def points(self, times: Array) -> Iterator[Array]:
-        """Yield y at several times of the run, in turn; computed together where possible.
+        """Yield y at several times of the run; computed together where possible.
 
         Raises:
             InputError: for a time outside.
-            StepError: for a point that cannot be computed; those before are yielded first.
+            StepError: for a point that cannot be computed, after the points before it.
         """
         found = None
         with suppress(StepError):
-            found = at_once(self, np.asarray(times, float))
+            found = sample_together(self, np.asarray(times, float))
         yield from (self.point(float(t)) for t in times) if found is None else found
 
     def dense(self, i: int) -> Callable[[float], Array]:
-        """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
+        """Return theta -> y on step i, theta in [0, 1]; its order is one below the order of the method."""
         if i not in self._dense:
             ts, ys, _ = self.nodes
             rates = self.rate(i), self.rate(i + 1)
             order = self.settings["dense_order"]
             curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
-            self._dense[i] = partial(self._on, i, curve)
+            self._dense[i] = partial(self._on_step, i, curve)
         return self._dense[i]
 
-    def _on(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
+    def _on_step(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
         self.at(i)  # a curve may use the workspace later
         return curve(theta)
 
     def rate(self, i: int) -> Array:
-        """Return the tangent rate of y at the end of step i, computed once; 0 is the start."""
+        """Return y' (ny,) at node i, computed once."""
         if i not in self.rates:
             ts, ys, zs = self.nodes
             self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
@@ -120,9 +120,9 @@ class DenseOutput:
         return self.at(i).derivative(t, y, self.nodes[2][i])[1]
 
     def resampled(self, times: Array) -> Self:
-        """Return the solution at other times (m,) within its span, interpolated between the steps.
+        """Return the solution at other times (m,) within its span, by dense output.
 
-        The method's multipliers are those at the start of the step.
+        The multipliers of the method are those at the start of the step.
 
         Raises:
             InputError: for a time outside.
@@ -131,11 +131,11 @@ class DenseOutput:
         return self._view(times, points, self.nodes[2][self.before(times)], self.nodes)
 
     def at_nodes(self) -> Self:
-        """Return the solution at the ends of all steps, whatever ``t_eval`` was."""
+        """Return the solution at the ends of all steps, independent of ``t_eval``."""
         return self if self.steps is None else self._view(*self.steps, None)
 
     def _view(self, t: Array, y: Array, z_own: Array, steps: tuple[Array, Array, Array] | None) -> Self:
-        """The same run at other times; workspace and rates at the nodes are shared."""
+        """Return the same run at other times; workspace and rates at the nodes are shared."""
         other: Any = replace(cast(Any, self), t=np.asarray(t), y=np.asarray(y), z_own=np.asarray(z_own), steps=steps)
         other.__dict__["system"], other.rates = self.system, self.rates
         return other

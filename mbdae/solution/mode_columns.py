@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .solution import Solution
 
 
-def _opening(mech: "Mechanism") -> list[Unilateral]:
+def _unilateral(mech: "Mechanism") -> list[Unilateral]:
     return [s for s in mech.switches if isinstance(s, Unilateral)]
 
 
@@ -24,7 +24,7 @@ def _impact_switches(mech: "Mechanism") -> list[Switch]:
 
 def mode_units(mech: "Mechanism") -> dict[str, str]:
     """Return names of the columns of `mode_columns`, and their units."""
-    out = {f"gap.{s.name}": mech.row_units[s.row] for s in _opening(mech)}
+    out = {f"gap.{s.name}": mech.row_units[s.row] for s in _unilateral(mech)}
     out |= {f"mode.{s.name}": "1" for s in mech.switches}
     return out | {
         f"impulse.{s.name}": "N s" if mech.row_units[s.row] == "m" else "N m s" for s in _impact_switches(mech)
@@ -34,17 +34,17 @@ def mode_units(mech: "Mechanism") -> dict[str, str]:
 def mode_columns(sol: "Solution") -> dict[str, Array]:
     """Return ``gap.<name>`` of unilateral rows in m or rad, and ``mode.<name>``, the state index of a switch.
 
-    Also ``impulse.<name>`` in N s, N m s, of unilateral rows, clutches and drivers with speed steps: the impulse at the
-    time of a point, and 0 without an impact.
+    Also ``impulse.<name>`` in N s or N m s of unilateral rows, clutches and drivers with speed steps: the impulse of an
+    impact at this time, or 0.
     """
     mech = sol.mechanism
-    opening = _opening(mech)
+    unilateral = _unilateral(mech)
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     idle = (0,) * len(mech.switches)
     modes = np.array([sol.mode(int(i)) or idle for i in nodes], int).reshape(len(nodes), -1)
     system, rows = sol.system, AllRows(sol.system)
     points = [ModePoint(system, rows, float(t), y) for t, y in zip(sol.t, sol.y, strict=True)]
-    out = {f"gap.{s.name}": np.array([s.gap(p) for p in points]) for s in opening}
+    out = {f"gap.{s.name}": np.array([s.gap(p) for p in points]) for s in unilateral}
     out |= {f"mode.{s.name}": modes[:, s.at] for s in mech.switches}
     for s in _impact_switches(mech):
         column = out[f"impulse.{s.name}"] = np.zeros(len(sol.t))

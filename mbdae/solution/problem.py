@@ -26,7 +26,7 @@ def mechanism_of(given: Any, what: str) -> Mechanism:
 
 
 def problem_of(given: Any, what: str) -> Problem:
-    """Return a mechanism or a textbook problem, created if its name, or the path of a mechanism, is given.
+    """Return a mechanism or a textbook problem, loaded if a name, or the path of a mechanism, is given.
 
     Raises:
         UnknownNameError, InputError: as for `mechanism_of`.

@@ -1,4 +1,4 @@
-"""Evaluation of many points of a solution between its steps."""
+"""Evaluation of a solution at many times."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ def split_by_rows(sol: "Solution", nodes: Array) -> list[Array]:
     return [np.flatnonzero(which == w) for w in np.unique(which)]
 
 
-def at_times(sol: "Solution") -> tuple[Array, Array]:
+def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
     """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`.
 
     The multipliers of sliding no-slip rows are their friction.
@@ -30,12 +30,12 @@ def at_times(sol: "Solution") -> tuple[Array, Array]:
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     for part in split_by_rows(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
-        grips = isinstance(sol.problem, Mechanism) and at.sliding.can_stick
-        if grips:
-            _head(at, sol.y[part])
+        has_stiction = isinstance(sol.problem, Mechanism) and at.sliding.can_stick
+        if has_stiction:
+            _set_slip_directions(at, sol.y[part])
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
-        if grips:
-            _head(at, sol.y[part])
+        if has_stiction:
+            _set_slip_directions(at, sol.y[part])
             for i in part:
                 q, v = at.split(sol.y[i])
                 at.jacobian(q)
@@ -43,8 +43,8 @@ def at_times(sol: "Solution") -> tuple[Array, Array]:
     return F, z
 
 
-def _head(at: "Index2System", ys: Array) -> None:
-    """Set slip directions from the first of these points with slip: contacts that begin to slide have none yet."""
+def _set_slip_directions(at: "Index2System", ys: Array) -> None:
+    """Set slip directions from the first of these points with slip: where sliding begins, they are still undefined."""
     for y in ys:
         q, v = at.split(y)
         at.jacobian(q)
@@ -60,13 +60,13 @@ def residuals_and_energies(sol: "Solution") -> tuple[Array, Array, Array]:
     out = np.zeros((len(t), sol.mechanism.ng)), np.zeros((len(t), sol.mechanism.ng)), np.zeros((len(t), 2))
     nodes = np.arange(len(t)) if sol.steps is None else sol.before(t)
     for part in split_by_rows(sol, nodes):
-        for whole, some in zip(out, sol.at(int(nodes[part[0]])).residuals(t[part], y[part]), strict=True):
-            whole[part] = some
+        for values, selected in zip(out, sol.at(int(nodes[part[0]])).residuals(t[part], y[part]), strict=True):
+            values[part] = selected
     return out
 
 
-def at_once(sol: Any, times: Array) -> Array | None:
-    """Return y at all times, (n, ...), as `Solution.point` does; None where they must be computed one by one.
+def sample_together(sol: Any, times: Array) -> Array | None:
+    """Return y at all times, (n, ...), like `Solution.point`; None if the points must be computed one by one.
 
     Raises:
         StepError: for a point that cannot be computed.
@@ -91,6 +91,6 @@ def at_once(sol: Any, times: Array) -> Array | None:
     h, theta = ts[used + 1] - ts[used], (times - ts[step]) / (ts[step + 1] - ts[step])
     out = sampled(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)
     for node in (step, step + 1):
-        there = times == ts[node]
-        out[there] = ys[node[there]]
+        coincident = times == ts[node]
+        out[coincident] = ys[node[coincident]]
     return out

@@ -1,4 +1,4 @@
-"""Signals of a mechanism at a single point, by the names that `Solution.signals` and sweeps use."""
+"""Signals of a mechanism at a single point, with the names of `Solution.signals` and of sweeps."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,19 +12,19 @@ from ..mechanism.contacts import rolling
 from ..mechanism.coordinate_units import acceleration_units, component_suffixes
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
-from .columns import load_units, pulls, row_names
-from .signals import driven, signals, units
+from .columns import force_rows, reaction_units, row_names
+from .signals import effort_rows, signals, units
 
 if TYPE_CHECKING:
     from ..mechanism.formulations.index2 import Index2System
 
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
-IN_PYTHON = ("column", "load")  # kinds that the core does not support
+PYTHON_KINDS = ("column", "load")  # kinds that the core does not support
 
 
 class SignalValue(NamedTuple):
-    """Location of a signal, or how it is computed.
+    """Definition of a signal: its kind, and its position in y, in y' or in the rows.
 
     Attributes:
         kind: ``"t"``; ``"y"``, a component of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
@@ -44,7 +44,7 @@ class SignalValue(NamedTuple):
     @property
     def compiled(self) -> bool:
         """Whether the core supports it."""
-        return self.kind not in IN_PYTHON
+        return self.kind not in PYTHON_KINDS
 
     def core_data(self) -> tuple[str, int, int, list[int]]:
         """Core data."""
@@ -52,8 +52,8 @@ class SignalValue(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A point of a motion in the form of a solution for `signals`: all arrays have one row."""
+class SinglePoint:
+    """A single point with the attributes of a solution that `signals` uses: all arrays have one row."""
 
     mechanism: Mechanism
     t: Array
@@ -70,11 +70,11 @@ _KNOWN: WeakKeyDictionary[Mechanism, dict[str, SignalValue]] = WeakKeyDictionary
 def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
     """Return all signals of a mechanism by name, those of `mbdae.solution.signals.signals`."""
     if mech not in _KNOWN:
-        _KNOWN[mech] = _found(mech)
+        _KNOWN[mech] = _all_signals(mech)
     return _KNOWN[mech]
 
 
-def _found(mech: Mechanism) -> dict[str, SignalValue]:
+def _all_signals(mech: Mechanism) -> dict[str, SignalValue]:
     nq, nv, ns = mech.nq, mech.nv, len(mech.states)
     out = {"t": SignalValue("t"), **_coordinates(mech)}
     out |= {f"s.{name}": SignalValue("y", nq + nv + i, 2 * nv + i) for i, name in enumerate(mech.states)}
@@ -82,12 +82,12 @@ def _found(mech: Mechanism) -> dict[str, SignalValue]:
     out |= {name: SignalValue(name) for name in (*SUMS, *RESIDUALS)}
     out |= {name: SignalValue("lam", rows=(i,)) for i, name in enumerate(row_names(mech))}
     out |= {name: SignalValue("rate", nv + i) for i, name in enumerate(acceleration_units(mech))}
-    for name, rows in pulls(mech).items():
+    for name, rows in force_rows(mech).items():
         out[f"force.{name}"] = SignalValue("force", rows=tuple(rows))
         out[f"torque.{name}"] = SignalValue("torque", rows=tuple(mech.rows_of(name)))
     out |= _contact_forces(mech)
-    out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in driven(mech).items()}
-    loaded = load_units(mech)
+    out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in effort_rows(mech).items()}
+    loaded = reaction_units(mech)
     return {
         name: out[name] if name in out else SignalValue("load" if name in loaded else "column", i)
         for i, name in enumerate(units(mech))
@@ -124,10 +124,10 @@ def _contact_forces(mech: Mechanism) -> dict[str, SignalValue]:
 
 
 def find_signal(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
-    """Return the signal of that name, among the known ones.
+    """Return the signal of a given name.
 
     Raises:
-        UnknownNameError: lists the valid names.
+        UnknownNameError: for an unknown name, with the valid names.
     """
     known = known or signal_values(mech)
     if name not in known:
@@ -160,18 +160,18 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     if system.sliding.can_stick:
         system.jacobian(q)
         lam = system.sliding.filled(v, lam)
-    if kind in IN_PYTHON:
+    if kind in PYTHON_KINDS:
         name, now = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))
-        moment: Any = Moment(system.mechanism, np.array([t]), *parts)
-        return float(signals(moment, [name])[name][0])
+        point: Any = SinglePoint(system.mechanism, np.array([t]), *parts)
+        return float(signals(point, [name])[name][0])
     if kind == "lam":
         return float(lam[signal.rows[0]])
     return _magnitude(system, kind, list(signal.rows), q, lam)
 
 
 def _magnitude(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:
-    """The magnitude of the force or the torque of a closure, from the multipliers of all rows."""
+    """Return the magnitude of the force or the torque of a closure, from the multipliers of all rows."""
     lam = lam[rows]
     if kind == "force":
         return float(np.linalg.norm(lam))

@@ -18,11 +18,11 @@ from .columns import (
     contact_forces,
     contact_paths,
     coordinates,
+    force_rows,
     frame_columns,
     frame_units,
-    load_columns,
-    load_units,
-    pulls,
+    reaction_columns,
+    reaction_units,
     residuals,
     row_names,
 )
@@ -63,7 +63,7 @@ def _multipliers(mech: "Mechanism") -> Units:
     return dict(zip(row_names(mech), ["N" if u == "m" else "N m" for u in mech.row_units], strict=True))
 
 
-def _grip_units(mech: "Mechanism") -> Units:
+def _contact_force_units(mech: "Mechanism") -> Units:
     return {f"{kind}.{c.name}": "1" if kind == "friction" else "N" for c in rolling(mech) for kind in CONTACT}
 
 
@@ -71,22 +71,24 @@ def _accelerations(sol: "Solution") -> dict[str, Array]:
     return dict(zip(acceleration_units(sol.mechanism), sol.vdot.T, strict=True))
 
 
-def _pulls(sol: "Solution") -> dict[str, Array]:
-    return {f"force.{name}": np.linalg.norm(sol.lam[:, rows], axis=1) for name, rows in pulls(sol.mechanism).items()}
+def _forces(sol: "Solution") -> dict[str, Array]:
+    return {
+        f"force.{name}": np.linalg.norm(sol.lam[:, rows], axis=1) for name, rows in force_rows(sol.mechanism).items()
+    }
 
 
-def driven(mech: "Mechanism") -> dict[str, int]:
-    """Return couplings and drivers, which have an effort, each with its row."""
+def effort_rows(mech: "Mechanism") -> dict[str, int]:
+    """Return the row of each coupling and driver; its multiplier is the effort."""
     return {c.name: mech.rows_of(c.name)[0] for c in mech.constraints if isinstance(c, Driver) or not c.frames}
 
 
-def _drive_units(mech: "Mechanism") -> Units:
-    efforts = {f"effort.{name}": "N" if mech.row_units[i] == "m" else "N m" for name, i in driven(mech).items()}
+def _effort_units(mech: "Mechanism") -> Units:
+    efforts = {f"effort.{name}": "N" if mech.row_units[i] == "m" else "N m" for name, i in effort_rows(mech).items()}
     return efforts | {f"power.{d.name}": "W" for d in mech.drivers}
 
 
-def _drives(sol: "Solution") -> dict[str, Array]:
-    out = {f"effort.{name}": sol.lam[:, i] for name, i in driven(sol.mechanism).items()}
+def _efforts(sol: "Solution") -> dict[str, Array]:
+    out = {f"effort.{name}": sol.lam[:, i] for name, i in effort_rows(sol.mechanism).items()}
     return out | driver_powers(sol.mechanism, sol.t, sol.lam)
 
 
@@ -103,11 +105,13 @@ FAMILIES = (
     Family(_contact_units, contact_paths),
     Family(lambda mech: {f"s.{name}": "" for name in mech.states}, _states),
     Family(_multipliers, lambda sol: dict(zip(row_names(sol.mechanism), sol.lam.T, strict=True))),
-    Family(_grip_units, contact_forces),
+    Family(_contact_force_units, contact_forces),
     Family(acceleration_units, _accelerations),
-    Family(load_units, load_columns),
-    Family(lambda mech: {f"force.{name}": "N" for name in pulls(mech)}, _pulls),  # faster for some of those above
-    Family(_drive_units, _drives),
+    Family(reaction_units, reaction_columns),
+    Family(
+        lambda mech: {f"force.{name}": "N" for name in force_rows(mech)}, _forces
+    ),  # faster than `reaction_columns` for these
+    Family(_effort_units, _efforts),
     Family(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
     Family(frame_units, frame_columns),
     Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),

@@ -19,7 +19,7 @@ from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
 from .columns import reaction_of
 from .dense_output import DenseOutput
-from .sampling import at_times
+from .sampling import derivatives_at_times
 from .signals import signals, units
 from .statistics import Statistics, statistics
 
@@ -43,8 +43,8 @@ class Solution(DenseOutput, Tabular):
         t: times of the accepted steps or of ``t_eval``, (n,).
         y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two, the second just after the first.
         z_own: the method's multipliers at t, (n, nz).
-        status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` are successes.
-        message: one line.
+        status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` mean success.
+        message: one line of text.
         stats: counts of steps, rejections, evaluations, solves, and seconds.
         settings: method, tolerances and steps that were used.
         steps: times, points and the method's multipliers of all steps, if ``t_eval`` requested other times.
@@ -52,9 +52,10 @@ class Solution(DenseOutput, Tabular):
         singular: configurations of the run in which closures lose rank.
         modes: states of ``mechanism.switches`` (stops, contacts, ...), and the first node of each.
         impacts: impacts of the run.
-        carried: the method's carry at each node except the last, (n - 1, nc), and the nodes where it was restarted; of
-            short runs that were just computed.
-        in_use: if rows of closures are redundant: the rows in use, and the first node of each set.
+        carried: the carry of the method at each node except the last, (n - 1, nc), and the nodes where it was
+            restarted;
+            only for short runs, and not saved.
+        in_use: the sets of rows in use, each with its first node, if rows of closures are redundant.
     """
 
     problem: Any
@@ -78,9 +79,9 @@ class Solution(DenseOutput, Tabular):
 
     @cached_property
     def system(self) -> Any:
-        """A separate workspace for multipliers and dense output; its counters are not the run's.
+        """A separate workspace for multipliers and dense output; its work is not counted in the run.
 
-        It uses the compiled core if that computed the run and is available.
+        It uses the compiled core if the core computed the run and is available.
         """
         native = backend.load() if self.stats.get("backend") == "native" else None
         if native:
@@ -90,12 +91,12 @@ class Solution(DenseOutput, Tabular):
 
     @property
     def success(self) -> bool:
-        """True if the run came to its end without accuracy warnings."""
+        """Whether the run reached its end without accuracy warnings."""
         return self.status in ("finished", "event")
 
     @property
     def ended(self) -> bool:
-        """True if the run came to its end, with or without accuracy warnings."""
+        """Whether the run reached its end, with or without accuracy warnings."""
         return self.success or self.status == "doubtful"
 
     @property
@@ -131,7 +132,7 @@ class Solution(DenseOutput, Tabular):
 
     @property
     def lam_own(self) -> Array:
-        """The method's multipliers, (n, ng): of minimum norm, finite in singular configurations, of lower order."""
+        """Multipliers of the method, (n, ng): minimum norm, finite in singular configurations, of lower order."""
         return self.z_own[:, : self.mechanism.ng]
 
     @cached_property
@@ -140,7 +141,7 @@ class Solution(DenseOutput, Tabular):
 
         NaN where they cannot be computed, for instance in the singular configuration that ended a run.
         """
-        return at_times(self)
+        return derivatives_at_times(self)
 
     @property
     def z(self) -> Array:
@@ -193,7 +194,7 @@ class Solution(DenseOutput, Tabular):
         return redundant(self.mechanism, self.t[0], self.q[0])
 
     def __call__(self, t: float | Array) -> Sample:
-        """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv); one order below the method's.
+        """Return q and v by dense output at a time, (nq,) and (nv,), or at several times, (n, nq) and (n, nv).
 
         Raises:
             InputError: for a time outside, or a textbook problem, which has `point`.
@@ -206,7 +207,7 @@ class Solution(DenseOutput, Tabular):
         """Return extrema, means, RMS values and integrals of signals, from the solution between the steps.
 
         Args:
-            names: of `signals`, a name or several; a common prefix selects all of its names.
+            names: one or several names of `signals`; a prefix selects all names that begin with it.
 
         Raises:
             UnknownNameError: for an unknown signal.
@@ -230,8 +231,8 @@ class Solution(DenseOutput, Tabular):
         """Draw signals over time, grouped by unit; saved if a path is given.
 
         Args:
-            names: of `signals`, one name or several, or a prefix: ``"q"``; coordinates, velocities, residuals and
-                energy when left out, y and z of a textbook problem.
+            names: one or several names of `signals`, or a prefix: ``"q"``; when left out, coordinates, velocities,
+                residuals and energy, or y and z of a textbook problem.
             path: a file to save, .png, .svg or .pdf.
 
         Raises:
@@ -245,7 +246,7 @@ class Solution(DenseOutput, Tabular):
         """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.
 
         Raises:
-            InputError: for a textbook problem, whose functions cannot be written, or an unwritable path.
+            InputError: for a custom textbook problem, whose functions cannot be written, or an unwritable path.
         """
         write(self, path)
 
@@ -258,7 +259,7 @@ class Solution(DenseOutput, Tabular):
             meshes: folders from which meshes are read, besides those below the file's folder and installed packages.
 
         Raises:
-            InputError: for a missing or damaged file, and one that unpacks to more than it announces.
+            InputError: for a missing or damaged file, or a file that unpacks to implausibly large arrays.
         """
         return cls(**read(path, meshes))
 
@@ -277,18 +278,18 @@ class Solution(DenseOutput, Tabular):
 
     def _repr_html_(self) -> str | None:
         """HTML representation in notebooks."""
-        seen = isinstance(self.problem, Mechanism) and len(self.t)
-        return lazy_import("mbdae.studies.replay.replay", "notebook")(self) if seen else super()._repr_html_()
+        visible = isinstance(self.problem, Mechanism) and len(self.t)
+        return lazy_import("mbdae.studies.replay.replay", "notebook")(self) if visible else super()._repr_html_()
 
 
 Problem = Mechanism | Hessenberg
 
 
 def uninterrupted(sol: Solution) -> Solution:
-    """Return a run of a study.
+    """Return a run of a study, unchanged.
 
     Raises:
-        KeyboardInterrupt: if the user stopped the run, which stops the study.
+        KeyboardInterrupt: if the user interrupted the run, which interrupts the study.
     """
     if sol.status == "interrupted":
         raise KeyboardInterrupt

@@ -1,6 +1,6 @@
 """Extrema, means and integrals of signals over a run, from the solution between its steps.
 
-Signals are smooth within a step. They are sampled there at Chebyshev-Lobatto points theta_k = (1 - cos(pi k/n))/2 of
+Signals are smooth within a step. They are sampled at Chebyshev-Lobatto points theta_k = (1 - cos(pi k/n))/2 of
 the dense output, n = 4, 8, 16, 32 until the last coefficients of the Chebyshev series are small (Trefethen,
 Approximation Theory and Approximation Practice, chapters 3 and 19). Both ends are limits from within the step, so that
 a value just before an impact or a mode change counts. Extrema are roots of the derivative of the series, re-evaluated
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 DEGREES = (4, 8, 16, 32)
 EXTREMUM_TOLERANCE = COINCIDENT  # of the range of a signal: last coefficients of series whose extrema are exact
-INTEGRAL_TOLERANCE = INTERPOLATION  # the same for integrals accurate to about 1e-10: the omitted terms oscillate
-UNRESOLVED = 0.05  # of the range: last coefficients that do not decay are rounding of a constant signal
+INTEGRAL_TOLERANCE = INTERPOLATION  # the same for integrals, which are accurate to about 1e-10: omitted terms oscillate
+UNRESOLVED = 0.05  # of the range: larger last coefficients that do not decay are rounding of a constant signal
 RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # evaluated at the ends of steps only
 FINE = 64  # points at which a series is sampled before the roots of its derivative are computed
 
@@ -113,7 +113,7 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
     out = {name: (_first(x, t, np.argmin), _first(x, t, np.argmax)) for name, x in ends.items()}
     smooth = [name for name in names if not _at_steps(name)]
     run = _Steps(sol, smooth)
-    if not smooth or not len(run.steps):  # nothing between the steps
+    if not smooth or not len(run.steps):  # there is nothing to sample
         return out
     nodes = np.array([ends[name] for name in smooth])
     span, steps = np.ptp(nodes, axis=1)[:, None], run.candidates(nodes)
@@ -124,9 +124,9 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
         times, values, series = run.sample(steps, degree)
         tail, fine = np.abs(series[..., -2:]).max(axis=2), series @ _grid(degree)
         curves = zip(series, fine, strict=True)
-        turns = np.concatenate([_stationary_points(c, f, run.t[steps], run.h[steps]) for c, f in curves])
-        for name, x, y in zip(smooth, values, run.at(turns), strict=True):
-            out[name] = _wider(out[name], np.append(x.ravel(), y), np.append(times.ravel(), turns))
+        stationary = np.concatenate([_stationary_points(c, f, run.t[steps], run.h[steps]) for c, f in curves])
+        for name, x, y in zip(smooth, values, run.at(stationary), strict=True):
+            out[name] = _wider(out[name], np.append(x.ravel(), y), np.append(times.ravel(), stationary))
         low, high = np.array([[[out[name][i].value] for name in smooth] for i in (0, 1)])
         reaches = (fine.max(axis=2) + tail >= high) | (fine.min(axis=2) - tail <= low)
         constant = (tail > UNRESOLVED * span) & (tail > last[:, steps] / 2)
@@ -158,12 +158,12 @@ def _integrals(sol: "Solution", ends: dict[str, Array], t: Array) -> dict[str, I
     for degree in DEGREES:
         _, _, series = run.sample(steps, degree)
         tail = np.abs(series[..., -2:]).max(axis=2)
-        open_ = (tail > INTEGRAL_TOLERANCE * span).any(axis=0) & (degree < DEGREES[-1])
+        unresolved = (tail > INTEGRAL_TOLERANCE * span).any(axis=0) & (degree < DEGREES[-1])
         x, weights = np.polynomial.legendre.leggauss(degree + 1)
-        inside = series[:, ~open_] @ chebyshev.chebvander(x, degree).T
-        total += (inside @ weights / 2) @ run.h[steps[~open_]]
-        squares += (inside**2 @ weights / 2) @ run.h[steps[~open_]]
-        steps = steps[open_]
+        inside = series[:, ~unresolved] @ chebyshev.chebvander(x, degree).T
+        total += (inside @ weights / 2) @ run.h[steps[~unresolved]]
+        squares += (inside**2 @ weights / 2) @ run.h[steps[~unresolved]]
+        steps = steps[unresolved]
         if not len(steps):
             break
     return {
@@ -212,8 +212,8 @@ def _at_nodes(sol: "Solution", names: Collection[str]) -> tuple[dict[str, Array]
     if not len(sol.t):
         title = sol.mechanism.title
         raise InputError(f"the solution of {title!r} has no times: the run ended before the first of t_eval")
-    whole = sol.at_nodes()
-    return signals(whole, names), np.asarray(whole.t)
+    full = sol.at_nodes()
+    return signals(full, names), np.asarray(full.t)
 
 
 def _at_steps(name: str) -> bool:

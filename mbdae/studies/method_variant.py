@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.options import projected
-from ..integrate.settings import completed
-from ..integrate.steppers.scipy_ivp import SCIPY, find
+from ..integrate.options import projects_positions
+from ..integrate.settings import complete_settings
+from ..integrate.steppers.scipy_ivp import SCIPY, find_method
 from ..mechanism import Mechanism
-from ..methods import EXPLICIT, METHODS, Tableau, method_of
+from ..methods import EXPLICIT, METHODS, Tableau, method_from_settings
 from ..solution.solution import Problem
 
 NEUTRAL = "pherk6"  # represents any half-explicit method
@@ -42,7 +42,7 @@ class Variant:
     baumgarte: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        found = find(self.formulation, self.method)
+        found = find_method(self.formulation, self.method)
         if isinstance(found, Tableau) and METHODS.get(found.name) is not found:
             object.__setattr__(self, "method", found)  # a tableau, or the contents of its file
 
@@ -115,9 +115,9 @@ def default(problem: Problem, **given: Any) -> Variant:
     Raises:
         InputError, UnknownNameError: as for `mbdae.solve`.
     """
-    c = completed(problem, given)
-    tableau = find(c["formulation"], c["method"])
-    return of({**c, "project": projected(problem, c["project"], c["formulation"], tableau, c["step"])})
+    c = complete_settings(problem, given)
+    tableau = find_method(c["formulation"], c["method"])
+    return of({**c, "project": projects_positions(problem, c["project"], c["formulation"], tableau, c["step"])})
 
 
 def default_variants(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
@@ -134,7 +134,7 @@ def of(settings: dict[str, Any]) -> Variant:
     """Return the variant of a solution, from its settings."""
     pair = settings.get("baumgarte")
     rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
-    method = method_of(settings) if "tableau" in settings else settings["method"]
+    method = method_from_settings(settings) if "tableau" in settings else settings["method"]
     return Variant(method, *rest, tuple(pair) if pair else None)
 
 

@@ -12,8 +12,8 @@ from ..system import Array, Counts, System
 from .implicit import HessenbergStages
 
 Function = Callable[..., Array]
-CACHED = 8
-START = 1e-6  # of 1 + |y|: largest violation of 0 = g at the start
+CACHE_SIZE = 8
+START_TOLERANCE = 1e-6  # of 1 + |y|: largest |g| at the start
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Hessenberg:
         f_y: f_y(t, y, z) -> (ny, ny), for implicit methods; finite differences when left out.
         title: a name for tables.
         exact: t -> (y, z), the solution if known; order studies compare with it.
-        name: of one in `mbdae.textbook.problems`, under which its runs are saved.
+        name: name of a problem in `mbdae.textbook.problems`, with which runs are saved.
         duration: default end time of a run in s.
 
     Raises:
-        InputError: when the run starts, for f and g of wrong shapes or a y0 off 0 = g.
+        InputError: at the start of a run, if f or g returns a wrong shape, or y0 does not satisfy 0 = g.
     """
 
     f: Function
@@ -56,7 +56,7 @@ class Hessenberg:
         """Bind the problem to a new workspace.
 
         Raises:
-            InputError: for a formulation other than ``"index2"``: the others need mechanisms.
+            InputError: for a formulation other than ``"index2"``: other formulations require mechanisms.
         """
         if formulation != "index2" or baumgarte is not None:
             raise InputError(f"a textbook problem has the formulation 'index2' only, got {formulation!r}")
@@ -71,10 +71,10 @@ class Hessenberg:
             InputError: if q, v or s is given, or 0 = g(t, y0) does not hold.
         """
         if not (q is v is s is None):
-            raise InputError("a textbook problem starts at its own y0: q, v and s belong to mechanisms")
+            raise InputError("a textbook problem starts at y0: q, v and s are arguments for mechanisms")
         y = np.array(self.y0, float)
         gap = float(np.abs(self.g(t, y)).max(initial=0.0))
-        if not gap <= START * (1 + np.abs(y).max()):
+        if not gap <= START_TOLERANCE * (1 + np.abs(y).max()):
             raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
         return y
 
@@ -101,18 +101,18 @@ class HessenbergSystem(System):
         return HessenbergSystem(self.problem)
 
     def chart(self, t: float, y: Array) -> "HessenbergChart":
-        """Open a step at (t, y), with the z computed before at y."""
+        """Return the chart of a step from (t, y), with the stored z at y."""
         return HessenbergChart(self, t, y, self.initial_z(y))
 
     def initial_z(self, y: Array) -> Array:
-        """Return z computed before at y, or else the last one: a rejected step must not select the root."""
+        """Return the stored z at y, else the last stored z: a rejected step must not select the root."""
         return self._roots.get(y.tobytes(), next(reversed(self._roots.values())))
 
-    def remember(self, y: Array, z: Array) -> None:
-        """Store z at y, and keep it at a few points before."""
+    def store_z(self, y: Array, z: Array) -> None:
+        """Store z at y; only the last `CACHE_SIZE` points are stored."""
         self._roots.pop(y.tobytes(), None)
         self._roots[y.tobytes()] = z
-        if len(self._roots) > CACHED:
+        if len(self._roots) > CACHE_SIZE:
             del self._roots[next(iter(self._roots))]
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
@@ -121,7 +121,7 @@ class HessenbergSystem(System):
         g_y, g_t = self.g_y(t, y), self.g_t(t, y)
         start = np.array(near, float) if known else self.initial_z(y)
         z = self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
-        self.remember(y, z)
+        self.store_z(y, z)
         return self.f(t, y, z), z
 
     def carry(self, F: Array, z: Array) -> tuple[Array, Array]:
@@ -141,7 +141,7 @@ class HessenbergSystem(System):
         return y1 - y0
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
-        """Always solves for all constraints."""
+        """Do nothing: all constraints are always in use."""
 
     def size(self, y: Array) -> Array:
         """Return |y|, (ny,)."""
@@ -243,13 +243,13 @@ class HessenbergChart(HessenbergStages):
         return s.f(t, y, z), z
 
     def point(self, x: Array) -> Array:
-        """Return y_n + x, (ny,), and keep z there."""
+        """Return y_n + x, (ny,), and store z there."""
         y = self.y + x
-        self.system.remember(y, self.z)
+        self.system.store_z(y, self.z)
         return y
 
     def all_multipliers(self, z: Array) -> Array:
-        """Return z, (nz,): no row depends on others."""
+        """Return z, (nz,): no row is redundant."""
         return z
 
     def project(self, e: Array) -> Array:
@@ -265,6 +265,6 @@ def _jacobian(function: Function, u: Array) -> Array:
     for i in range(len(u)):
         d = np.zeros(len(u))
         d[i] = 1e-3 * (1 + abs(u[i]))
-        near = function(u + d) - function(u - d)
-        columns.append((8 * near - (function(u + 2 * d) - function(u - 2 * d))) / (12 * d[i]))
+        difference = function(u + d) - function(u - d)
+        columns.append((8 * difference - (function(u + 2 * d) - function(u - 2 * d))) / (12 * d[i]))
     return np.array(columns).T

@@ -21,15 +21,15 @@ class ProblemFunctions(Protocol):
         """Return f (ny,)."""
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
-        """Return the Jacobian of f by y (ny, ny)."""
+        """Return the partial derivatives of f by y (ny, ny)."""
 
     def f_z(self, t: float, y: Array, z: Array) -> Array:
-        """Return the Jacobian of f by z (ny, nz)."""
+        """Return the partial derivatives of f by z (ny, nz)."""
 
     def g_y(self, t: float, y: Array) -> Array:
-        """Return the Jacobian of g by y (nz, ny)."""
+        """Return the partial derivatives of g by y (nz, ny)."""
 
-    def remember(self, y: Array, z: Array) -> None:
+    def store_z(self, y: Array, z: Array) -> None:
         """Store z at y: starting values of Newton's method near y."""
 
     def solve(self, *stage: Any) -> Array:
@@ -59,10 +59,10 @@ class HessenbergStages:
         return LinearizedHessenberg(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y, and z after one more iteration, of x' = f(t, y, z) alone with f_z at the end."""
+        """Return y, and z after a Gauss-Newton step for x' = f(t, y, z), with f_z at the end of the step."""
         s, y = self.system, self.y + x
         z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
-        self.system.remember(y, z)
+        self.system.store_z(y, z)
         return y, z
 
 
@@ -75,7 +75,7 @@ class LinearizedHessenberg(NamedTuple):
     counts: Counts
     t: float
 
-    def weigh(self, e: Array) -> Array:
+    def apply_E(self, e: Array) -> Array:
         """Return e (ny,): all components are differential."""
         return e
 
@@ -83,12 +83,12 @@ class LinearizedHessenberg(NamedTuple):
         """Factorize [[1 - mu f_y, -f_z], [g_y, 0]], real or complex."""
         ny, nz = self.f_z.shape
         matrix = np.block([[np.eye(ny) - mu * self.f_y, -self.f_z], [self.g_y, np.zeros((nz, nz))]])
-        back = factorized(matrix, f"the linear system of an implicit step at t = {self.t:.17g}")
+        solve_factorized = factorized(matrix, f"the linear system of an implicit step at t = {self.t:.17g}")
         self.counts.factorizations += 1
 
         def solve(r: Array, c: Array) -> tuple[Array, Array]:
             self.counts.solves += 1
-            u = back(np.concatenate([r, c / mu]))
+            u = solve_factorized(np.concatenate([r, c / mu]))
             return u[:ny], u[ny:]
 
         return solve

@@ -264,7 +264,8 @@ def test_a_damaged_tableau_is_refuted(monkeypatch):
 def test_tables_on_narrow_screens_wrap_words_and_cut_no_name(monkeypatch, capsys):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "60")
-    console.show([{"name": "x" * 30, "n": 123, "words": None}, {"name": "y", "n": None, "words": "word " * 20}], False)
+    rows = [{"name": "x" * 30, "n": 123, "words": None}, {"name": "y", "n": None, "words": "word " * 20}]
+    console.print_table(rows, False)
     out = capsys.readouterr().out
     assert "x" * 30 in out
     assert "123" in out

@@ -162,7 +162,7 @@ REASONS = [
            lambda f: bool(f.mech.drivers) and all(d.speed is None for d in f.mech.drivers)),
     Reason(r"equilibria", r"^a driver says how fast '.*' moves: there is no branch",
            lambda f: any(d.speed is not None for d in f.mech.drivers)),
-    Reason(r"solve .*--formulation|compare .*ggl", r"what opens, closes or steps needs formulation 'index2'",
+    Reason(r"solve .*--formulation|compare .*ggl", r"unilateral constraints and switches need formulation 'index2'",
            lambda f: f.switches),
     Reason(r"inverse-dyn", r"^inverse dynamics does not know coulomb_friction", lambda f: f.regularised_interfaces),
     Reason(r"inverse-dynamics .*npz$", r"has no drivers and motors: name the joints", lambda f: not f.acts),

@@ -15,7 +15,7 @@ from mbdae.studies.sensitivity.run_parameters import bound
 
 @pytest.fixture
 def short(monkeypatch):
-    monkeypatch.setattr(checkpoints, "SHORT", 5)
+    monkeypatch.setattr(checkpoints, "MAX_STORED", 5)
 
 
 def test_states_are_recomputed(short):
@@ -45,16 +45,16 @@ def test_recomputed_steps_have_the_same_bits(model, T, options, monkeypatch):
     run = mbdae.solve(mbdae.load(model), (0.0, T), **options)
     sol = replace(run, carried=None)
     at_once = Trajectory(sol, bound(sol, [], None)[1])
-    monkeypatch.setattr(checkpoints, "SHORT", 5)
+    monkeypatch.setattr(checkpoints, "MAX_STORED", 5)
     pieces = Trajectory(sol, bound(sol, [], None)[1])
     for i in reversed(range(len(sol.t))):
         np.testing.assert_array_equal(pieces.state(i).carry, at_once.state(i).carry)
     found = [mbdae.sensitivity(sol, start=True).dy]
-    monkeypatch.setattr(checkpoints, "SHORT", 1000)
+    monkeypatch.setattr(checkpoints, "MAX_STORED", 1000)
     found.append(mbdae.sensitivity(sol, start=True).dy)
     np.testing.assert_array_equal(*found)
     kept = Trajectory(run, bound(run, [], None)[1])
-    assert kept.renewed.tolist() == at_once.renewed.tolist()
+    assert kept.restarted.tolist() == at_once.restarted.tolist()
     for i in range(len(run.t) - 1):
         np.testing.assert_allclose(kept.state(i).carry, at_once.state(i).carry, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(mbdae.sensitivity(run, start=True).dy, found[0], rtol=1e-7, atol=1e-9)

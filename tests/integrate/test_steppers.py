@@ -41,10 +41,15 @@ class Rates:
 
 def at(t, stop, end=None, sign=1.0, y=(1.0, 1.0, 1.0), system=None, t1=None):
     """A run at time t, in a smooth interval."""
-    leg = SmoothInterval(stop, stop if end is None else end, None)
-    run = SimpleNamespace(t=t, t1=leg.end if t1 is None else t1, leg=leg, sign=sign, state=State(np.array(y)))
-    run.system, run.tableau, run.singular = system or Rates(), SimpleNamespace(noise=0.5, blend=1.0), None
-    run.left, run.F = lambda: abs(leg.stop - run.t), system.f(run.state.y) if system and system.f else None
+    interval = SmoothInterval(stop, stop if end is None else end, None)
+    run = SimpleNamespace(
+        t=t, t1=interval.end if t1 is None else t1, interval=interval, sign=sign, state=State(np.array(y))
+    )
+    run.system, run.tableau, run.singularity_monitor = system or Rates(), SimpleNamespace(noise=0.5, blend=1.0), None
+    run.time_to_interval_end, run.F = (
+        lambda: abs(interval.stop - run.t),
+        system.f(run.state.y) if system and system.f else None,
+    )
     return run
 
 
@@ -89,40 +94,40 @@ def test_after_a_truncated_step_the_previous_size_returns(largest):
     """The error of a short step is no guide: h = 0.9 h err^(0.03 - 1/k) err_last^0.04 would have to grow again."""
     run, stepper = at(2.0, 2.01), adaptive(0.1, largest=largest)
     h, _ = stepper.propose(run)
-    assert stepper.judge(run, h, 0.5)
+    assert stepper.accept_or_reject(run, h, 0.5)
     assert stepper.h == 0.1 > Controller(4).next_step(0.01, 0.5)
 
 
 def test_after_a_slightly_truncated_step_the_size_may_grow():
     run, stepper = at(2.0, 2.09), adaptive(0.1)
-    assert stepper.judge(run, stepper.propose(run)[0], 1e-6)
+    assert stepper.accept_or_reject(run, stepper.propose(run)[0], 1e-6)
     assert stepper.h == pytest.approx(Controller(4).next_step(0.09, 1e-6))
     assert stepper.h > 0.1
 
 
 def test_a_step_in_the_middle_of_its_interval_may_shrink():
     run, stepper = at(2.0, 3.0), adaptive(0.1)
-    assert stepper.judge(run, stepper.propose(run)[0], 0.99)
+    assert stepper.accept_or_reject(run, stepper.propose(run)[0], 0.99)
     assert stepper.h == Controller(4).next_step(0.1, 0.99) < 0.1
 
 
 def test_a_step_that_was_cut_short_and_rejected_shrinks():
     run, stepper = at(2.0, 2.01), adaptive(0.1)
-    assert not stepper.judge(run, stepper.propose(run)[0], 16.0)
+    assert not stepper.accept_or_reject(run, stepper.propose(run)[0], 16.0)
     assert stepper.h == pytest.approx(0.009 * 16**-0.25)
 
 
 def test_largest_steps_are_not_cut():
     """After a bound by the user the size from the error returns, not the bound."""
     run, stepper = at(2.0, 3.0), adaptive(0.5, largest=0.1)
-    assert stepper.judge(run, stepper.propose(run)[0], 0.5)
+    assert stepper.accept_or_reject(run, stepper.propose(run)[0], 0.5)
     assert stepper.h == Controller(4).next_step(0.1, 0.5)
 
 
 @pytest.mark.parametrize(("error", "accepted"), [(0.0, True), (1.0, True), (1.0 + 1e-15, False), (nan, False)])
 def test_steps_are_accepted_up_to_an_error_of_one(error, accepted):
     stepper = adaptive(0.1)
-    assert stepper.judge(at(0.0, 1.0), 0.1, error) is accepted
+    assert stepper.accept_or_reject(at(0.0, 1.0), 0.1, error) is accepted
     assert stepper.controller.rejected is not accepted
     assert accepted or stepper.h < 0.1
 
@@ -142,7 +147,7 @@ def test_the_reason_of_a_step_that_was_not_taken_is_forgotten_two_steps_later():
     stepper.may_retry(run, 0.1, StepError("newton", "no root"))
     reasons = []
     for _ in range(2):
-        stepper.judge(run, 0.02, 0.5)
+        stepper.accept_or_reject(run, 0.02, 0.5)
         reasons.append(stepper.reason)
     assert reasons == ["no root", ""]
 
@@ -158,7 +163,9 @@ def test_errors_are_measured_in_the_larger_of_both_ends():
     run.system = Rates(noise=0.2)
     expected = np.sqrt(((errors[0, :2] / (scale + 0.2 * 0.5)) ** 2).mean())
     assert stepper.error(run, Step(ends, None, errors)) == pytest.approx(expected)
-    assert stepper.measure(run, ends.y, errors[0]) == pytest.approx(np.sqrt(((errors[0, :2] / scale) ** 2).mean()))
+    assert stepper.tolerance_norm(run, ends.y, errors[0]) == pytest.approx(
+        np.sqrt(((errors[0, :2] / scale) ** 2).mean())
+    )
 
 
 def test_both_error_vectors_count():
@@ -168,7 +175,7 @@ def test_both_error_vectors_count():
 
 def test_atol_is_a_hundredth_of_rtol_where_it_is_left_out():
     run = at(0.0, 1.0, y=(0.0, 0.0, 0.0))
-    assert adaptive(rtol=1e-3, atol=None).measure(run, run.state.y, np.full(3, 1e-5)) == pytest.approx(1.0)
+    assert adaptive(rtol=1e-3, atol=None).tolerance_norm(run, run.state.y, np.full(3, 1e-5)) == pytest.approx(1.0)
 
 
 def first_step(f, y, k, scale, left=1e3):
@@ -199,7 +206,7 @@ def first_step(f, y, k, scale, left=1e3):
 def test_the_first_step_is_that_of_the_book(f, by_hand, sign):
     run = at(0.0, sign * 1e3, sign=sign, y=(1.0, 1.0, 7.0), system=Rates(f))
     stepper = adaptive(None, rtol=0.1, atol=1e-3)
-    assert stepper.ready(run)
+    assert stepper.ready_for_core(run)
     assert stepper.h == pytest.approx(first_step(lambda y: sign * f(y), run.state.y, 4, 0.101), rel=1e-9)
     assert by_hand is None or stepper.h == pytest.approx(by_hand, rel=1e-9)
 
@@ -250,23 +257,23 @@ def test_an_interval_that_ends_on_the_grid_has_no_remainder_step(off):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_interval_ends_a_few_roundings_before_a_jump_and_the_next_begins_at_it(sign):
     ahead = Jumps(Rates(jumps=[sign * 0.5]), [], sign, sign)
-    first = ahead.leg(0.0)
+    first = ahead.interval(0.0)
     margin = MARGIN * ulp(1.0)
     assert first.stop == first.end == sign * (0.5 - margin)
     # a point belongs to the interval after the jump in time: backwards, the next interval begins before it
     assert first.restart == (0.5 if sign > 0 else -0.5 - margin)
-    assert ahead.leg(first.restart) == SmoothInterval(sign, sign, None)
+    assert ahead.interval(first.restart) == SmoothInterval(sign, sign, None)
 
 
 @pytest.mark.parametrize("off", [-1e-15, 0.0, 1e-15])
 def test_a_jump_at_the_end_of_the_span_is_not_crossed(off):
-    stop, end, restart = Jumps(Rates(), [1.0 + off], 1.0, 1.0).leg(0.0)
+    stop, end, restart = Jumps(Rates(), [1.0 + off], 1.0, 1.0).interval(0.0)
     assert 1.0 + off - stop == pytest.approx(MARGIN * ulp(1.0))
     assert (end, restart) == (1.0, None)
 
 
 def test_jumps_that_differ_by_rounding_are_crossed_together():
     ahead = Jumps(Rates(jumps=[0.5]), [0.5 + 1e-15, 0.7], 1.0, 1.0)
-    first = ahead.leg(0.0)
+    first = ahead.interval(0.0)
     assert first.stop < 0.5 < first.restart == 0.5 + 1e-15
-    assert ahead.leg(first.restart).restart == 0.7
+    assert ahead.interval(first.restart).restart == 0.7

@@ -12,9 +12,9 @@ import mbdae
 from mbdae import METHODS, Bushing, JointDamping, JointPID, JointSpring, Mechanism, model_names
 from mbdae.__main__ import cli
 from mbdae.integrate import stiffness_detection
-from mbdae.integrate.stiffness_detection import FIRST, _growth, _largest_eigenvalue
+from mbdae.integrate.stiffness_detection import FIRST_CHECK, _largest_eigenvalue, _stability_function
 
-SOON, EARLY = FIRST + 100, 600  # steps
+SOON, EARLY = FIRST_CHECK + 100, 600  # steps
 SINE = {"kind": "harmonic", "amplitude": 0.2, "omega": 3.0}
 
 
@@ -47,7 +47,7 @@ STIFF = {
 @pytest.fixture
 def early(monkeypatch):
     """Detect early: Python is slow per step."""
-    monkeypatch.setattr(stiffness_detection, "FIRST", EARLY)
+    monkeypatch.setattr(stiffness_detection, "FIRST_CHECK", EARLY)
 
 
 def told(problem, **options):
@@ -95,7 +95,7 @@ def test_nor_are_crossings_of_singular_configurations():
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 20), rtol=1e-8, method="herk5", project=True)
     assert sol.success
     assert sol.singular
-    assert sol.stats["steps"] > FIRST
+    assert sol.stats["steps"] > FIRST_CHECK
     assert "stiff" not in sol.stats
 
 
@@ -147,6 +147,6 @@ def test_eigenvalues_of_a_spring_and_damper(damping):
 @pytest.mark.parametrize("z", [-3.3, -1.0 + 0.5j, 1j])
 def test_stability_functions(z):
     dormand_prince = abs(np.polyval([1 / 600, 1 / 120, 1 / 24, 1 / 6, 1 / 2, 1, 1], z))
-    assert _growth(METHODS["pherk5"], z) == pytest.approx(dormand_prince, rel=1e-12)
+    assert _stability_function(METHODS["pherk5"], z) == pytest.approx(dormand_prince, rel=1e-12)
     half = abs(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], z / 2))
-    assert _growth(METHODS["rk4"], z) == pytest.approx(half, rel=1e-12)
+    assert _stability_function(METHODS["rk4"], z) == pytest.approx(half, rel=1e-12)

@@ -48,7 +48,7 @@ def test_a_run_with_it_is_saved_whole(ralston, back, tmp_path):
     loaded = mbdae.Solution.load(tmp_path / "run.npz")
     assert "ralston3, h = 0.01 s" in str(mbdae.drift(loaded))
     assert loaded.settings["tableau"]["A"]
-    assert mbdae.methods.method_of(loaded.settings).arrays.A.tolist() == ralston.arrays.A.tolist()
+    assert mbdae.methods.method_from_settings(loaded.settings).arrays.A.tolist() == ralston.arrays.A.tolist()
 
 
 def test_studies_take_it(ralston, tmp_path):

@@ -11,7 +11,7 @@ from mbdae import METHODS, errors
 from mbdae.methods import method
 from mbdae.methods.exact_numbers import exact
 from mbdae.methods.order.conditions import check_conditions
-from mbdae.methods.radau import MOST, RadauIIA
+from mbdae.methods.radau import MAX_STAGES, RadauIIA
 from mbdae.methods.radau_coefficients import coefficients, lagrange
 
 PRINTED = {  # Hairer, Wanner II, tables IV.5.5 and IV.5.6, and implicit Euler
@@ -23,7 +23,7 @@ PRINTED = {  # Hairer, Wanner II, tables IV.5.5 and IV.5.6, and implicit Euler
         ["4/9 - sqrt(6)/36", "4/9 + sqrt(6)/36", "1/9"],
     ],
 }
-STAGES = (1, 2, 3, 4, 5, 8, MOST)
+STAGES = (1, 2, 3, 4, 5, 8, MAX_STAGES)
 NAMES = [name for name, m in METHODS.items() if isinstance(m, RadauIIA)]
 
 
@@ -123,7 +123,7 @@ def test_a_damaged_coefficient_is_found(monkeypatch):
 
 def test_methods_by_name():
     assert NAMES == ["radau1", "radau3", "radau5"]
-    for s in range(1, MOST + 1):
+    for s in range(1, MAX_STAGES + 1):
         m = method(f"radau{2 * s - 1}")
         assert (m.stages, m.name, m.order, m.order_own) == (s, f"radau{2 * s - 1}", 2 * s - 1, s)
     assert method("radau5") is METHODS["radau5"]

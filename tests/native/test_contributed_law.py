@@ -103,5 +103,7 @@ def test_a_law_that_the_core_was_built_without_runs_in_python(monkeypatch, metho
     sol = mbdae.solve(mech, (0, 0.2), method=method)
     assert sol.stats["backend"] == "python"
     np.testing.assert_allclose(sol.q[-1], expected.q[-1], rtol=1e-9)
-    with pytest.raises(InputError, match=r"^backend='native' does not have kind 'drag': it was built before that was"):
+    with pytest.raises(
+        InputError, match=r"^backend='native' does not support kind 'drag': it was built before that was"
+    ):
         mbdae.solve(mech, (0, 0.2), method=method, backend="native")

@@ -109,7 +109,7 @@ def test_a_mechanism_is_pickled_after_a_run():
 
 def test_what_is_missing_is_named():
     problem, words = hessenberg_a(), "textbook problems"
-    with pytest.raises(InputError, match=f"backend='native' does not have {words}"):
+    with pytest.raises(InputError, match=f"backend='native' does not support {words}"):
         mbdae.solve(problem, (0, 0.1), backend="native")
     sol = mbdae.solve(problem, (0, 0.1))
     assert (sol.stats["backend"], sol.stats["fallback"]) == ("python", words)
@@ -152,7 +152,7 @@ def test_time_slices_do_not_affect_the_result(method, monkeypatch):
     """Between slices Python checks for Ctrl-C: on a busy machine after other steps than on an idle one."""
     mech, found = mbdae.load("jansen_walker"), []
     for seconds in (1e9, 0.0):
-        monkeypatch.setattr(native, "SECONDS", seconds)
+        monkeypatch.setattr(native, "CHECK_INTERVAL", seconds)
         found.append(mbdae.solve(mech, (0.0, 0.2), method=method, rtol=1e-5, project=True))
     assert (found[0].t == found[1].t).all()
     assert (found[0].y == found[1].y).all()

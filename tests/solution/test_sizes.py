@@ -55,7 +55,7 @@ MANY = 10_000_000
 
 
 def test_an_unknown_array_is_refused(arrays, tmp_path):
-    refused(zeros(tmp_path / "a.npz", unannounced(arrays), more=(MANY,)), "no run has an array 'more'")
+    refused(zeros(tmp_path / "a.npz", unannounced(arrays), more=(MANY,)), "unknown array 'more'")
 
 
 def test_arrays_that_do_not_fit_each_other_are_not_read(arrays, tmp_path):
@@ -65,13 +65,13 @@ def test_arrays_that_do_not_fit_each_other_are_not_read(arrays, tmp_path):
 def test_more_than_is_announced_is_not_read(arrays, tmp_path):
     width, ng = arrays["y"].shape[1], arrays["z_own"].shape[1]
     wrong = zeros(tmp_path / "a.npz", arrays, t=(MANY // 20,), y=(MANY // 20, width), z_own=(MANY // 20, ng))
-    refused(wrong, "its arrays are not those that it announces")
+    refused(wrong, "its arrays do not have the announced shapes")
 
 
 def test_what_unfolds_to_hundreds_of_times_its_size_is_not_read(arrays, tmp_path):
     width, n = arrays["y"].shape[1], 4 * MANY // arrays["y"].shape[1]
     more = {"t": (n,), "y": (n, width), "z_own": (n, arrays["z_own"].shape[1])}
-    refused(zeros(tmp_path / "a.npz", unannounced(arrays), **more), r"MB unfold to \d+ MB, which no run does")
+    refused(zeros(tmp_path / "a.npz", unannounced(arrays), **more), r"MB unpack to \d+ MB, too much for a run")
 
 
 def test_a_long_text_is_not_read(arrays, tmp_path):
@@ -79,7 +79,7 @@ def test_a_long_text_is_not_read(arrays, tmp_path):
     with zipfile.ZipFile(tmp_path / "a.npz", "a", zipfile.ZIP_DEFLATED) as file, file.open("meta.npy", "w") as stream:
         head = {"descr": "<U100000000", "fortran_order": False, "shape": ()}
         np.lib.format.write_array_header_1_0(stream, head)
-    refused(tmp_path / "a.npz", "no text of at most 33554432 characters")
+    refused(tmp_path / "a.npz", "not a text of at most 33554432 characters")
 
 
 def test_other_packings_and_kinds_are_refused(arrays, tmp_path):
@@ -87,7 +87,7 @@ def test_other_packings_and_kinds_are_refused(arrays, tmp_path):
     with zipfile.ZipFile(tmp_path / "a.npz") as old, zipfile.ZipFile(tmp_path / "b.npz", "w", zipfile.ZIP_LZMA) as new:
         for name in old.namelist():
             new.writestr(name, old.read(name))
-    refused(tmp_path / "b.npz", "packed otherwise than by numpy")
+    refused(tmp_path / "b.npz", "its compression is not that of numpy")
     np.savez(tmp_path / "c.npz", **{**arrays, "t": np.array([{}], object)}, allow_pickle=True)
     refused(tmp_path / "c.npz", "expected arrays of real numbers")
 

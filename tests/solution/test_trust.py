@@ -180,4 +180,4 @@ def test_a_t_eval_that_cannot_be_read_is_no_success(monkeypatch):
     monkeypatch.setattr("mbdae.solution.solution.Solution.points", fails)
     sol = run("four_bar", 1.0, t_eval=[0.5, 1.0])
     assert (sol.status, len(sol.t)) == ("singular", 0)
-    assert "t_eval cannot be read" in sol.message
+    assert "solution cannot be evaluated at t_eval" in sol.message

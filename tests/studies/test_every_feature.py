@@ -112,7 +112,7 @@ FIXED = {"equilibria": GIVEN, "load_path": "has no degree of freedom left: nothi
 FRICTION = "does not know coulomb_friction, of closure 'pin'"
 ROLLS = "'gear' has rows of velocity: where it goes depends on the way"
 REFUSED: dict[str, dict[str, str]] = {
-    **{feature: {"ggl": "needs formulation 'index2', got 'ggl'"} for feature in ONE_SIDED},
+    **{feature: {"ggl": "need formulation 'index2', got 'ggl'"} for feature in ONE_SIDED},
     "bearing": {
         **{f"inverse of a {motion}": f"^inverse dynamics {FRICTION}" for motion in ("run", "drive", "table")},
         **dict.fromkeys(("equilibrium", "modes", "root_locus", "linearize"), f"a linearization {FRICTION}"),

@@ -80,7 +80,7 @@ def test_a_run_is_drawn(tmp_path):
 
 def test_what_has_no_name_is_not_saved(tmp_path):
     circle = replace(TEXTBOOK["circle"](), name="")
-    with pytest.raises(mbdae.MbdaeError, match="the functions of 'Point on a circle' cannot be written"):
+    with pytest.raises(mbdae.MbdaeError, match="the functions of 'Point on a circle' cannot be saved"):
         mbdae.solve(circle, (0, 0.1)).save(tmp_path / "run.npz")
 
 

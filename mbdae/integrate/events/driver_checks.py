@@ -1,4 +1,4 @@
-"""Checks of drivers: derivatives that do not fit their functions, motions that contradict closures or each other."""
+"""Checks of drivers: derivatives that contradict their functions, motions that contradict closures or each other."""
 
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 class DriverChecks(EventSource):
-    """Checks the drivers of a run at its end, and where it ends early for a reason that drivers may have caused."""
+    """Check of the drivers of a run at its end, or after a failure that drivers may have caused."""
 
     @classmethod
-    def of(cls, run: "RunState") -> "DriverChecks | None":
+    def from_run(cls, run: "RunState") -> "DriverChecks | None":
         return cls() if run.problem.drivers else None
 
     def finish(self, run: "RunState") -> None:
@@ -28,8 +28,8 @@ class DriverChecks(EventSource):
             self._check(run, run.t1)
             if isinstance(run.system, Index2System):
                 refuse_contradicting_accelerations(run.system, run.t, run.ys[-1])
-        except StepError as wrong:
-            return wrong
+        except StepError as cause:
+            return cause
         return reason
 
     def _check(self, run: "RunState", end: float) -> None:

@@ -1,4 +1,4 @@
-"""Events of a user: level crossings of signals, and zeros of functions of time and state."""
+"""User-defined events: level crossings of signals, and zeros of functions of time and state."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from ...system import Array, System
 class Event:
     """A level crossing of a signal, or a zero of a function.
 
-    A signal is a text: ``"v.crank"`` for its zeros, ``"q.slider = 0.3"``, ``"force.wrist pin > 100"`` where it rises
-    above, ``"q.slider < 0.1"`` where it falls below; its names are those of `Solution.signals`, and effort of
-    closures and drivers. A function is evaluated at four points of each step.
+    An event of a signal is a text: ``"v.crank"`` for the zeros of a signal, ``"q.slider = 0.3"`` for both directions,
+    ``"force.wrist pin > 100"`` for rising and ``"q.slider < 0.1"`` for falling crossings; signals are named as in
+    `Solution.signals`. A function is evaluated at four points of each step.
 
-    Pairs of zeros between two evaluations are missed: choose ``max_step`` for fast changes.
+    Pairs of zeros between two evaluations are missed: limit ``max_step`` for fast changes.
 
     Attributes:
-        function: a text, event(t, q, v) -> float for mechanisms, or event(t, y) for textbook problems.
+        function: a text, or a function event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
         terminal: stop at the event.
         direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
 
     Raises:
-        InputError: unless the event is a text or function and the direction is valid.
+        InputError: if the event is neither a text nor a function, or the direction is invalid.
     """
 
     function: Callable[..., float] | str
@@ -49,10 +49,10 @@ def as_events(events: Any) -> tuple[Event, ...]:
     Raises:
         InputError: for any other value.
     """
-    one = isinstance(events, str) or not isinstance(events, Sequence)
-    several = [] if events is None else [events] if one else list(events)
+    single = isinstance(events, str) or not isinstance(events, Sequence)
+    listed = [] if events is None else [events] if single else list(events)
     out = []
-    for e in several:
+    for e in listed:
         if not isinstance(e, Event):
             if not callable(e) and not isinstance(e, str):
                 raise InputError(f"an event is a signal, a function or mbdae.Event, got {type(e).__name__}")
@@ -68,5 +68,5 @@ def event_value(system: System, event: Event, t: float, y: Array) -> float:
         StepError: if it fails or does not return a finite number.
     """
     assert callable(event.function)
-    what = f"event {function_name(event.function)!r}"
-    return float(checked(called(what, event.function, t, *system.split(y)), (), t, what))
+    name = f"event {function_name(event.function)!r}"
+    return float(checked(called(name, event.function, t, *system.split(y)), (), t, name))

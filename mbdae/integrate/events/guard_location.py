@@ -1,4 +1,4 @@
-"""Location of the first guard root in a step, on steps of the method, so that the order is preserved."""
+"""Location of the first root of guards in a step, on shorter steps of the method: it has the order of the method."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,18 +11,18 @@ from ...errors import StepError
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
 from ...tolerances import COINCIDENT, EVALUATION_ROUNDING, REAL, SOLUTION_ROUNDING, VISIBLE
-from .level_crossing import ITERATIONS, SHARE, SHARP
-from .load_resolution import QUARTERS, At, sample_points
+from .level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
+from .load_resolution import QUARTERS, PointAt, sample_points
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
     from ..step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
-LATER = 1.05  # times the predicted flight from speed and acceleration: when a row after an impact is below zero
-ROOT = VISIBLE  # of a bracket: a zero of a row after an impact that is closer to the start is the start itself
-HALVINGS = 40  # towards the start of a step
-NEWTON = 12  # iterations, of which three or four are needed
+RETURN_FACTOR = 1.05  # times the flight time predicted from speed and acceleration: the gap is then negative again
+START_ROOT = VISIBLE  # of a bracket: after an impact, a root this close to the start is the start itself
+MAX_HALVINGS = 40  # of a step, towards its start
+MAX_NEWTON = 12  # iterations; three or four are typical
 
 
 class TrackedGuard:
@@ -30,22 +30,28 @@ class TrackedGuard:
 
     Attributes:
         guard: the guard.
-        unit: size of the guard's quantity in this mechanism: a length or angle, a speed, the largest force.
+        unit: typical size of the guard in this mechanism: a length or angle, a speed, the largest force.
         size: largest magnitude so far.
-        level: value at which it ends the mode: 0, or the value within rounding below it at which the mode began, until
-            it rises above 0.
-        back: predicted time, from its acceleration, at which a row closes again after an impact; nan if it does not.
+        level: value at which the guard ends the mode: 0; until the guard becomes positive, its initial value if that is
+            negative by rounding.
+        return_time: time at which a row closes again after an impact, predicted from speed and acceleration; nan if it
+            does not.
     """
 
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
         self.guard, f = guard, guard.value(point)
         self.unit = _unit(guard, point)
-        self.size, self.level, self.back = abs(f), 0.0 if guard.loads else min(0.0, f), np.nan
-        if guard.rate and guard.bend and f <= self.band and (speed := guard.rate(point)) > 0 > (a := guard.bend(point)):
-            self.back = point.t - LATER * 2 * speed / a
+        self.size, self.level, self.return_time = abs(f), 0.0 if guard.loads else min(0.0, f), np.nan
+        if (
+            guard.rate
+            and guard.bend
+            and f <= self.rounding
+            and (speed := guard.rate(point)) > 0 > (a := guard.bend(point))
+        ):
+            self.return_time = point.t - RETURN_FACTOR * 2 * speed / a
 
-    def move(self, point: "ModePoint") -> None:
-        """Continue from the end of a step."""
+    def advance(self, point: "ModePoint") -> None:
+        """Update size and level at the end of a step."""
         f = self.guard.value(point)
         self.size = max(self.size, abs(f))
         if f >= 0:
@@ -56,8 +62,8 @@ class TrackedGuard:
         return self.guard.value(point) - self.level
 
     @property
-    def band(self) -> float:
-        """Return the rounding error of the guard."""
+    def rounding(self) -> float:
+        """Rounding error of the guard."""
         return EVALUATION_ROUNDING * (self.unit + self.size)
 
 
@@ -73,115 +79,115 @@ def _unit(guard: Guard, point: "ModePoint") -> float:
 
 
 def first_guard_root(
-    guards: Sequence[TrackedGuard], step: "StepMap", at: At, thetas: Array = QUARTERS
+    guards: Sequence[TrackedGuard], step: "StepMap", at: PointAt, thetas: Array = QUARTERS
 ) -> tuple[float, list[Guard]]:
-    """Return the share of a step at which the first guards pass zero, and these; 2 and none if there are none.
+    """Return theta in [0, 1] at which the first guards cross zero, and these guards; (2, []) if none does.
 
     Args:
-        guards: of the mode.
+        guards: the guards of the mode.
         step: the step.
-        at: the point after a share of it.
-        thetas: shares at which loads are sampled.
+        at: function of theta that returns the point there.
+        thetas: values of theta at which loads are sampled.
     """
     theta, fired = 2.0, list[Guard]()
-    near = 4 * _sharp(step)
-    waiting = [(guard, _below(guard, step, at, thetas)) for guard in guards]
+    tolerance = 4 * _time_tolerance(step)
+    candidates = [(guard, _negative_share(guard, step, at, thetas)) for guard in guards]
     while True:
-        if theta <= 1:  # guards that pass zero before, possibly more than once
-            waiting = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.band]
-        guard, high = next(((g, x) for g, x in waiting if x is not None), (None, None))
+        if theta <= 1:  # guards that cross zero before theta, possibly more than once
+            candidates = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.rounding]
+        guard, high = next(((g, x) for g, x in candidates if x is not None), (None, None))
         if guard is None or high is None:
             return theta, fired
-        found = _locate(guard, step, at, high)
-        if not fired or found < theta - near:
-            theta, fired = found, [guard.guard]
-        elif found <= theta + near:
+        root = _locate(guard, step, at, high)
+        if not fired or root < theta - tolerance:
+            theta, fired = root, [guard.guard]
+        elif root <= theta + tolerance:
             fired.append(guard.guard)
         else:
             return theta, fired
 
 
-def _sharp(step: "StepMap") -> float:
-    """Return the tolerance of a zero, as a share of a step."""
-    return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+def _time_tolerance(step: "StepMap") -> float:
+    """Return the tolerance of the time of a root, relative to the step."""
+    return TIME_SPACINGS * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
 
 
-def _below(followed: TrackedGuard, step: "StepMap", at: At, thetas: Array) -> float | None:
-    """Return a share of the step at which a guard is negative, for loads the first found; None if it is not."""
-    band, guard = followed.band, followed.guard
+def _negative_share(tracked: TrackedGuard, step: "StepMap", at: PointAt, thetas: Array) -> float | None:
+    """Return a theta at which a guard is negative; for loads, the first of the samples; None if it stays positive."""
+    rounding, guard = tracked.rounding, tracked.guard
     if guard.loads:
         for theta in sample_points(guard, at, thetas)[1:]:
             with suppress(StepError):
-                if followed.value(at(float(theta))) < -band:
+                if tracked.value(at(float(theta))) < -rounding:
                     return float(theta)
         return None
-    f1 = followed.value(at(1.0))
-    if f1 < -band:
+    f1 = tracked.value(at(1.0))
+    if f1 < -rounding:
         return 1.0
-    back = (followed.back - step.t) / step.h
-    if 0 < back < 1 and followed.value(at(back)) < -band:
-        return back
+    return_share = (tracked.return_time - step.t) / step.h
+    if 0 < return_share < 1 and tracked.value(at(return_share)) < -rounding:
+        return return_share
     if guard.rate is not None:
         r0, r1 = guard.rate(at(0.0)), guard.rate(at(1.0))
         if not r0 < 0 < r1:
             return None
-        f0, h = followed.value(at(0.0)), abs(step.h)
-        if _least(f0, f1, h * r0, h * r1) > 0.25 * min(f0, f1):
+        f0, h = tracked.value(at(0.0)), abs(step.h)
+        if _cubic_minimum(f0, f1, h * r0, h * r1) > 0.25 * min(f0, f1):
             return None
         rate = guard.rate
-        theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=ITERATIONS))
-        return theta if followed.value(at(theta)) < -band else None
+        theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS))
+        return theta if tracked.value(at(theta)) < -rounding else None
     return None
 
 
-def _least(f0: float, f1: float, m0: float, m1: float) -> float:
-    """Return the least value of the cubic with values f and derivatives m at 0 and 1, at eight points."""
+def _cubic_minimum(f0: float, f1: float, m0: float, m1: float) -> float:
+    """Return the minimum over nine points of the cubic with values f and derivatives m at 0 and 1."""
     x = np.linspace(0, 1, 9)
     values = f0 + x * (m0 + x * (3 * (f1 - f0) - 2 * m0 - m1 + x * (2 * (f0 - f1) + m0 + m1)))
     return float(values.min())
 
 
-def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> float:
-    """Return the zero of a guard before a share of the step at which it is negative.
+def _locate(tracked: TrackedGuard, step: "StepMap", at: PointAt, high: float) -> float:
+    """Return the root of a guard before a theta at which it is negative.
 
-    If the rate is known, Newton's iteration starts at the zero of the cubic through values and rates; otherwise, and
-    where it leaves the bracket, Brent's method is used. A guard that is zero at the start (a row after an impact) is
-    divided by the share, which leaves its mean rate.
+    If the rate is known, Newton's iteration starts at the root of the cubic through values and rates; otherwise, or if
+    an iterate leaves the bracket, Brent's method is used. A guard that is zero at the start (a row after an impact) is
+    divided by theta, which gives its mean rate.
     """
-    f0, guard, h = followed.value(at(0.0)), followed.guard, abs(step.h)
-    on_guard = f0 <= followed.band
-    sharp = _sharp(step)
+    f0, guard, h = tracked.value(at(0.0)), tracked.guard, abs(step.h)
+    starts_at_zero = f0 <= tracked.rounding
+    tolerance = _time_tolerance(step)
     if guard.rate is not None:
         r0 = guard.rate(at(0.0))
-        theta = _cubic_zero(max(f0, 0.0), followed.value(at(high)), high * h * r0, high * h * guard.rate(at(high)))
+        theta = _cubic_zero(max(f0, 0.0), tracked.value(at(high)), high * h * r0, high * h * guard.rate(at(high)))
         theta, nearest, best = theta * high, 0.0, np.inf
-        for _ in range(NEWTON):
-            if not (ROOT * high if on_guard else 0.0) < theta < high:
+        for _ in range(MAX_NEWTON):
+            if not (START_ROOT * high if starts_at_zero else 0.0) < theta < high:
                 break
-            f, derivative = followed.value(at(theta)), h * guard.rate(at(theta))
+            f, derivative = tracked.value(at(theta)), h * guard.rate(at(theta))
             if not derivative < 0 or not abs(f) < best:
-                if best <= followed.band and not on_guard:
+                if best <= tracked.rounding and not starts_at_zero:
                     return nearest
                 break
             nearest, best, move = theta, abs(f), f / derivative
-            if abs(move) <= sharp + SHARE * theta:
+            if abs(move) <= tolerance + RELATIVE_TOLERANCE * theta:
                 return theta
             theta -= move
     low = 0.0
-    if on_guard:
-        low = next((high / 2**k for k in range(1, HALVINGS) if followed.value(at(high / 2**k)) > 0), 0.0)
+    if starts_at_zero:
+        low = next((high / 2**k for k in range(1, MAX_HALVINGS) if tracked.value(at(high / 2**k)) > 0), 0.0)
         if not low:
             return 0.0
 
     def value(theta: float) -> float:
-        f = followed.value(at(theta)) if theta else f0
-        return f / theta if on_guard else f
+        f = tracked.value(at(theta)) if theta else f0
+        return f / theta if starts_at_zero else f
 
-    return float(brentq(value, low, high, xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
+    return float(brentq(value, low, high, xtol=tolerance, rtol=RELATIVE_TOLERANCE, maxiter=MAX_ITERATIONS))
 
 
 def _cubic_zero(f0: float, f1: float, m0: float, m1: float) -> float:
-    """Return the first zero in (0, 1) of the cubic with values f0 >= 0 > f1 and derivatives m at 0, 1; 1 if none."""
+    """Return the first root in (0, 1) of the cubic with values f0 >= 0 > f1 and derivatives m at 0, 1; 1 if none."""
     c = [2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0]
     roots = np.roots([*c, f0] if f0 > 0 else c)
     real = [float(x.real) for x in roots if abs(x.imag) < REAL and 0 < x.real < 1]

@@ -1,4 +1,4 @@
-"""Modes of a run: guards are monitored from step to step, and the mode changes where one passes zero."""
+"""Modes of a run: guards are monitored from step to step, and the mode changes where a guard crosses zero."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +16,8 @@ from ...mechanism.hybrid.switches import describe_mode
 from ...system import Array, State
 from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, STILL
 from .guard_location import TrackedGuard, first_guard_root
-from .load_resolution import QUARTERS, At, loads_unresolved, resolving_step
-from .singularity_crossing import KNOWN
+from .load_resolution import QUARTERS, PointAt, loads_unresolved, resolving_step
+from .singularity_crossing import POSITION_ACCURACY
 from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from ..run_state import RunState
     from ..step_map import StepMap
 
-SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the smallest ratio to the last one
+SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
 COMMANDS = ("command", "step")  # guards of jumps at known times
-SHORT = SMALLEST_PART  # of the span: loads that no longer step resolves are jumps
-MANY = 100  # transitions, plus as many per switch: if they all fall within a rest time, there is chattering
+SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by steps of this size are jumps
+MAX_TRANSITIONS = 100  # plus as many per switch: more transitions within a rest time are chattering
 
 
 class ModeChanges(EventSource):
-    """Guards of the mode of a run, and its changes.
+    """Monitor of the guards of a mode, and changes of the mode.
 
     Args:
-        system: the run's workspace, of a mechanism that has switches.
+        system: workspace of the run, for a mechanism with switches.
 
     Attributes:
-        modes: first node of each mode.
+        modes: the modes, each with its first node.
         impacts: the impacts of the run.
     """
 
@@ -53,24 +53,29 @@ class ModeChanges(EventSource):
         self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
-        self.fired: list[Guard] = []  # guards at zero at the end of the last step
-        self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
+        self.fired: list[Guard] = []  # guards that are zero at the end of the last step
+        self.point_cache: tuple[Array | None, dict[float, ModePoint]] = (
+            None,
+            {},
+        )  # end of the last step, and points of the step by theta
         self.last_impact: dict[int, float] = {}  # time of the last impact of each switch
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
         self._enter(system.mode)
 
     @classmethod
-    def of(cls, run: "RunState") -> "ModeChanges | None":
+    def from_run(cls, run: "RunState") -> "ModeChanges | None":
         if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
             return None
         if not run.problem.switches:
             return None
         name, formulation = run.problem.switches[0].name, run.options.formulation
         if formulation != "index2":
-            raise InputError(f"{name!r}: what opens, closes or steps needs formulation 'index2', got {formulation!r}")
+            raise InputError(
+                f"{name!r}: unilateral constraints and switches need formulation 'index2', got {formulation!r}"
+            )
         if run.sign < 0:
-            raise InputError(f"{name!r}: modes are followed forward in time, impacts cannot be undone")
+            raise InputError(f"{name!r}: a run with modes cannot go backward in time: impacts are irreversible")
         return cls(run.system)
 
     def _point(self, t: float, y: Array) -> ModePoint:
@@ -78,12 +83,12 @@ class ModeChanges(EventSource):
 
     def _enter(self, mode: "Mode", run: "RunState | None" = None) -> None:
         self.system.enter(mode)
-        for signal in run.events.signals.values() if run else ():
+        for signal in run.user_events.signals.values() if run else ():
             signal.system.enter(mode)
         self.guards: list[TrackedGuard] = []
 
-    def begin(self, run: "RunState") -> None:
-        """Track the guards of a mode that has just been entered."""
+    def begin_interval(self, run: "RunState") -> None:
+        """Track the guards of the mode, if the mode is new."""
         if len(run.ts) == 1 or not self.guards:
             self._track(run.t, run.ys[-1])
 
@@ -92,10 +97,10 @@ class ModeChanges(EventSource):
         self.system.beside = UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
-    def start(self, run: "RunState", y: Array) -> Array:
-        """Return the point of a start, or after commanded switches at a jump, in the mode that follows.
+    def adjust_point(self, run: "RunState", y: Array) -> Array:
+        """Return the point in the first mode, at the start, or in the next mode, after commanded switches at a jump.
 
-        An impact comes first if an active contact approaches.
+        Impacts are resolved first, if a closed contact approaches.
 
         Raises:
             InputError: if a gap is negative at the start.
@@ -107,7 +112,7 @@ class ModeChanges(EventSource):
         for s, gap in self._gaps(at):
             if gap < -CLOSED * self.system.mechanism.row_scales[s.rows[0]]:
                 unit = self.system.mechanism.row_units[s.rows[0]]
-                raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
+                raise InputError(f"{s.name!r} is penetrated by {-gap:.3g} {unit} at the start")
         y, mode = self._resolved_mode(run, at, set())
         self.modes = [(0, mode)]
         self._enter(mode, run)
@@ -116,10 +121,10 @@ class ModeChanges(EventSource):
     def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
         return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
 
-    def _touching(self, t: float, y: Array, near: float) -> list[str]:
-        """Return the names of contacts that are closed at a point, or nearly."""
+    def _closed_contacts(self, t: float, y: Array, tolerance: float) -> list[str]:
+        """Return the names of contacts whose gaps at a point are within a tolerance."""
         scales, gaps = self.system.mechanism.row_scales, self._gaps(self._point(t, y))
-        return [s.name for s, gap in gaps if abs(gap) <= near * scales[s.rows[0]]]
+        return [s.name for s, gap in gaps if abs(gap) <= tolerance * scales[s.rows[0]]]
 
     def _resolved_mode(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(at.t - when) < self.switches[i].rest}
@@ -128,13 +133,13 @@ class ModeChanges(EventSource):
             self.impacts.append(impact)
             self.last_impact |= {s.at: at.t for s in self.switches if s.name in impact.where}
         at = self._point(at.t, y)
-        return y, select_mode(at, self.always, opened, _loads_later(run, at))
+        return y, select_mode(at, self.always, opened, _short_step_loads(run, at))
 
-    def first(self, step: "StepMap") -> Occurrence | None:
-        """Return the end of the mode in a step, where the first guards pass zero."""
+    def first_event(self, step: "StepMap") -> Occurrence | None:
+        """Return the end of the mode in a step, where the first guards cross zero."""
         try:
             theta, self.fired = self._first_root(step)
-        except StepError as e:  # a guard cannot be computed: the run ends before
+        except StepError as e:  # a guard cannot be computed: the run ends before this step
             raise EventError(e.status, str(e), step.node) from e
         if not self.fired:
             return None
@@ -144,7 +149,7 @@ class ModeChanges(EventSource):
         return Occurrence(t, step.end(theta) if t != step.t else None)
 
     def _first_root(self, step: "StepMap") -> tuple[float, list[Guard]]:
-        """Return the share of a step at which the mode ends, and the guards; 2 and none if it does not end."""
+        """Return theta at which the mode ends, and the guards that are zero there; (2, []) if it does not end."""
         at, run = self._points(step), step.run
         fixed = run.stepper.any_size and not run.stepper.controls
         theta, fired = first_guard_root(
@@ -152,25 +157,25 @@ class ModeChanges(EventSource):
         )
         if not fired:
             for guard in self.guards:
-                guard.move(at(1.0))
+                guard.advance(at(1.0))
         return theta, fired
 
     def rejects(self, step: "StepMap") -> bool:
-        """Return whether a step is too long to resolve loads of sticking or resting rows, and bound the next one."""
+        """Return whether a step is too long to resolve loads of sticking or closed rows, and limit the next step."""
         run = step.run
         if not run.stepper.controls or not run.stepper.any_size:
             return False
-        h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
+        h, shortest = abs(step.h), SHORTEST_STEP * abs(run.t1 - run.ts[0])
         worst = loads_unresolved(self.guards, self._points(step), QUARTERS, h)
         if worst > 0:
-            run.stepper.bound(max(least, h * max(SHRINK, SAFETY * worst**-0.25)))
-        return worst > 1 and h > 2 * least
+            run.stepper.limit_step(max(shortest, h * max(SHRINK, SAFETY * worst**-0.25)))
+        return worst > 1 and h > 2 * shortest
 
-    def _points(self, step: "StepMap") -> "At":
-        """Return a function of the share of a step that returns its point, each computed once."""
-        if self.seen[0] is not step.y1:
-            self.seen = step.y1, {}
-        known = self.seen[1]
+    def _points(self, step: "StepMap") -> "PointAt":
+        """Return a function of theta that returns the point of a step there; points are cached."""
+        if self.point_cache[0] is not step.y1:
+            self.point_cache = step.y1, {}
+        known = self.point_cache[1]
 
         def at(theta: float) -> ModePoint:
             if theta not in known:
@@ -190,28 +195,28 @@ class ModeChanges(EventSource):
         return y
 
     def _violated(self, t: float, y: Array) -> list[Guard]:
-        """Return guards that are negative at a point, after a jump of loads."""
+        """Return the guards that are negative at a point, after a jump of loads."""
         at = self._point(t, y)
-        return [g.guard for g in self.guards if g.value(at) < -g.band]
+        return [g.guard for g in self.guards if g.value(at) < -g.rounding]
 
     def act(self, run: "RunState") -> bool:
-        """Change the mode, unless the run ends here."""
+        """Change the mode, unless the run ends at this node."""
         if run.time_left() > 0:
             self._change(run, self.fired)
         return False
 
-    def restart(self, run: "RunState", switched: bool) -> None:
+    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
         """Change the mode after a jump of loads."""
-        if not switched and (fired := self._violated(run.t, run.ys[-1])):
+        if not mode_changed and (fired := self._violated(run.t, run.ys[-1])):
             self._change(run, fired)
 
     def _change(self, run: "RunState", fired: list[Guard]) -> None:
-        """Continue in the following mode: a second point of the run at the same time.
+        """Continue in the next mode: a second node of the run at the same time.
 
         Raises:
             StepError: in case of chattering, or if an impact has no solution.
         """
-        self._count(run.t, fired)
+        self._check_chattering(run.t, fired)
         run.end_interval()
         opened = {g.at for g in fired if g.kind == "let go"}
         y, mode = self._resolved_mode(run, self._point(run.t, run.ys[-1]), opened)
@@ -223,16 +228,19 @@ class ModeChanges(EventSource):
         self._track(run.t, run.ys[-1])
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        """Add when a run stopped and in which mode, or which contact met a singular configuration."""
+        """Add the time and the mode in which a run stopped, or the contact that closed at a singular configuration."""
         return StepError(reason.status, self._explained(run, reason))
 
     def _explained(self, run: "RunState", reason: StepError) -> str:
         last = run.ts[-1], run.ys[-1]
-        if run.singular and run.singular.next_to(*last) and (met := self._touching(*last, KNOWN)):
-            names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
-            order = "the order of the two is beyond what its place is known to"
-            where = f"{names} met within {KNOWN:g} rad or characteristic lengths of a singular configuration"
-            return f"{where}: {order} ({reason})"
+        if (
+            run.singularity_monitor
+            and run.singularity_monitor.is_adjacent(*last)
+            and (contacts := self._closed_contacts(*last, POSITION_ACCURACY))
+        ):
+            names = " and ".join(map(repr, contacts)) + (" closes" if len(contacts) == 1 else " close")
+            where = f"within {POSITION_ACCURACY:g} rad or characteristic lengths of a singular configuration"
+            return f"{names} {where}, whose position is not known more precisely: their order is unknown ({reason})"
         when = "" if "t = " in str(reason) else f", at t = {run.t:.17g}"
         mode = describe_mode(self.switches, self.system.mode)
         return f"{reason}{when} ({mode})" if reason.status in ("step_size", "singular") else f"{reason}{when}"
@@ -243,23 +251,23 @@ class ModeChanges(EventSource):
     def statistics(self, run: "RunState") -> dict[str, Any]:
         return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
 
-    def _count(self, t: float, fired: list[Guard]) -> None:
-        most = MANY * (1 + len(self.switches))
+    def _check_chattering(self, t: float, fired: list[Guard]) -> None:
+        most = MAX_TRANSITIONS * (1 + len(self.switches))
         self.times = [*self.times[-most:], t]
         if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, COINCIDENT * abs(t)):
             names = " and ".join(repr(g.name) for g in fired)
             mode = describe_mode(self.switches, self.system.mode)
-            raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")
+            raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")
 
 
-def _loads_later(run: "RunState", at: ModePoint) -> "Later":
-    """Return the loads after a step in a mode, whose size is a share of the time to the next jump."""
+def _short_step_loads(run: "RunState", at: ModePoint) -> "Later":
+    """Return a function that computes the loads after a step in a mode; its size is a share of the smooth interval."""
 
     def step(mode: "Mode", share: float) -> tuple[Array, float]:
         system, before = at.system, at.system.mode
         system.enter(mode)
         try:
-            h = share * (run.ahead.leg(at.t).stop - at.t)
+            h = share * (run.jumps.interval(at.t).stop - at.t)
             start = system.update_independent_rows(at.t, State(at.y)).y
             carry = system.carry(*system.derivative(at.t, start))
             end = run.tableau.step(system, at.t, h, State(start, carry)).state.y

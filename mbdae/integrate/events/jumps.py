@@ -1,8 +1,8 @@
-"""Times at which a problem may jump: steps end there, and the next one starts after the jump.
+"""Times at which a problem may jump: steps end there, and the next step starts after the jump.
 
-The right-hand side may be evaluated at both ends of a step, and takes the value after a jump at exactly its time. So a
-step towards a jump ends a few roundings before it, where all values are those before; the next one starts at the jump.
-A solution has both points.
+The right-hand side may be evaluated at both ends of a step. At exactly the time of a jump it has its value after the
+jump, so a step towards a jump ends a few roundings earlier, and the next step starts at the jump. A solution has a node
+at both times.
 """
 
 from bisect import bisect_left, bisect_right
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ..run_state import RunState
     from ..step_map import StepMap
 
-MAX_CLUSTER = 100  # jumps within rounding of one another that count as one
-MARGIN = 8  # roundings of t by which a step stays before a jump: more than the error of its stage times
+MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
+MARGIN = 8  # roundings of t between the end of a step and a jump: more than the error of its stage times
 
 
 class SmoothInterval(NamedTuple):
@@ -30,8 +30,8 @@ class SmoothInterval(NamedTuple):
 
     Attributes:
         stop: end of the last step.
-        end: time that is recorded for it: the end of the span, if it coincides with a jump.
-        restart: start of the next interval; None after the end.
+        end: time that is recorded for the end of the last step; the end of the span, if it coincides with a jump.
+        restart: start of the next interval; None at the end of the span.
     """
 
     stop: float
@@ -40,17 +40,17 @@ class SmoothInterval(NamedTuple):
 
 
 class Jumps(EventSource):
-    """Upcoming jumps of a run: of the system, and times given by the user.
+    """Upcoming jumps of a run: breakpoints of the system, and times given by the user.
 
     Args:
-        system: provides its breakpoints.
-        times: given by the user.
+        system: the system, which provides breakpoints.
+        times: times given by the user.
         t1: end of the span.
         sign: direction of time.
         knots: further times where steps end.
 
     Raises:
-        InputError: for times that are not numbers.
+        InputError: for invalid times.
     """
 
     def __init__(
@@ -59,66 +59,66 @@ class Jumps(EventSource):
         self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
 
     @classmethod
-    def of(cls, run: "RunState") -> "Jumps":
+    def from_run(cls, run: "RunState") -> "Jumps":
         o = run.options
         return cls(run.system, o.jumps, o.end, o.sign, _knots(run))
 
-    def start(self, run: "RunState", y: Array) -> Array:
-        """Return y just after a time where states of sampled controllers may jump."""
+    def adjust_point(self, run: "RunState", y: Array) -> Array:
+        """Return y after jumps of the states of sampled controllers."""
         return self.system.jump(run.t, y)
 
-    def leg(self, t: float) -> SmoothInterval:
-        """Return the smooth interval from t on. Jumps that differ only by rounding count as one.
+    def interval(self, t: float) -> SmoothInterval:
+        """Return the smooth interval that starts at t. Jumps that differ only by rounding count as one.
 
         Raises:
-            StepError: if an unlimited number of jumps follow one another that closely.
+            StepError: if more than `MAX_CLUSTER` jumps differ only by rounding.
         """
         s, margin = self.sign, MARGIN * float(np.spacing(max(abs(t), abs(self.t1))))
-        first = self._next(self._last(t, 4 * margin))
+        first = self._next(self._last_of_cluster(t, 4 * margin))
         if s * (first - self.t1) > 4 * margin:
             return SmoothInterval(self.t1, self.t1, None)
         stop = first - s * margin
         if s * (self.t1 - first) <= 4 * margin:
             return SmoothInterval(stop, self.t1, None)
-        last = self._last(first, 4 * margin)
+        last = self._last_of_cluster(first, 4 * margin)
         return SmoothInterval(stop, stop, last if s > 0 else last - margin)
 
-    def first(self, step: "StepMap") -> Occurrence | None:
-        """Return the end of a step that ends a smooth interval, unless the span ends there."""
+    def first_event(self, step: "StepMap") -> Occurrence | None:
+        """Return the end of a step at which a smooth interval ends, unless it is the end of the span."""
         run = step.run
-        return Occurrence(run.t) if run.t == run.leg.end and run.leg.restart is not None else None
+        return Occurrence(run.t) if run.t == run.interval.end and run.interval.restart is not None else None
 
     def act(self, run: "RunState") -> bool:
         """Restart after the jump."""
-        assert run.leg.restart is not None
-        run.restart_after_jump(run.leg.restart)
+        assert run.interval.restart is not None
+        run.restart_after_jump(run.interval.restart)
         return False
 
     def _next(self, t: float) -> float:
         s = self.sign
         i = bisect_right(self.times, t) if s > 0 else bisect_left(self.times, t) - 1
-        own = self.times[i] if 0 <= i < len(self.times) else s * np.inf
-        return s * min(s * self.system.breakpoint(t, s), s * own)
+        user_time = self.times[i] if 0 <= i < len(self.times) else s * np.inf
+        return s * min(s * self.system.breakpoint(t, s), s * user_time)
 
-    def _last(self, t: float, near: float) -> float:
-        """Return the last of the jumps that follow t, and one another, within ``near``; t if there is none."""
+    def _last_of_cluster(self, t: float, tolerance: float) -> float:
+        """Return the last jump of a cluster after t with distances up to a tolerance; t if there is none."""
         for _ in range(MAX_CLUSTER):
-            later = self._next(t)
-            if self.sign * (later - t) > near:
+            following = self._next(t)
+            if self.sign * (following - t) > tolerance:
                 return t
-            t = later
+            t = following
         raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
 
 
 def _knots(run: "RunState") -> Sequence[float]:
-    """Return the knots of loads and motions if the run has modes: loads may have extrema between two of them."""
+    """Return the knots of loads and motions for a run with modes: a step across a knot could miss extrema of loads."""
     problem, system = run.problem, run.system
     if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
-    drives = (d.path for d in problem.drivers)
+    motions = (d.path for d in problem.drivers)
     commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
-    return [t for signal in (*laws, *drives, *commands) for t in signal.meets(run.options.t0, run.options.end)]
+    return [t for signal in (*laws, *motions, *commands) for t in signal.meets(run.options.t0, run.options.end)]
 
 
 def _checked(times: Sequence[float]) -> list[float]:

@@ -1,7 +1,7 @@
-"""Events of signals: detected at the ends of steps, located on steps of the method.
+"""Level crossings of signals: detected at the ends of steps, located on steps of the method.
 
-A step of size theta h from the same start ends in a point of the method's full order, and so has the event time. The
-dense output, of one order less, is not used.
+A step of size theta h from the same start ends at a point of the full order of the method, so the event time has this
+order too. The dense output is not used: its order is lower by one.
 """
 
 import re
@@ -14,7 +14,7 @@ from ...discovery import lazy_import
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
-from ...solution.columns import TURN
+from ...solution.columns import TWO_PI
 from ...solution.signal_value import SignalValue, find_signal, value
 from ...system import Array
 from ...tolerances import EPS
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 brentq = lazy_import("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
-SHARP = 2  # roundings of t: tolerance of the time of an event
-SHARE = 4 * EPS  # the same relative to the step
-ITERATIONS = 100  # of Brent's method, which bisects in the worst case
+TIME_SPACINGS = 2  # roundings of t: tolerance of the time of an event
+RELATIVE_TOLERANCE = 4 * EPS  # of theta: tolerance of the time of an event
+MAX_ITERATIONS = 100  # of Brent's method, which bisects in the worst case
 EventRoot = tuple[float, Array]
 
 
 class LevelCrossing(NamedTuple):
-    """A level crossing given by a text: signal, level, and direction: 1 rising, -1 falling, 0 both."""
+    """The content of an event text: signal, level, and direction (1 rising, -1 falling, 0 both)."""
 
     signal: str
     level: float
     direction: int
 
 
-def parse(text: str) -> LevelCrossing:
+def parse_level_crossing(text: str) -> LevelCrossing:
     """Read ``"signal"``, for its zeros, ``"signal = level"``, ``"signal > level"`` or ``"signal < level"``.
 
     Raises:
@@ -57,18 +57,18 @@ def parse(text: str) -> LevelCrossing:
     return LevelCrossing(found["signal"], level, DIRECTIONS[found["sign"]])
 
 
-def crossing_at_jump(before: float, behind: float, direction: int, touch: float) -> tuple[bool, float]:
-    """Return whether a value crosses zero, or has a tangency, in a jump; and the value from which it continues.
+def crossing_at_jump(before: float, after: float, direction: int, tangency: float) -> tuple[bool, float]:
+    """Return whether a value crosses or touches zero at a jump, and the value after the jump, without its rounding.
 
     Args:
         before: the value before the jump.
-        behind: the value after it.
-        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
-        touch: values this close to zero on both sides are a tangency.
+        after: the value after the jump.
+        direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
+        tangency: values on both sides of a jump with magnitudes up to this are a tangency.
     """
-    if max(abs(before), abs(behind)) <= touch:
+    if max(abs(before), abs(after)) <= tangency:
         return before != 0 and not direction, 0.0
-    return before != 0 and before * behind <= 0 and direction * (behind - before) >= 0, behind
+    return before != 0 and before * after <= 0 and direction * (after - before) >= 0, after
 
 
 class SignalEvent:
@@ -78,75 +78,75 @@ class SignalEvent:
         system: a separate workspace.
         signal: the signal.
         level: the level.
-        direction: 1 for rising crossings, -1 for falling ones, 0 for both.
+        direction: 1 for rising crossings, -1 for falling crossings, 0 for both.
     """
 
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
         self.system, self.signal, self.level, self.direction = system, signal, level, direction
-        self.node = (np.nan, np.nan, 0.0)  # the last one: time, value, rate of an angle
+        self.node = (np.nan, np.nan, 0.0)  # the last node: time, value, rate of an angle
 
     @classmethod
-    def of(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
+    def from_text(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
         """Bind a text to a mechanism.
 
         Raises:
             InputError: for an invalid text, or a contradictory direction.
             UnknownNameError: for an unknown signal, with the valid ones.
         """
-        wanted = parse(text)
-        if direction * wanted.direction < 0:
-            raise InputError(f"event {text!r} has a direction of its own, got direction = {direction}")
-        signal = find_signal(mechanism, wanted.signal)
-        return cls(system, signal, wanted.level, direction or wanted.direction)
+        crossing = parse_level_crossing(text)
+        if direction * crossing.direction < 0:
+            raise InputError(f"event {text!r} has another direction than direction = {direction}")
+        signal = find_signal(mechanism, crossing.signal)
+        return cls(system, signal, crossing.level, direction or crossing.direction)
 
-    def begin(self, t: float, y: Array) -> None:
-        """Start at a point; an angle starts between -pi and pi."""
+    def start_at(self, t: float, y: Array) -> None:
+        """Start tracking at a point; an angle starts between -pi and pi."""
         f = value(self.system, self.signal, t, y) - self.level
         self.node = (t, f, self._speed(y))
 
-    def move(self, t: float, y: Array, f: float) -> None:
-        """Continue from a point with a value."""
+    def advance(self, t: float, y: Array, f: float) -> None:
+        """Continue tracking from a point, given the value there."""
         self.node = (t, f, self._speed(y))
 
     def _speed(self, y: Array) -> float:
         return float(y[self.system.nq + self.signal.rate]) if self.signal.kind == "angle" else 0.0
 
     def value(self, t: float, y: Array) -> float:
-        """Return the signal minus its level; an angle is unwrapped by the velocities."""
+        """Return the signal minus its level; an angle is unwrapped with the velocities."""
         f = value(self.system, self.signal, t, y) - self.level
         if self.signal.kind != "angle":
             return f
         t0, f0, w0 = self.node
-        return f + TURN * float(np.round((f0 + (t - t0) * (w0 + self._speed(y)) / 2 - f) / TURN))
+        return f + TWO_PI * float(np.round((f0 + (t - t0) * (w0 + self._speed(y)) / 2 - f) / TWO_PI))
 
-    def zeros(self, step: "StepMap", touch: float | None) -> list[EventRoot]:
-        """Return the shares of a step at which the signal crosses its level, and the points there; advance to its end.
+    def zeros(self, step: "StepMap", tangency: float | None) -> list[EventRoot]:
+        """Return theta and the point of each level crossing in a step; advance to its end.
 
         Args:
             step: the step.
-            touch: see `crossing_at_jump`, for a jump between the last step and this one.
+            tangency: see `crossing_at_jump`; None if there is no jump between the last step and this one.
         """
         hits: list[EventRoot] = []
-        if touch is not None:
-            touch *= 1 + abs(self.level)
-            passes, f = crossing_at_jump(self.node[1], self.value(step.t, step.y), self.direction, touch)
-            hits += [(0.0, step.y)] if passes else []
-            self.move(step.t, step.y, f)
+        if tangency is not None:
+            tangency *= 1 + abs(self.level)
+            crosses, f = crossing_at_jump(self.node[1], self.value(step.t, step.y), self.direction, tangency)
+            hits += [(0.0, step.y)] if crosses else []
+            self.advance(step.t, step.y, f)
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
-        marks = [(0.0, step.y, f0)]
-        for theta in self._turns(step, f0, f1):
+        samples = [(0.0, step.y, f0)]
+        for theta in self._interior_extrema(step, f0, f1):
             y = step.point(theta)
-            marks.append((theta, y, self.value(step.t + theta * step.h, y)))
-        marks.append((1.0, step.y1, f1))
-        for a, b in pairwise(marks):
-            self._passage(hits, a, b, step)
-        self.move(step.t1, step.y1, f1)
+            samples.append((theta, y, self.value(step.t + theta * step.h, y)))
+        samples.append((1.0, step.y1, f1))
+        for a, b in pairwise(samples):
+            self._append_crossing(hits, a, b, step)
+        self.advance(step.t1, step.y1, f1)
         return hits
 
-    def _passage(
+    def _append_crossing(
         self, hits: list[EventRoot], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"
     ) -> None:
-        """Append the crossing between two points of a step, given their values, if there is one."""
+        """Append the level crossing between two points of a step, given the values there, if there is one."""
         (theta0, y0, f0), (theta1, y1, f1) = a, b
         if self.direction * np.sign(f1 if f0 == 0 else f1 - f0) < 0:
             return
@@ -158,7 +158,7 @@ class SignalEvent:
             hits.append((theta1, y1))
 
     def _locate(self, a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap") -> EventRoot:
-        """Locate a zero between two shares of a step by Brent's method; each value is one step of the method."""
+        """Locate a zero between two points of a step by Brent's method; each evaluation is one step of the method."""
         known = {a[0]: (a[2], a[1]), b[0]: (b[2], b[1])}
 
         def at(theta: float) -> tuple[float, Array]:
@@ -167,15 +167,18 @@ class SignalEvent:
                 known[theta] = self.value(step.t + theta * step.h, y), y
             return known[theta]
 
-        sharp = SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
-        theta = float(brentq(lambda x: at(x)[0], a[0], b[0], xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
+        tolerance = TIME_SPACINGS * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+        theta = float(
+            brentq(lambda x: at(x)[0], a[0], b[0], xtol=tolerance, rtol=RELATIVE_TOLERANCE, maxiter=MAX_ITERATIONS)
+        )
         return theta, at(theta)[1]
 
-    def _turns(self, step: "StepMap", f0: float, f1: float) -> list[float]:
-        """Return shares of the step between which the signal may cross its level twice.
+    def _interior_extrema(self, step: "StepMap", f0: float, f1: float) -> list[float]:
+        """Return theta of an interior extremum, before and after which the signal may cross its level.
 
-        They are the extrema of the cubic through values and rates at both ends, where its sign differs from that at
-        both ends. Signals without known rates (multipliers, reactions, energies) are only checked at the ends of steps.
+        It is the extremum of the cubic through values and rates at both ends, if the sign there differs from the sign
+        at both ends. Signals without known rates (multipliers, reactions, energies) are only checked at the ends of
+        steps.
         """
         if self.signal.kind not in ("y", "angle") or self.signal.rate < 0 or f0 * f1 <= 0:
             return []
@@ -183,7 +186,7 @@ class SignalEvent:
             m0, m1 = (step.h * rate[self.signal.rate] for rate in self._rates(step))
         except StepError:
             return []
-        if m0 * f0 >= 0 or m1 * f1 <= 0:  # it does not approach the level and leave it again
+        if m0 * f0 >= 0 or m1 * f1 <= 0:  # the signal does not approach the level and recede from it
             return []
         # p(x) = f0 + m0 x + a x^2 + b x^3, p'(x) = m0 + 2 a x + 3 b x^2, where m0 and m1 have opposite signs
         a, b = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1

@@ -1,8 +1,8 @@
 """Step across a singular configuration by polynomial extrapolation of previous states.
 
-Where closures lose rank, a solve divides by a vanishing pivot: steps would become tiny, and rounding would decide the
-result. The motion on its branch is smooth there. So the polynomial of (v, s, w) through four states and their rates
-continues across, q follows by integration, and the point after it is projected onto the closures.
+Where closures lose rank, a solve divides by a vanishing pivot: steps would become tiny, and rounding errors would
+dominate the result. The motion along its branch is smooth there, so a polynomial of (v, s, w) through four states and
+their rates is extrapolated, q follows by integration, and the end point is projected onto the closures.
 """
 
 from contextlib import suppress
@@ -19,24 +19,24 @@ from ...tolerances import CLOSED, EVALUATION_ROUNDING, INTERPOLATION, ROUNDING, 
 
 solve_ivp = lazy_import("scipy.integrate", "solve_ivp")
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
-OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: distances of the earlier states
-SEARCH_RANGE = 4.0  # times the way: search range for a singular configuration
+OFFSETS = (2.0, 5.0, 9.0)  # times the predicted time to the singular configuration: times back to the earlier states
+SEARCH_RANGE = 4.0  # times the predicted time: search range for a singular configuration
 SAMPLES = 24  # points of the search
-DEPTH = 0.05  # of the current pivot ratio: a singular configuration is below
-OVERSHOOT = 1.3  # times the way, at least: end of the crossing
-AHEAD = 0.7  # times the way: if the end of a run is closer, the crossing leads to it
-KNOWN = INTERPOLATION  # rad or characteristic lengths: required accuracy of the position of a singular configuration
+DEPTH = 0.05  # of the current pivot ratio: minima below are singular configurations
+OVERSHOOT = 1.3  # times the time to the singular configuration: smallest size of a crossing
+AHEAD = 0.7  # times the time to the singular configuration: a run that ends earlier ends without a crossing
+POSITION_ACCURACY = INTERPOLATION  # rad or characteristic lengths: of a singular configuration
 
 
 class SingularityCrossing(NamedTuple):
     """Crossing of a singular configuration.
 
     Attributes:
-        t: time after it, or the end of the run if that comes first or is adjacent.
-        y: point there; after the singularity, on the closures.
-        path: y as a function of the time since the crossing began, (dt) -> (n,).
-        error: difference of the polynomials of degree 2 k - 1 and 2 k - 3 through k states, in the tangent.
-        move: displacement by the projection of the point.
+        t: end time of the crossing, or the end of the run if that is close to the singular configuration.
+        y: point at t; after the singularity, on the closures.
+        path: y as a function of the time since the start of the crossing, (dt) -> (n,).
+        error: difference of the polynomials of degree 2 k - 1 and 2 k - 3 through k and k - 1 states, in the tangent.
+        move: displacement of the end point by the projection.
         passed: the singular configuration.
     """
 
@@ -49,15 +49,15 @@ class SingularityCrossing(NamedTuple):
 
 
 class ContinuationPolynomial:
-    """Continuation of the motion by the polynomial of u = (v, s, w) through the last state and earlier ones.
+    """Extrapolation of the motion by the polynomial of u = (v, s, w) through the last state and earlier states.
 
     Args:
         system: a workspace.
-        ts: times of the states, the last one first, (k,).
-        y: the last state.
-        us: (v, s, w) of all of them, (k, m).
-        rates: their rates, (k, m).
-        reach: the largest time step, signed.
+        ts: times of the states, the last state first, (k,).
+        y: the last point, (n,).
+        us: (v, s, w) of all states, (k, m).
+        rates: rates of us, (k, m).
+        reach: the largest extrapolated time, signed.
     """
 
     def __init__(self, system: Index2System, ts: Array, y: Array, us: Array, rates: Array, reach: float) -> None:
@@ -71,7 +71,7 @@ class ContinuationPolynomial:
         if not system.manifold.flat:
             zero, rtol = np.zeros(system.nv), EVALUATION_ROUNDING
             span = (0.0, reach)
-            self.turn = solve_ivp(self._rate, span, zero, "DOP853", dense_output=True, rtol=rtol, atol=ROUNDING).sol
+            self.rotation = solve_ivp(self._rate, span, zero, "DOP853", dense_output=True, rtol=rtol, atol=ROUNDING).sol
 
     def _rate(self, dt: float, x: Array) -> Array:
         return self.system.manifold.tangent(x, self.tail(dt)[: self.system.nv])
@@ -87,27 +87,27 @@ class ContinuationPolynomial:
             k = np.arange(1, len(self.c) + 1)
             x = (self.unit * (dt / self.unit) ** k / k) @ self.c[:, : s.nv]
         else:
-            x = self.turn(dt)
+            x = self.rotation(dt)
         return np.concatenate([s.manifold.integrate(self.y[: s.nq], x), self.tail(dt)])
 
 
-def cross_singularity(system: Index2System, run: Any, way: float, first: int) -> SingularityCrossing | None:
-    """Return the crossing of a singular configuration about ``way`` seconds ahead; None if there is none.
+def cross_singularity(system: Index2System, run: Any, time_ahead: float, first: int) -> SingularityCrossing | None:
+    """Return the crossing of a singular configuration about ``time_ahead`` seconds ahead; None if there is none.
 
     Args:
-        system: a workspace with the run's rank and rows.
-        run: its nodes and their rates, the end of its smooth interval, and its backward stepper.
-        way: seconds until the pivot ratio vanishes, positive.
+        system: a workspace with the rank and the rows of the run.
+        run: the run, which provides nodes, rates, the end of the smooth interval, and the backward stepper.
+        time_ahead: predicted seconds until the pivot ratio vanishes, positive.
         first: node after the last jump or crossing.
 
     Raises:
-        StepError: if earlier states cannot be computed, or the point after it cannot be projected.
+        StepError: if earlier states cannot be computed, or the end point cannot be projected.
     """
-    ts, ys, rates = _earlier_states(run, way, first)
+    ts, ys, rates = _earlier_states(run, time_ahead, first)
     if len(ts) < 2:
         return None
     us, rates = ys[:, system.nq :], rates[:, system.nv :]
-    reach, y = run.sign * SEARCH_RANGE * way, run.ys[-1]
+    reach, y = run.sign * SEARCH_RANGE * time_ahead, run.ys[-1]
     path = ContinuationPolynomial(system, ts, y, us, rates, reach)
     here = system.pivot_ratio(run.t, y)
 
@@ -118,49 +118,51 @@ def cross_singularity(system: Index2System, run: Any, way: float, first: int) ->
     if found is None or not found[1] < DEPTH * here:
         return None
     dt = found[0]
-    end = min(2 * abs(dt), run.left())
-    beside = end < OVERSHOOT * abs(dt)
-    if beside and (end < AHEAD * abs(dt) or run.leg.restart is not None):
+    end = min(2 * abs(dt), run.time_to_interval_end())
+    ends_near = end < OVERSHOOT * abs(dt)
+    if ends_near and (end < AHEAD * abs(dt) or run.interval.restart is not None):
         return None
     lower = ContinuationPolynomial(system, ts[:-1], y, us[:-1], rates[:-1], reach)
     moved = system.difference(path(dt), lower(dt))[: system.nv] / system.mechanism.coordinate_scales
-    if np.abs(moved).max() > KNOWN or not singular_crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSED):
+    if np.abs(moved).max() > POSITION_ACCURACY or not singular_crossing(
+        system, run.t + dt, path(dt), DEPTH * here, CLOSED
+    ):
         return None
-    t = run.leg.end if end == run.left() else run.t + run.sign * end
-    there = path(run.sign * end)
-    closed = there if beside else system.restore(t, there, True)  # close to it rounding would spoil the direction of v
-    error = system.difference(lower(run.sign * end), there)
+    t = run.interval.end if end == run.time_to_interval_end() else run.t + run.sign * end
+    y1 = path(run.sign * end)
+    closed = y1 if ends_near else system.restore(t, y1, True)  # near it, rounding would spoil v
+    error = system.difference(lower(run.sign * end), y1)
     passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
     if passed is None:
         return None
-    return SingularityCrossing(t, closed, path, error, system.difference(there, closed), passed)
+    return SingularityCrossing(t, closed, path, error, system.difference(y1, closed), passed)
 
 
-def _earlier_states(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
-    """Return times, points and rates of the last node and of states about `OFFSETS` times the way before it.
+def _earlier_states(run: Any, time_ahead: float, first: int) -> tuple[Array, Array, Array]:
+    """Return times, points and rates of the last node and of states about `OFFSETS` times ``time_ahead`` before it.
 
-    If the run can step back, they are recomputed from the last node: the nodes before it contain the errors of the
-    steps, which a polynomial magnifies a hundredfold. At the start of a smooth interval they are virtual states: its
-    forces are continued backwards across the impact or jump.
+    If backward steps are possible, the states are recomputed from the last node: nodes of the run contain the errors of
+    its steps, which extrapolation magnifies a hundredfold. At the start of a smooth interval the states are fictitious:
+    forces are continued backward in time across the impact or jump.
     """
-    back = np.abs(np.array(run.ts[first:]) - run.t)
-    if run.back and (run.back.anywhere or back[0] < OFFSETS[-1] * way):
-        offsets = np.array(OFFSETS) * (min(1.0, back[0] / (OFFSETS[-1] * way)) or 1.0)
+    ages = np.abs(np.array(run.ts[first:]) - run.t)
+    if run.backward_stepper and (run.backward_stepper.from_any_node or ages[0] < OFFSETS[-1] * time_ahead):
+        offsets = np.array(OFFSETS) * (min(1.0, ages[0] / (OFFSETS[-1] * time_ahead)) or 1.0)
         with suppress(StepError):  # near singular configurations rounding may prevent accurate steps
-            return run.back(run.t - run.sign * way * offsets)
-    chosen = [len(back) - 1]
+            return run.backward_stepper(run.t - run.sign * time_ahead * offsets)
+    chosen = [len(ages) - 1]
     for offset in OFFSETS:
-        earlier = back[: chosen[-1]]
+        earlier = ages[: chosen[-1]]
         if not len(earlier):
             break
-        chosen.append(int(np.abs(earlier - offset * way).argmin()))
+        chosen.append(int(np.abs(earlier - offset * time_ahead).argmin()))
     nodes = [first + i for i in chosen]
     points, rates = [run.ys[i] for i in nodes], [run.record().rate(i) for i in nodes]
     return np.array([run.ts[i] for i in nodes]), np.array(points), np.array(rates)
 
 
 def _lowest(value: Any, dts: Array) -> tuple[float, float] | None:
-    """Return the first local minimum of a function along its samples, refined; None if it is monotonic."""
+    """Return the first local minimum of a function over samples, refined; None if the samples are monotonic."""
     values = [value(dt) for dt in dts]
     for k in range(1, len(dts) - 1):
         if values[k] <= values[k - 1] and values[k] <= values[k + 1]:

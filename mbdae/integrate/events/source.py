@@ -1,17 +1,19 @@
 """Interface between the time loop and the sources of events.
 
-After each step the sources detect, in their order, their first event in it; one that lies before the end of the step
-truncates it, so the next source checks the shorter step. The source of the earliest event acts: it ends the run, or
-continues it from another point or in another mode. In order, the sources are
+After each step, the sources detect their first event in it, one source after the other; an event before the end of the
+step truncates the step, so the next source checks the shorter step. The source of the earliest event acts: it ends the
+run, or continues it from another point or in another mode. In order, the sources are
 
 1. `driver_checks`, at the end of the run only;
 2. `hybrid`: guards of contacts, stops, clutches and stiction;
 3. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
 4. `mbdae.integrate.stiffness_detection`, which warns only;
-5. `user_events`: signals and functions, of which terminal ones end the run;
+5. `user_events`: signals and functions; terminal events end the run;
 6. `jumps`: controllers, functions of time and times given by the user.
 
-Sources read the run; those that continue it from another point do so by its methods.
+Sources read the run, and change it by its methods only. Hooks of a source: `adjust_point` and `begin_interval` at the
+start of a smooth interval, `end_interval` at its end, and `after_discontinuity` at the first node after a jump or a
+mode change.
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -40,9 +42,9 @@ class Occurrence(NamedTuple):
     """First event of a source in a step.
 
     Attributes:
-        t: its time; the end of the step, or before.
-        end: the step that leads there; None if the last step does, or if the event is at its start.
-        singular: whether no step can begin there.
+        t: time of the event, at the end of the step or before.
+        end: the step that ends at t; None if it is the last step, or if the event is at the start of the step.
+        singular: whether no step can begin at t.
     """
 
     t: float
@@ -51,53 +53,53 @@ class Occurrence(NamedTuple):
 
 
 class EventSource:
-    """Source of events of a run; by default there are none."""
+    """Source of events of a run; by default without events."""
 
-    each_step = False  # whether it must see every step: the stepper takes them one at a time
+    each_step = False  # whether it must check every step: the stepper then takes one step at a time
 
     @classmethod
-    def of(cls, run: "RunState") -> Self | None:
-        """Return the source of a run; None if the run does not need it.
+    def from_run(cls, run: "RunState") -> Self | None:
+        """Return the source for a run; None if the run does not need it.
 
         Raises:
-            InputError: for options of the run that are not supported.
+            InputError: for options of the run that the source does not support.
         """
         return cls()
 
-    def start(self, run: "RunState", y: Array) -> Array:
-        """Return the point from which the run continues, at its start or after a jump."""
+    def adjust_point(self, run: "RunState", y: Array) -> Array:
+        """Return the point at which a smooth interval begins, given that of the node, at the start or after a jump."""
         return y
 
-    def begin(self, run: "RunState") -> None:
+    def begin_interval(self, run: "RunState") -> None:
         """Begin a smooth interval at the last node."""
 
     def replace_step(self, run: "RunState") -> bool:
-        """Proceed to another node without a step, and return True."""
+        """Return whether the source has appended a node in place of a step."""
         return False
 
     def rejects(self, step: "StepMap") -> bool:
         """Return whether a step is too long to detect events in it."""
         return False
 
-    def first(self, step: "StepMap") -> Occurrence | None:
-        """Return the first event in a step at which the source acts; None if there is none."""
+    def first_event(self, step: "StepMap") -> Occurrence | None:
+        """Return the first event of a step at which the source must act; None if there is none."""
         return None
 
     def act(self, run: "RunState") -> bool:
-        """Continue the run after the event that was found last; return whether it ends there."""
+        """Handle the last detected event; return whether it ends the run."""
         return False
 
-    def truncated(self, run: "RunState") -> None:
-        """Discard what was found after the last node."""
+    def discard_beyond_end(self, run: "RunState") -> None:
+        """Discard events after the last node."""
 
-    def end(self, run: "RunState") -> None:
+    def end_interval(self, run: "RunState") -> None:
         """End a smooth interval at the last node."""
 
-    def restart(self, run: "RunState", switched: bool) -> None:
-        """Restart at the last node, after a jump or, in another mode, at the same time."""
+    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+        """Update the source at the first node after a jump or, if ``mode_changed``, after a mode change."""
 
     def results(self, run: "RunState") -> dict[str, Any]:
-        """Return what was found up to the last node, as attributes of the solution."""
+        """Return results up to the last node, as attributes of the solution."""
         return {}
 
     def statistics(self, run: "RunState") -> dict[str, Any]:
@@ -112,12 +114,12 @@ class EventSource:
         """Release the workspaces of the source."""
 
     def finish(self, run: "RunState") -> None:
-        """Check a run that has completed.
+        """Check a completed run.
 
         Raises:
-            StepError: if it cannot be trusted.
+            StepError: if the run is invalid.
         """
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        """Return a failure, with more information if the source has any."""
+        """Return the reason for a failure, with additional information of the source."""
         return reason

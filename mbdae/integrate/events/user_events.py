@@ -1,6 +1,7 @@
-"""Events: level crossings of signals, and sign changes of functions of time and state.
+"""User-defined events: level crossings of signals, and sign changes of functions of time and state.
 
-Signals are located on steps of the method (`level_crossing`), functions on the dense output; terminal events on a step.
+Events of signals are located on steps of the method (`level_crossing`), events of functions on the dense output, except
+terminal events, which are located on steps of the method.
 """
 
 from collections.abc import Callable
@@ -26,20 +27,20 @@ if TYPE_CHECKING:
 
 brentq = lazy_import("scipy.optimize", "brentq")
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
-WIDTH = 1e-3  # of a step: distance on either side of an event for the derivative of its function
-TRIALS = 8  # steps towards a terminal event, of which three or four are needed
+WIDTH = 1e-3  # of a step: distance of the points on both sides of an event for the derivative of its function
+TRIALS = 8  # steps to locate a terminal event; three or four are typical
 
 
 class UserEvents(EventSource):
-    """Detects the events of a user from step to step and records them; terminal ones end the run.
+    """Detection and recording of user-defined events; terminal events end the run.
 
-    A zero at the start of the run, to rounding, is an event there, in the direction in which it leaves zero, but does
-    not end the run: a run may start on the surface where another one ended.
+    A zero at the start of the run, to rounding, is an event, in the direction in which the function leaves zero, but
+    does not end the run: a run may start on the event surface at which a previous run ended.
 
     Args:
         events: the events.
-        evaluate: evaluates a function at (t, y).
-        signals: the other events, bound to a workspace, by index.
+        evaluate: evaluates the function of an event at (t, y).
+        signals: the events of signals, bound to a workspace, by index.
         modes: whether the run has modes, which switch in Python.
     """
 
@@ -53,36 +54,36 @@ class UserEvents(EventSource):
         self.events, self.evaluate, self.signals = events, evaluate, signals
         self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
         compiled = all(s.signal.compiled for s in self.signals.values())
-        self.by_signal = not self.functions and compiled and not modes  # in the core
-        self.looked = self.stopped = False  # the last steps were checked; a terminal event was found
+        self.by_signal = not self.functions and compiled and not modes  # detected in the core
+        self.checked_in_core = self.stopped = False  # for the last steps; whether it found a terminal event
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
-        self._last: dict[int, float] = {}
-        self._seen = np.nan  # time up to which steps were checked; nan after an impact
+        self._last_values: dict[int, float] = {}
+        self._checked_until = np.nan  # time up to which steps were checked; nan after an impact
 
     @classmethod
-    def of(cls, run: "RunState") -> "UserEvents":
+    def from_run(cls, run: "RunState") -> "UserEvents":
         system, events = run.system, run.options.events
         modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches)
         return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)
 
-    def begin(self, run: "RunState") -> None:
+    def begin_interval(self, run: "RunState") -> None:
         """Evaluate every event at the start of the run."""
         if len(run.ts) > 1:
             return
         self.origin = t, y = run.t, run.state.y
-        self._seen = t
-        self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
+        self._checked_until = t
+        self._last_values = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
         for signal in self.signals.values():
-            signal.begin(t, y)
+            signal.start_at(t, y)
 
-    def restart(self, run: "RunState", switched: bool) -> None:
-        """Begin the next step after an impact, at the time where the last one ended."""
-        if switched:
-            self._seen = np.nan
+    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+        """Check for crossings at an impact, at the start of the next step."""
+        if mode_changed:
+            self._checked_until = np.nan
 
     @property
     def each_step(self) -> bool:  # type: ignore[override]
-        """Whether it must see every step, since the core cannot detect the events."""
+        """Whether every step must be checked in Python, since the core cannot detect the events."""
         return not self.by_signal
 
     @property
@@ -98,26 +99,26 @@ class UserEvents(EventSource):
         return [(s.signal.core_data(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
 
     def adopt_native(self, native: Any) -> None:
-        """Take over events found by the core, and its current values."""
+        """Record the events found by the core, and its current values of the signals."""
         if not self.events or not self.by_signal:
             return
-        self.looked, self.stopped = True, native.stopped
+        self.checked_in_core, self.stopped = True, native.stopped
         for i, t, y in native.found:
             self.found[i].append(self.origin if t == self.origin[0] else (t, y))
         for signal, node in zip(self.signals.values(), native.nodes, strict=True):
             signal.node = node
-            self._seen = node[0]
+            self._checked_until = node[0]
 
-    def first(self, step: "StepMap") -> Occurrence | None:
+    def first_event(self, step: "StepMap") -> Occurrence | None:
         """Record the events of a step, and return the first terminal one."""
-        if self.looked:
-            self.looked = False
+        if self.checked_in_core:
+            self.checked_in_core = False
             return Occurrence(step.t1) if self.stopped else None
         stop = self._terminal(step) if self.events else None
         return self._occurrence(step, *stop) if stop else None
 
     def act(self, run: "RunState") -> bool:
-        """End the run: events at or, by the dense output, beyond its end are moved to it."""
+        """End the run; events at its end or, by the dense output, slightly beyond are moved to the end."""
         t, y, sign = run.t, run.ys[-1], run.sign
         limit = sign * t - AGREEMENT * max(1.0, abs(t))
         self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
@@ -127,47 +128,49 @@ class UserEvents(EventSource):
         """Return the times (k,) and points (k, ...) of the zeros of each event."""
         out = []
         for hits in self.found:
-            kept = [(t, y) for t, y in hits if (t - run.ts[-1]) * run.sign <= 0]
-            points = np.array([y for _, y in kept]).reshape(-1, *run.ys[-1].shape)
-            out.append((np.array([t for t, _ in kept], float), points))
+            valid = [(t, y) for t, y in hits if (t - run.ts[-1]) * run.sign <= 0]
+            points = np.array([y for _, y in valid]).reshape(-1, *run.ys[-1].shape)
+            out.append((np.array([t for t, _ in valid], float), points))
         return {"events": out}
 
     def statistics(self, run: "RunState") -> dict[str, Any]:
-        """Return where events are detected."""
+        """Return the back end that detects events, with the reason if it is Python."""
         where = run.stepper.backend if self.by_signal else f"python: {self.why_python}"
         return {"events": where} if self.events else {}
 
     def _terminal(self, step: "StepMap") -> tuple[float, Event] | None:
-        """Check a step; return its first terminal event, preceded by the event's position in the step."""
+        """Record the events of a step; return theta of its first terminal event, and the event."""
         t, h = step.t, step.h
-        same, stop = AGREEMENT * max(1.0, abs(t)), None
-        for theta, i, y in sorted(self._hits(step), key=lambda hit: hit[:2]):
-            if stop and (theta - stop[0]) * abs(h) > same:
+        tolerance, stop = AGREEMENT * max(1.0, abs(t)), None
+        for theta, i, y in sorted(self._zeros_in_step(step), key=lambda hit: hit[:2]):
+            if stop and (theta - stop[0]) * abs(h) > tolerance:
                 break
-            begins = t == self.origin[0] and theta * abs(h) <= same
-            if theta == 0 and self.found[i] and abs(t - self.found[i][-1][0]) <= same:
+            at_start = t == self.origin[0] and theta * abs(h) <= tolerance
+            if theta == 0 and self.found[i] and abs(t - self.found[i][-1][0]) <= tolerance:
                 continue  # found before the impact
-            self.found[i].append(self.origin if begins else (t + theta * h, y))
-            if self.events[i].terminal and not begins and stop is None:
+            self.found[i].append(self.origin if at_start else (t + theta * h, y))
+            if self.events[i].terminal and not at_start and stop is None:
                 stop = theta, self.events[i]
         return stop
 
-    def _hits(self, step: "StepMap") -> list[tuple[float, int, Array]]:
-        """Return the zeros in a step: share of the step, index of the event, point."""
-        touch = None if step.t == self._seen else SOLUTION_ROUNDING if np.isnan(self._seen) else 0.0
-        self._seen = step.t1
+    def _zeros_in_step(self, step: "StepMap") -> list[tuple[float, int, Array]]:
+        """Return the zeros in a step: theta, index of the event, point."""
+        tangency = (
+            None if step.t == self._checked_until else SOLUTION_ROUNDING if np.isnan(self._checked_until) else 0.0
+        )
+        self._checked_until = step.t1
         hits: list[tuple[float, int, Array]] = []
         for i, event in self.functions.items():
-            hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, step, touch)]
+            hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, step, tangency)]
         for i, signal in self.signals.items():
-            hits += [(theta, i, y) for theta, y in signal.zeros(step, touch)]
+            hits += [(theta, i, y) for theta, y in signal.zeros(step, tangency)]
         return hits
 
-    def _zeros(self, i: int, event: Event, step: "StepMap", touch: float | None) -> list[float]:
-        zeros, theta0, g0 = [], 0.0, self._last[i]
-        if touch is not None:
-            passes, g0 = crossing_at_jump(g0, self.evaluate(event, step.t, step.y), event.direction, touch)
-            zeros = [0.0] if passes else []
+    def _zeros(self, i: int, event: Event, step: "StepMap", tangency: float | None) -> list[float]:
+        zeros, theta0, g0 = [], 0.0, self._last_values[i]
+        if tangency is not None:
+            crosses, g0 = crossing_at_jump(g0, self.evaluate(event, step.t, step.y), event.direction, tangency)
+            zeros = [0.0] if crosses else []
         known = {0.0: g0}
 
         def value(theta: float) -> float:
@@ -177,8 +180,8 @@ class UserEvents(EventSource):
 
         for theta1 in SAMPLES:
             g1 = value(theta1)
-            sense = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
-            if event.direction * sense >= 0:
+            direction = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
+            if event.direction * direction >= 0:
                 if g0 == 0 and theta0 == 0 and g1 != 0 and step.t == self.origin[0]:
                     zeros.append(0.0)
                 elif g0 * g1 < 0:
@@ -186,30 +189,30 @@ class UserEvents(EventSource):
                 elif g1 == 0 and g0 != 0:
                     zeros.append(float(theta1))
             theta0, g0 = theta1, g1
-        self._last[i] = g0
+        self._last_values[i] = g0
         return zeros
 
     def _occurrence(self, step: "StepMap", theta: float, event: Event) -> Occurrence:
-        """Return a terminal event with a step of the method, so that closures are satisfied as at any other node.
+        """Return a terminal event at the end of a step of the method, which satisfies the closures like any other node.
 
         If no shorter step succeeds, the end is the point of the dense output, projected onto the closures. It is not
-        projected with scipy's solvers, whose nodes do not satisfy the closures either, in a singularity crossing, or
-        next to a singular configuration, where a step or a projection would rotate velocities.
+        projected for scipy's solvers, whose nodes do not satisfy the closures either, nor in a singularity crossing or
+        near a singular configuration, where a step or a projection would rotate velocities.
         """
-        run, t, nothing = step.run, step.t + theta * step.h, np.empty(0)
-        if step.start is None or (run.singular and run.singular.beside(t, step.dense(theta))):
-            return Occurrence(t, Step(State(step.dense(theta)), nothing, nothing), True)
+        run, t, empty = step.run, step.t + theta * step.h, np.empty(0)
+        if step.start is None or (run.singularity_monitor and run.singularity_monitor.is_close(t, step.dense(theta))):
+            return Occurrence(t, Step(State(step.dense(theta)), empty, empty), True)
         with suppress(StepError):
             if run.stepper.any_size:
                 return self._on_step(step, theta, event)
         y = run.system.restore(t, step.dense(theta)) if run.stepper.any_size else step.dense(theta)
-        return Occurrence(t, Step(State(y), run.system.derivative(t, y)[1], nothing))
+        return Occurrence(t, Step(State(y), run.system.derivative(t, y)[1], empty))
 
     def _on_step(self, step: "StepMap", theta: float, event: Event) -> Occurrence:
         """Return an event at the end of a step of the method.
 
-        The dense output, of one order less, provides the initial estimate of the zero of a function and the derivative
-        for secants; where they fail (an event function that jumps) the estimate is kept.
+        The dense output, of one order less, provides the initial estimate of the zero of a function, and the derivative
+        for the secant method; if the latter fails (an event function that jumps), the estimate is used.
 
         Raises:
             StepError: if a shorter step cannot be taken.
@@ -217,30 +220,35 @@ class UserEvents(EventSource):
         t, h = step.t, step.h
         if theta == 0:
             return Occurrence(t)
-        taken = step.take(theta)
+        end = step.take(theta)
         if isinstance(event.function, str):
-            return Occurrence(t + theta * h, taken)
+            return Occurrence(t + theta * h, end)
         low, high = max(0.0, theta - WIDTH), min(1.0, theta + WIDTH)
         rise = self.evaluate(event, t + high * h, step.dense(high)) - self.evaluate(event, t + low * h, step.dense(low))
         derivative = rise / (high - low)
-        miss = self.evaluate(event, t + theta * h, taken.state.y)
+        residual = self.evaluate(event, t + theta * h, end.state.y)
         for _ in range(TRIALS):
-            nearer = theta - miss / derivative if derivative else theta
-            if nearer == theta or not 0 < nearer <= 1:
+            next_theta = theta - residual / derivative if derivative else theta
+            if next_theta == theta or not 0 < next_theta <= 1:
                 break
-            trial = step.take(nearer)
-            left = self.evaluate(event, t + nearer * h, trial.state.y)
-            if not abs(left) < abs(miss):
+            trial = step.take(next_theta)
+            next_residual = self.evaluate(event, t + next_theta * h, trial.state.y)
+            if not abs(next_residual) < abs(residual):
                 break
-            derivative, theta, miss, taken = (left - miss) / (nearer - theta), nearer, left, trial
-        return Occurrence(t + theta * h, taken)
+            derivative, theta, residual, end = (
+                (next_residual - residual) / (next_theta - theta),
+                next_theta,
+                next_residual,
+                trial,
+            )
+        return Occurrence(t + theta * h, end)
 
 
 def _signals(run: "RunState") -> dict[int, SignalEvent]:
-    """Bind all textual events, by index, to one workspace.
+    """Bind all events of signals, by index, to one workspace.
 
     Raises:
-        InputError: for a text with a textbook problem, or an invalid event.
+        InputError: for an event of a signal of a textbook problem, or an invalid event.
     """
     texts = {i: (e.function, e.direction) for i, e in enumerate(run.options.events) if isinstance(e.function, str)}
     if not texts:
@@ -250,4 +258,4 @@ def _signals(run: "RunState") -> dict[int, SignalEvent]:
             f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
         )
     workspace = run.system.new_workspace()
-    return {i: SignalEvent.of(workspace, run.problem, *text) for i, text in texts.items()}
+    return {i: SignalEvent.from_text(workspace, run.problem, *text) for i, text in texts.items()}

@@ -1,4 +1,4 @@
-"""Steps under error control."""
+"""Steps with step-size control."""
 
 from numbers import Real
 from typing import TYPE_CHECKING, Any
@@ -9,17 +9,17 @@ from ...errors import InputError, StepError
 from ...methods.controller import PI, Control, Controller, error_norm
 from ...system import Array, Step
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
-from .stepper import PythonStepper, smallest
+from .stepper import PythonStepper, smallest_step
 
 if TYPE_CHECKING:
     from ..run_state import RunState
 
 SMALLEST_RTOL = 100 * EPS
-STARTING_STEP = 1e-5, 1e-6, 1e-3  # of Hairer's algorithm: small norms, and h for them, in units of t; of h_0
+STARTING_STEP = 1e-5, 1e-6, 1e-3  # of Hairer's algorithm: small norms, and h_0 for them; h_1 relative to h_0
 
 
 class Adaptive(PythonStepper):
-    """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
+    """Step-size control: the error of q and v in each step is below atol + rtol max(|y_n|, |y_n+1|)."""
 
     controls = True
 
@@ -28,33 +28,33 @@ class Adaptive(PythonStepper):
         power: int,
         rtol: Any,
         atol: float | Array | None,
-        first: float | None,
-        largest: float,
+        first_step: float | None,
+        max_step: float,
         control: Control = PI,
         steady: float = 1.0,
     ) -> None:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
-        self.controller, self.largest = Controller(power, control, steady), largest
-        self.h: Any = first
-        self.cap = np.inf  # largest next step, near singular configurations
-        self.reason = self._reason = ""  # why this or the previous step failed
-        self.cut = 0.0  # size of the step before truncation at the end of an interval
+        self.controller, self.max_step = Controller(power, control, steady), max_step
+        self.h: Any = first_step
+        self.cap = np.inf  # limit of the next step near singular configurations
+        self.reason = self._reason = ""  # failure of this and of the previous attempt
+        self.size_before_truncation = 0.0  # of a step that is truncated at the end of an interval; else 0
 
     @property
     def control(self) -> "Adaptive | None":
         return self
 
     def propose(self, run: "RunState") -> tuple[float, float]:
-        """Return the size of the next step and the time where it ends."""
-        self.ready(run)
-        h, left = min(self.h, self.largest, self.cap), run.left()
-        self.cut = self.h if h > left else 0.0
+        """Return the size of the next step and its end time."""
+        self.ready_for_core(run)
+        h, left = min(self.h, self.max_step, self.cap), run.time_to_interval_end()
+        self.size_before_truncation = self.h if h > left else 0.0
         if h >= left * (1 - AGREEMENT):
-            return left, run.leg.end
-        if h < smallest(run.t, run.t1):
-            limit = f"{smallest(run.t, run.t1):.1e} s, where t + h rounds to t"
+            return left, run.interval.end
+        if h < smallest_step(run.t, run.t1):
+            limit = f"{smallest_step(run.t, run.t1):.1e} s, where t + h rounds to t"
             fell = f"the step size fell to {h:.1e} s at t = {run.t:.17g}, below {limit}"
             raise StepError("step_size", f"{fell}: {self.reason or 'rtol cannot be met'}")
         return h, run.t + run.sign * h
@@ -64,35 +64,35 @@ class Adaptive(PythonStepper):
         return run.tableau.controlled_step(run.system, run.t, h, run.state)
 
     def error(self, run: "RunState", step: Step) -> float:
-        """Return the error norm of a step; it is accepted below 1."""
+        """Return the error norm of a step; the step is accepted up to 1."""
         scale = self._scale(run, step.state.y) + run.system.noise(step.state.y, run.tableau.noise)[run.system.measured]
         return error_norm(step.errors[:, run.system.measured], scale, run.tableau.blend)
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
-        """Return whether to retry with a smaller step after a failed one."""
+        """Return whether to retry a failed step with a smaller step size."""
         self.h = self.controller.next_step(h, np.inf)
         self.reason = self._reason = str(reason)
-        return self.h > smallest(run.t, run.t1)
+        return self.h > smallest_step(run.t, run.t1)
 
-    def judge(self, run: "RunState", h: float, error: float) -> bool:
+    def accept_or_reject(self, run: "RunState", h: float, error: float) -> bool:
         """Return whether a step is accepted, and choose the next step size."""
         self.h = self.controller.next_step(h, error)
         if error <= 1:
-            self.h, self.reason, self._reason = max(self.h, self.cut), self._reason, ""
+            self.h, self.reason, self._reason = max(self.h, self.size_before_truncation), self._reason, ""
         return error <= 1
 
-    def measure(self, run: "RunState", y: Array, move: Array) -> float:
+    def tolerance_norm(self, run: "RunState", y: Array, move: Array) -> float:
         return error_norm(move[None, run.system.measured], self._scale(run, y))
 
-    def ready(self, run: "RunState") -> bool:
-        """Choose the first step; the compiled core may take the next ones."""
+    def ready_for_core(self, run: "RunState") -> bool:
+        """Choose the first step size, if unknown; the compiled core may take the next steps."""
         if self.h is None:
-            self.h = max(self._first(run), smallest(run.t, run.t1))
+            self.h = max(self._estimate_first_step(run), smallest_step(run.t, run.t1))
             self._scale(run, run.state.y)
         return True
 
-    def bound(self, h: float) -> None:
-        self.h, self.cut = min(self.h, h), 0.0
+    def limit_step(self, h: float) -> None:
+        self.h, self.size_before_truncation = min(self.h, h), 0.0
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that are recorded with the solution."""
@@ -106,8 +106,8 @@ class Adaptive(PythonStepper):
         size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
         return self.atol + self.rtol * size + TINY
 
-    def _first(self, run: "RunState") -> float:
-        """Estimate the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
+    def _estimate_first_step(self, run: "RunState") -> float:
+        """Estimate the first step size (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
         s, y, F = run.system, run.state.y, run.F
         scale, m = self._scale(run, y), s.measured
 
@@ -116,8 +116,8 @@ class Adaptive(PythonStepper):
 
         d0, d1 = norm(s.size(y)), norm(F)
         small, least, first_share = STARTING_STEP
-        h0 = min(least if min(d0, d1) < small else 0.01 * d0 / d1, run.left())
-        if not h0 > 0:  # the rates overflow: the smallest step reveals the error
+        h0 = min(least if min(d0, d1) < small else 0.01 * d0 / d1, run.time_to_interval_end())
+        if not h0 > 0:  # the rates overflow: the error appears in the smallest step
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0
@@ -127,6 +127,11 @@ class Adaptive(PythonStepper):
 
 
 def _not_negative(name: str, value: Any) -> Array:
+    """Return tolerances as an array.
+
+    Raises:
+        InputError: if one is negative, not finite or not a number.
+    """
     try:
         out = np.asarray(value, float)
     except (TypeError, ValueError):

@@ -1,7 +1,7 @@
-"""Baseline: scipy's solvers on the acceleration form of a mechanism.
+"""Baseline: scipy's solvers for the index-1 formulation of a mechanism.
 
-The time loop is the same as for the methods of mbdae; scipy's solvers choose their steps. On manifolds they use raw
-coordinates (quaternions and circles as numbers).
+The time loop is the same as for the methods of mbdae; scipy's solvers choose their steps. On manifolds they integrate
+the raw coordinates (components of quaternions, cosines and sines).
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import InputError, StepError
 from ...mechanism.formulations.index1 import Index1System
 from ...methods import EXPLICIT, METHODS
-from ...methods import method as find_method
+from ...methods import method as named_method
 from ...system import Array, State, Step, System
 from .adaptive import Adaptive
 
@@ -22,12 +22,18 @@ if TYPE_CHECKING:
 
     from ..run_state import RunState
 
-UNMEASURED = 1e30  # absolute tolerance of the work, whose error is not controlled
+UNCONTROLLED = 1e30  # absolute tolerance of the work, whose error is not controlled
 
 
 @dataclass(frozen=True)
 class ScipySolver:
-    """A method of scipy: its solver, and the order in which its solution is interpolated between steps."""
+    """A method of scipy.
+
+    Attributes:
+        name: name of its solver in scipy.integrate.
+        order: its order.
+        implicit: whether it is implicit.
+    """
 
     name: str
     order: int
@@ -35,9 +41,9 @@ class ScipySolver:
 
     @property
     def solver(self) -> "type[OdeSolver]":
-        """The class of that name: scipy.integrate is slow to import, and rarely needed."""
-        found: type[OdeSolver] = getattr(import_module("scipy.integrate"), self.name)
-        return found
+        """Solver class, imported on demand: scipy.integrate is slow to import, and rarely needed."""
+        solver: type[OdeSolver] = getattr(import_module("scipy.integrate"), self.name)
+        return solver
 
     @property
     def order_linear(self) -> int:
@@ -56,11 +62,11 @@ SCIPY: dict[str, ScipySolver] = {
 }
 
 
-def find(formulation: str, method: Any) -> Any:
+def find_method(formulation: str, method: Any) -> Any:
     """Return the method of a given name for a formulation.
 
     Raises:
-        InputError: for a method of another formulation, naming the valid ones.
+        InputError: for a method of another formulation; the message lists the valid methods.
         UnknownNameError: for an unknown method.
     """
     if formulation == "index1":
@@ -72,22 +78,22 @@ def find(formulation: str, method: Any) -> Any:
         raise InputError(
             f"method {method!r} belongs to formulation 'index1'; formulation {formulation!r} takes {', '.join(METHODS)}"
         )
-    return find_method(method)
+    return named_method(method)
 
 
 class Scipy(Adaptive):
-    """A solver of scipy, with its step-size control and its meaning of rtol and atol.
+    """A solver of scipy, with its own step-size control and its definition of rtol and atol.
 
-    Statistics: its steps and, for RK45 and DOP853, the rejected ones; Radau and LSODA do not report them (None).
+    Rejected steps are counted for RK45 and DOP853; Radau and LSODA do not report them (None).
 
     Args:
-        baseline: which solver.
-        system: the mechanism in acceleration form.
+        baseline: the solver.
+        system: the mechanism in the index-1 formulation.
         step: a fixed step, which scipy's solvers do not support: rejected.
         rtol: relative tolerance.
         atol: absolute tolerance, a number or one for each component of (q, v).
-        first: first step in s, None for the solver's estimate.
-        largest: largest step in s.
+        first_step: first step in s; None for the estimate of the solver.
+        max_step: largest step in s.
 
     Raises:
         InputError: for a fixed step; for an implicit solver or several atol on a manifold.
@@ -102,23 +108,25 @@ class Scipy(Adaptive):
         step: float | None,
         rtol: float,
         atol: float | Array | None,
-        first: float | None,
-        largest: float,
+        first_step: float | None,
+        max_step: float,
     ) -> None:
-        super().__init__(baseline.order + 1, rtol, atol, first, largest)
+        super().__init__(baseline.order + 1, rtol, atol, first_step, max_step)
         if step is not None:
-            raise InputError("formulation 'index1' controls its steps: give rtol and atol instead of a step")
+            raise InputError("formulation 'index1' controls the step size: set rtol and atol instead of a step")
         if not isinstance(system, Index1System):
             raise InputError("formulation 'index1' is for mechanisms")
         if not system.manifold.flat:
             explicit = ", ".join(b.name for b in SCIPY.values() if not b.implicit)
             if baseline.implicit:
                 raise InputError(
-                    f"method {baseline.name!r} does not know the manifold of quaternions and circles: "
+                    f"method {baseline.name!r} does not support quaternions and unbounded revolute joints: "
                     f"formulation 'index1' takes {explicit} there"
                 )
             if self.atol.ndim:
-                raise InputError("formulation 'index1' takes one number as atol where there are quaternions or circles")
+                raise InputError(
+                    "formulation 'index1' takes one number as atol for quaternions and unbounded revolute joints"
+                )
         self.baseline: ScipySolver = baseline
         self.system: Index1System = system
         self.solver: Any = None
@@ -137,13 +145,13 @@ class Scipy(Adaptive):
     def _start(self, run: "RunState") -> None:
         s = self.system
         self._scale(run, run.state.y)  # rejects an atol of the wrong shape
-        atol = np.append(np.broadcast_to(self.atol, s.nq + s.nv + s.ns), UNMEASURED)
-        first = None if self.h is None else min(self.h, run.left())
-        settings = {"rtol": self.rtol, "atol": atol, "max_step": self.largest, "first_step": first}
-        self.solver = self.baseline.solver(self._rate, run.t, run.state.y, run.leg.stop, **settings)
+        atol = np.append(np.broadcast_to(self.atol, s.nq + s.nv + s.ns), UNCONTROLLED)
+        first_step = None if self.h is None else min(self.h, run.time_to_interval_end())
+        settings = {"rtol": self.rtol, "atol": atol, "max_step": self.max_step, "first_step": first_step}
+        self.solver = self.baseline.solver(self._rate, run.t, run.state.y, run.interval.stop, **settings)
 
     def propose(self, run: "RunState") -> tuple[float, float]:
-        """Let the solver step; return the size of its step and the time where it ended.
+        """Let the solver take a step; return its size and end time.
 
         Raises:
             StepError: if the solver fails.
@@ -158,11 +166,11 @@ class Scipy(Adaptive):
             run.rejected = None
         elif run.rejected is not None:
             run.rejected += (solver.nfev - before) // solver.n_stages - 1
-        t = run.leg.end if solver.status == "finished" else float(solver.t)
+        t = run.interval.end if solver.status == "finished" else float(solver.t)
         return abs(t - run.t), t
 
     def take(self, run: "RunState", h: float) -> Step:
-        """Return the solver's current point, with the multipliers there."""
+        """Return the current point of the solver, with the multipliers there."""
         y = self.solver.y
         if self._last is None or self._last[0] != self.solver.t or not np.array_equal(self._last[1], y):
             self._rate(self.solver.t, y)
@@ -170,7 +178,7 @@ class Scipy(Adaptive):
         return Step(State(self.system.normal(y)), z, np.zeros((0, self.system.ny)))
 
     def error(self, run: "RunState", step: Step) -> float:
-        """Zero: the solver accepted its step."""
+        """Return 0: the solver has accepted its step."""
         return 0.0
 
     def restart(self) -> None:
@@ -178,9 +186,9 @@ class Scipy(Adaptive):
         self.solver = self.h = None
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
-        """Never: the solver chooses its steps."""
+        """Return False: the solver chooses its steps."""
         return False
 
-    def judge(self, run: "RunState", h: float, error: float) -> bool:
-        """Always accepted."""
+    def accept_or_reject(self, run: "RunState", h: float, error: float) -> bool:
+        """Return True: the solver has accepted its step."""
         return True

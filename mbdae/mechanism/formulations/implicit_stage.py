@@ -125,7 +125,7 @@ class Linearized(NamedTuple):
     counts: Counts
     t: float
 
-    def weigh(self, e: Array) -> Array:
+    def apply_E(self, e: Array) -> Array:
         """Return (e_x, E e_u)."""
         nv = len(self.tangent_map[0])
         return np.concatenate([e[:nv], self.partials.E @ e[nv:]])

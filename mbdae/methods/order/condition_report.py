@@ -26,7 +26,7 @@ class Check:
 
     Attributes:
         order: the order found.
-        trees: how many conditions hold up to it.
+        trees: number of conditions up to this order.
         residual: the largest residual among them; 0 unless coefficients are rounded.
         failure: the first condition that fails at the next order; None if no higher order was checked.
     """
@@ -49,7 +49,7 @@ class Embedded:
 
     Attributes:
         name: ``"b_embedded"`` or ``"b_companion"``.
-        used: the one of the other four that applies to the method (for general f).
+        used: the check, of the four below, that applies to the method (for general f).
     """
 
     name: str
@@ -140,6 +140,6 @@ class ConditionReport:
         return self.claims["order_embedded"] - (formula.name == "b_companion")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as plain numbers, strings, lists and dictionaries."""
+        """Return the report as JSON data."""
         orders = ("order_y", "order_y_linear", "order_own", "order_embedded", "stable", "holds")
         return asdict(self) | {name: getattr(self, name) for name in orders}

@@ -26,7 +26,7 @@ from .condition_report import Check, ConditionReport, Embedded, Failure
 from .trees import RootedTree, iterate_y, trees_z
 from .weights import Weights
 
-PROVEN = 5  # the highest order that is checked where nothing is claimed
+MAX_PROVEN_ORDER = 5  # the highest order that is checked for a tableau without claims
 
 Weight = Callable[[RootedTree], Number]
 Trees = Callable[[int], Iterable[RootedTree]]
@@ -49,8 +49,10 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
         return _search(weight, trees, max_order or highest, tolerance)
 
     def embedded(name: str, row: Row) -> Embedded:
-        plain, moved = (lambda t: weights.sum(row, t)), _projected(weights, b, row)
-        checks = [search(f, trees, tableau.order) for f in (plain, moved) for trees in (iterate_y, _linear_y)]
+        unprojected, projected_weight = (lambda t: weights.sum(row, t)), _projected(weights, b, row)
+        checks = [
+            search(f, trees, tableau.order) for f in (unprojected, projected_weight) for trees in (iterate_y, _linear_y)
+        ]
         return Embedded(name, checks[2 if tableau.project_embedded else 0], *checks)
 
     own = _search(weights.last, trees_z, max_order - 1 if max_order else tableau.order_own, tolerance)
@@ -69,8 +71,8 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
     )
 
 
-def proven(tableau: Method) -> dict[str, Any]:
-    """Return the claims that the conditions prove, up to order `PROVEN`, for a tableau without claims.
+def proven_orders(tableau: Method) -> dict[str, Any]:
+    """Return the claims that the conditions prove, up to order `MAX_PROVEN_ORDER`, for a tableau without claims.
 
     Raises:
         InputError: for one of order 0.
@@ -78,7 +80,7 @@ def proven(tableau: Method) -> dict[str, Any]:
     weights, b, tolerance = Weights(tableau), tableau.exact_b, PUBLISHED_DECIMALS if tableau.rounded else 0.0
 
     def found(row: Row, trees: Trees) -> int:
-        return _search(lambda t: weights.sum(row, t), trees, PROVEN, tolerance).order
+        return _search(lambda t: weights.sum(row, t), trees, MAX_PROVEN_ORDER, tolerance).order
 
     out = {"order": found(b, iterate_y), "order_linear": found(b, _linear_y)}
     if not out["order"]:
@@ -93,13 +95,13 @@ def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Che
     """Check the conditions weight(t) = 1 / gamma(t) order by order until one fails."""
     counted, largest = 0, 0.0
     for order in range(1, highest + 1):
-        held = counted
+        passed = counted
         for tree in trees(order):
             left, right = weight(tree), 1 / tree.gamma
             size = float(left - right)
             if left - right and abs(size) > tolerance:
                 failure = Failure(str(tree), order, _short(left), str(right), size)
-                return Check(order - 1, held, largest, failure)
+                return Check(order - 1, passed, largest, failure)
             counted, largest = counted + 1, max(largest, abs(size))
     return Check(highest, counted, largest, None)
 
@@ -116,19 +118,19 @@ def _projected(weights: Weights, b: Row, row: Row) -> Weight:
     """
 
     @cache
-    def moved(tree: RootedTree) -> Number:
+    def projected_weight(tree: RootedTree) -> Number:
         value = weights.sum(row, tree)
         for j, u in enumerate(tree.sons_z):
             others = [weights.sum(b, t) for t in tree.sons_y]
             others += [weights.last(x) for x in tree.sons_z[:j] + tree.sons_z[j + 1 :]]
-            value = value + prod(others, start=Fraction(1)) * shift(u)
+            value = value + prod(others, start=Fraction(1)) * multiplier_weight(u)
         return value
 
     @cache
-    def shift(u: RootedTree) -> Number:
-        return prod((moved(t) for t in u.sons_y), start=Fraction(1)) - weights.sum(row, u)
+    def multiplier_weight(u: RootedTree) -> Number:
+        return prod((projected_weight(t) for t in u.sons_y), start=Fraction(1)) - weights.sum(row, u)
 
-    return moved
+    return projected_weight
 
 
 def _short(x: Number) -> str:

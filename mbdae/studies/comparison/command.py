@@ -6,8 +6,8 @@ import click
 
 from ...cli.completion import COMPARED, completed
 from ...cli.model import ChosenModel
-from ...cli.options import several
-from ...cli.output import PLOT, TABLES, stopped, writable
+from ...cli.options import multiple_option
+from ...cli.output import PLOT, TABLES, exit_interrupted, writable
 from ...cli.runs import span
 from ...cli.study_command import Output, Study, command
 from ...errors import InputError, UnknownNameError
@@ -16,7 +16,7 @@ from ...progress import progress_bar
 if TYPE_CHECKING:
     from .comparison import Comparison
 
-FORMULATIONS = several(
+FORMULATIONS = multiple_option(
     "--formulation", "formulations", kind="Iterable[str]", help="For methods without one: index2, project, ggl.",
     shell_complete=completed(lambda: COMPARED, files=False),
 )  # fmt: skip
@@ -67,7 +67,7 @@ def compare(
             result.plot(out.paths["plot"], quantity)
     out.emit(result.to_dict(), str(result), written if result.points else [])
     if not result.complete:
-        stopped(_unfinished(result, output))
+        exit_interrupted(_unfinished(result, output))
 
 
 def _check_quantity(quantity: str | None, model: ChosenModel) -> None:

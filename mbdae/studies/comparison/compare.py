@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError, require
-from ...integrate.binding import common
+from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...solution.problem import problem_of
@@ -94,7 +94,7 @@ def compare(
     kinds = {str(t.variant): t.variant for t in trials}.values()
     _refuse_unsuited(problem, kinds)
     runs = [(v.formulation, v.baumgarte) for v in kinds]
-    shared, because = common(problem, runs, backend)
+    shared, because = common_backend(problem, runs, backend)
     motion = replace(motion, backend=shared, because=because)
     pair = variants(reference)
     if len(pair) != 2 or not SUM_ROUNDING < reference_rtol < INTERPOLATION:
@@ -139,7 +139,7 @@ def _refuse_unsuited(problem: Problem, kinds: Iterable[Variant]) -> None:
     unsuited = [str(v) for v in kinds if v.formulation != "index2"]
     if unsuited:
         name = problem.switches[0].name
-        words = f"{name!r}: what opens, closes or steps needs formulation 'index2'"
+        words = f"{name!r}: unilateral constraints and switches need formulation 'index2'"
         raise InputError(f"{words}, leave out {', '.join(unsuited)}")
 
 

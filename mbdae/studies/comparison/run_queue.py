@@ -13,7 +13,7 @@ from ...backend import machine_description
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...methods import Tableau
-from ...solution.archive import described, versions
+from ...solution.archive import problem_data, versions
 from ...solution.solution import Problem
 from ..method_variant import Variant
 from ..workers import Stop, pool
@@ -97,7 +97,7 @@ class RunQueue:
         c = self.motion
         own = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
         try:
-            problem = described(c.problem)
+            problem = problem_data(c.problem)
         except InputError:
             if self.path:
                 raise

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ...tabular import aligned
+from ...tabular import align_columns
 from ..drift.drift import brief
 from .run_result import COUNTS
 
@@ -25,7 +25,7 @@ def comparison_table(result: "Comparison") -> str:
     ]
     heads, rows = comparison_rows(result)
     ranking = [t.replace(": ", ":\n  ", 1).replace("; fastest", "\n  fastest") for t in result.sentences()]
-    return "\n".join([*lines, *aligned([heads, *rows]), "", *ranking]).rstrip()
+    return "\n".join([*lines, *align_columns([heads, *rows]), "", *ranking]).rstrip()
 
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:

@@ -8,7 +8,7 @@ import click
 from ...cli.completion import completed, problems
 from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import RUN
-from ...cli.output import FAILED, PLOT, TABLE, emit, finish
+from ...cli.output import FAILED, PLOT, TABLE, emit, exit_unless_successful
 from ...cli.runs import simulate
 from ...cli.study_command import Output, Study, command
 from ...errors import InputError
@@ -47,7 +47,7 @@ def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | No
     if limit is not None and not all(f.largest <= limit for f in found):
         sys.exit(FAILED)
     for sol in sols:
-        finish(sol)
+        exit_unless_successful(sol)
 
 
 def _draw(found: "list[Drift]", path: str) -> None:

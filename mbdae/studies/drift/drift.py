@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import require
-from ...solution.columns import balance, residuals
+from ...solution.columns import energy_balance, residuals
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
@@ -193,7 +193,7 @@ def drift(sol: Solution) -> Drift:
         return _of_textbook(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
-    error, scale = balance(mech, sol.v, r.kinetic, r.potential, sol.work)
+    error, scale = energy_balance(mech, sol.v, r.kinetic, r.potential, sol.work)
     method, label = names_of_run(sol)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),

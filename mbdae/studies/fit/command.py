@@ -50,7 +50,7 @@ def fit(
     Exit 1: residuals are no noise, or the search did not end; 3: the data do not tell every parameter.
     """
     if options["step"] is not None and options["rtol"] is not None:
-        raise InputError("give --step for steps of one size, or --rtol for steps under control, not both")
+        raise InputError("give --step for a fixed step size, or --rtol for step-size control, not both")
     settings = {name: x for name, x in options.items() if x is not None}
     with progress_bar("fit", None) as tell:
         return study(model.source, _bounds(given), list(data), sigma=_levels(sigma), progress=tell, **settings)

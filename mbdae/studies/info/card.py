@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...integrate.settings import completed
+from ...integrate.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import kind_of
@@ -159,7 +159,7 @@ def card(mech: Mechanism) -> Card:
         AssemblyError: if the start cannot be assembled.
         UnknownNameError: for a method of its file that there is not.
     """
-    completed(mech, {})
+    complete_settings(mech, {})
     q, v = mech.start
     system = mech.system()
     system.derivative(0.0, mech.point())

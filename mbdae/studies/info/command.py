@@ -6,7 +6,7 @@ from ... import backend
 from ...cli.completion import completed, problems
 from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import SHARED
-from ...cli.output import emit, show
+from ...cli.output import emit, print_table
 from ...discovery import model_names
 
 
@@ -38,7 +38,7 @@ def models(textbook: bool, as_json: bool) -> None:
 
     if textbook:
         problems = [(name, make()) for name, make in TEXTBOOK.items()]
-        show([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
+        print_table([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
         return
     rows = [(name, load(name)) for name in model_names()]
     data = [
@@ -52,4 +52,4 @@ def models(textbook: bool, as_json: bool) -> None:
         }
         for n, m in rows
     ]
-    show(data, as_json)
+    print_table(data, as_json)

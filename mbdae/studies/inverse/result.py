@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
-from ...solution.columns import OWN_AXES, row_names
+from ...solution.columns import LOCAL_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ..kinematics.passing import Passed, lines_of
@@ -168,7 +168,7 @@ class InverseDynamics(Tabular):
         for name in self.mechanism.joint_names:
             for word, values in zip(("force", "torque"), self.joint(name), strict=True):
                 out[f"{word}.{name}"] = np.linalg.norm(values, axis=1)
-                out |= {f"{word}.{name}.{axis}": x for axis, x in zip(OWN_AXES, values.T, strict=True)}
+                out |= {f"{word}.{name}.{axis}": x for axis, x in zip(LOCAL_AXES, values.T, strict=True)}
         return out
 
     def tabulated(self) -> Columns:

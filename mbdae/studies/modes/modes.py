@@ -16,7 +16,7 @@ from ...mechanism.formulations.spectrum import CERTAIN, Spectrum, spectrum
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
-from ...tabular import Columns, Tabular, aligned
+from ...tabular import Columns, Tabular, align_columns
 from ..statics.equilibrium import labels
 from .operating_point import operating_point
 
@@ -217,7 +217,7 @@ class Modes(Tabular):
     def __str__(self) -> str:
         words = "stable" if self.stable else "unstable"
         title = f"modes of {self.mechanism.title} around its {self.around}: {words}"
-        lines = [title, "", *aligned(self.cells())]
+        lines = [title, "", *align_columns(self.cells())]
         if self.free_below:
             largest = np.abs(self.eigenvalues).max()
             beside = f" beside {largest:.2g} rad/s" if largest else ""

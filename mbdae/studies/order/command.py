@@ -8,8 +8,8 @@ import click
 from ...cli.completion import completed
 from ...cli.completion import methods as method_names
 from ...cli.model import ChosenModel, problem_argument
-from ...cli.options import SHARED, several_methods
-from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit, show
+from ...cli.options import SHARED, methods_option
+from ...cli.output import FAILED, HOLDS, PLOT, TABLE, UNJUDGED, emit, print_table
 from ...cli.study_command import Result, Study, study_command
 from ...errors import InputError
 from ...progress import progress_bar
@@ -17,7 +17,7 @@ from ...progress import progress_bar
 if TYPE_CHECKING:
     from .result import OrderStudy
 
-METHODS_OR_ALL = several_methods("A method; several times for several; all when left out.")
+METHODS_OR_ALL = methods_option("A method; several times for several; all when left out.")
 
 
 def _exit_code(study: "OrderStudy") -> int:
@@ -81,4 +81,4 @@ def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
         }
         for m in chosen
     ]
-    show(data, as_json)
+    print_table(data, as_json)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import InputError, as_list
 from ...finite_differences import STENCIL, central_difference
-from ...integrate.binding import common
+from ...integrate.binding import common_backend
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
@@ -119,7 +119,7 @@ def check_gradients(
     steps = steps if steps is not None else mech.order.steps
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
-    backend, because = common(mech, [("index2", None)], "auto")
+    backend, because = common_backend(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
     found, missing = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
     orders, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}

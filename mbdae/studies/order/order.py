@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, as_list
-from ...integrate.binding import common
+from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS
@@ -53,7 +53,7 @@ def order(
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
-    backend, because = common(problem, [("index2", None)], "auto")
+    backend, because = common_backend(problem, [("index2", None)], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
     orders, missing = finished(chosen, measure.judge)

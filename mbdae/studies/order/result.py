@@ -8,7 +8,7 @@ import numpy as np
 
 from ...backend import describe_backend, machine_description
 from ...errors import UnknownNameError
-from ...tabular import Columns, Tabular, aligned, latex
+from ...tabular import Columns, Tabular, align_columns, latex
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,5 +176,5 @@ class OrderStudy(Tabular):
             bad = [f"{s.quantity}: {s.verdict}" for s in row if s.verdict != "holds"]
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
         for name in self.orders if len(self.orders) <= FEW else ():
-            lines += ["", *aligned(self.convergence(name))]
+            lines += ["", *align_columns(self.convergence(name))]
         return "\n".join([*lines, *([""] if len(self.orders) <= FEW else []), self.computed_by, *self.left()])

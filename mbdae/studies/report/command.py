@@ -3,7 +3,7 @@
 from typing import Any
 
 from ...cli.model import ChosenModel
-from ...cli.output import PAGES, emit, output_file, stopped
+from ...cli.output import PAGES, emit, exit_interrupted, output_file
 from ...cli.runs import span
 from ...cli.study_command import Output, Study, command
 from ...progress import progress_bar
@@ -24,7 +24,7 @@ def report(study: Study, out: Output, model: ChosenModel, t_span: tuple[float, .
         result.save(path)
     except KeyboardInterrupt:
         emit({**result.to_dict(), "written": []}, str(result), out.as_json)
-        stopped(f"before {path} was written")
+        exit_interrupted(f"before {path} was written")
     out.emit(result.to_dict(), f"{result}\n")
     if result.missing:
-        stopped(result.without)
+        exit_interrupted(result.without)

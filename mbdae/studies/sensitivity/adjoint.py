@@ -54,7 +54,7 @@ class NodeCotangents:
     def _back(self, i: int, t: float, bar: Array) -> tuple[Array, Array]:
         """From a time behind node i, where a shorter step ends."""
         core = self.trace.core
-        return core.adjoint(core.short(i, t), np.zeros((2, len(bar))), bar)
+        return core.adjoint(core.shortened_step(i, t), np.zeros((2, len(bar))), bar)
 
 
 def adjoint_sweep(
@@ -72,7 +72,7 @@ def adjoint_sweep(
     bar, p, late = arriving.at(i)
     while i > 0:
         last = end if i + 1 == len(trace.ts) else None
-        if not last and (j := trace.core.before(i)) < i:
+        if not last and (j := trace.core.segment_start(i)) < i:
             at_i, by_p = _all_reversed(list(trace.carry_restart_parts(i)), bar, ny, k)
             bar, more = _at_once(trace, arriving, trace.core.nodes(j, i), at_i)
             i, p = j, p + by_p + more
@@ -84,7 +84,7 @@ def adjoint_sweep(
         i -= 1
         own, more, _ = arriving.at(i)
         bar, p = bar + own, p + by_p + more
-    bar, by_p = _all_reversed(list(trace.start()), bar, ny, k)
+    bar, by_p = _all_reversed(list(trace.start_parts()), bar, ny, k)
     return bar[:ny], p + by_p
 
 

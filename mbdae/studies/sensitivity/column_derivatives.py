@@ -19,7 +19,7 @@ from ...mechanism.signal_derivatives import (
     path_derivatives,
     reaction_derivatives,
 )
-from ...solution.columns import CONTACT, frame_units, load_units, moving_frames
+from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
 from ...system import Array
 from ...tolerances import ITERATION_ROUNDING
 
@@ -86,7 +86,7 @@ FAMILIES = (
     DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling(mech) for x in "xyz"],
            lambda motion: _flat(path_derivatives(motion)), False),
     DerivativeFamily(_contact_names, lambda motion: _flat(contact_derivatives(motion)), True),
-    DerivativeFamily(load_units, _loads, True),
+    DerivativeFamily(reaction_units, _loads, True),
     DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
     DerivativeFamily(effort_units, effort_derivatives, False),
     DerivativeFamily(lambda mech: _of_frames(mech, False), _speeds, False),

@@ -160,10 +160,10 @@ def sensitivity(
     columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
     dy, carry = start_tangent(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
-    dy, carry = _forward(trace.start(), dy, carry, dp)
+    dy, carry = _forward(trace.start_parts(), dy, carry, dp)
     out, i, ny = _Tangents(sol, trace, dp), 0, len(dy)
     while i + 1 < len(trace.ts):
-        j = trace.core.after(i, end is not None)
+        j = trace.core.segment_end(i, end is not None)
         if j > i:
             found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
             out.at_nodes(i, found)
@@ -251,7 +251,7 @@ def _between(trace: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: A
     """The point at a time behind node i, and its derivatives."""
     if t == trace.ts[i]:
         return trace.ys[i], dy
-    found = trace.core.tangent(trace.core.short(i, t), np.concatenate([dy, carry]).T, dp.T)
+    found = trace.core.tangent(trace.core.shortened_step(i, t), np.concatenate([dy, carry]).T, dp.T)
     return trace.between(i, t), found[-1, :, : len(dy)].T
 
 

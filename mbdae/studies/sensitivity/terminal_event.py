@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import InputError
 from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...integrate.events.event import Event, event_value
-from ...integrate.events.level_crossing import TURN, parse
+from ...integrate.events.level_crossing import TWO_PI, parse_level_crossing
 from ...integrate.trajectory import LinearMap, Trajectory, TrajectoryPart
 from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
@@ -81,11 +81,11 @@ def ending(trace: Trajectory, event: Any) -> EventTimeDerivative | None:
     last, t, y = len(trace.ts) - 1, float(trace.ts[-1]), trace.ys[-1]
     parts = list(trace.step_parts(last - 1))
     if isinstance(given, str):
-        signal, level, _ = parse(given)
+        signal, level, _ = parse_level_crossing(given)
         row = (row_of := SignalJacobian(trace, [signal])).rows(last, t, y)[0]
         there = signal_value(s, row_of.signals[0], t, y) - level
         if row_of.signals[0].kind == "angle":
-            there -= TURN * round(there / TURN)
+            there -= TWO_PI * round(there / TWO_PI)
         return _with_event_time(
             trace, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, there
         )

@@ -6,10 +6,10 @@ import click
 
 from ...cli.model import ChosenModel, problem_argument
 from ...cli.options import REPLAY, RUN
-from ...cli.output import PAGES, PICTURES, VIDEOS, finish, output_file
+from ...cli.output import PAGES, PICTURES, VIDEOS, exit_unless_successful, output_file
 from ...cli.runs import simulate
 from ...cli.study_command import Output, Study, command
-from ...cli.values import listed, panels
+from ...cli.values import panels, split_names
 from ...errors import InputError
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def solve(
         data["signals"] = extremes.to_dict()
         lines.append(str(extremes))
     out.emit(data, "\n".join(lines))
-    finish(sol)
+    exit_unless_successful(sol)
 
 
 def _problem(model: ChosenModel, out: Output, replay: dict[str, Any]) -> "Problem":
@@ -87,10 +87,10 @@ def _signals(problem: "Problem", signals: tuple[str, ...], plot: str | None) -> 
     from ...solution.signals import find
 
     if isinstance(problem, Mechanism):
-        return tuple(find(problem, listed(signals)))
+        return tuple(find(problem, split_names(signals)))
     if signals and not plot:
         raise InputError(f"{problem.title!r} has no bodies: --signal names what --plot run.png draws, y and z")
-    return tuple(listed(signals))
+    return tuple(split_names(signals))
 
 
 def _write(sol: "Solution", out: Output, names: tuple[str, ...], replay: dict[str, Any]) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...cli.output import FAILED, PICTURES, TABLES, output_file, stopped
+from ...cli.output import FAILED, PICTURES, TABLES, exit_interrupted, output_file
 from ...cli.study_command import Output, Study, command
 from ...progress import progress_bar as bar
 
@@ -42,7 +42,7 @@ def sweep(study: Study, out: Output, file: str, fresh: bool, **chosen: Any) -> N
     if not result.complete:
         out.emit(result.to_dict(), str(result), [output] if output and not path and len(result) else [])
         kept = f"; {path}.part keeps what is finished, the same command goes on from there" if path else ""
-        stopped(f"after {len(result)} of {result.total} runs{kept}")
+        exit_interrupted(f"after {len(result)} of {result.total} runs{kept}")
     if out.paths["plot"]:
         result.plot(out.paths["plot"])
     out.emit(result.to_dict(), str(result))

@@ -16,7 +16,7 @@ from ...backend import checked_backend, select_core
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...integrate.defaults import DEFAULTS
 from ...integrate.span import checked_span
-from ...integrate.steppers.scipy_ivp import find
+from ...integrate.steppers.scipy_ivp import find_method
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
 from ...mechanism.formats.model_library import model_names
@@ -208,7 +208,7 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     """
     check_settings(sorted({name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)}))
     for formulation, method in dict.fromkeys(_method(job, task) for task in plan):
-        find(formulation, method)
+        find_method(formulation, method)
     mech = _first_made(job.maker(), plan)
     if mech.remarks:
         warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)

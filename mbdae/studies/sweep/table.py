@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import STATUS, InputError, UnknownNameError
-from ...tabular import Columns, Tabular, aligned
+from ...tabular import Columns, Tabular, align_columns
 from .plan import Task, names
 from .results_file import MORE, Row, read, write
 from .sweep_run import COUNTS, FAILURES
@@ -157,11 +157,14 @@ class Sweep(Tabular):
         left = "" if self.complete else f"; stopped, {self.total - len(self)} are left"
         heads, *body = self.cells()
         lines = [f"sweep of {self.meta['manifest']['model']}: {len(self)} runs, {said or 'none'}{left}", ""]
-        lines += aligned([heads, *body[:SHOWN]])
+        lines += align_columns([heads, *body[:SHOWN]])
         if len(self) > SHOWN:
             lines.append(f"... and {len(self) - SHOWN} more")
         if len(self) > 1 and self.outputs:
-            lines += ["", *aligned([["", "mean", "std", "min", "max"], *(self._summary(n) for n in self.outputs)])]
+            lines += [
+                "",
+                *align_columns([["", "mean", "std", "min", "max"], *(self._summary(n) for n in self.outputs)]),
+            ]
         for status in dict.fromkeys(row["status"] for row in self.failed):
             row = next(r for r in self.rows if r["status"] == status)
             words = FAILURES.get(status) or STATUS.get(status, "")

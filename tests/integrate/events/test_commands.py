@@ -117,7 +117,7 @@ def test_wrong_commands_are_refused():
         clutch((0.0, 1), direction=-1)
     with pytest.raises(InputError, match="a clutch with engaged locks both ways"):
         clutch((0.0, 1), pitch=0.1)
-    with pytest.raises(InputError, match="'output-input clutch': what opens, closes or steps needs formulation"):
+    with pytest.raises(InputError, match="'output-input clutch': unilateral constraints and switches need formulation"):
         mbdae.solve(flywheels(clutches=[clutch((0.0, 1))]), (0, 1), formulation="ggl")
 
 

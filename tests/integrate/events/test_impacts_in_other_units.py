@@ -48,7 +48,7 @@ def test_a_start_passes_its_stop_by_the_same_in_all_units(units, beyond, passed)
     mech = units.mechanism(Mechanism(model, stops=[Stop(joint="slide", lower=0.0, rest=REST)]))
     q = np.array([-beyond * mech.characteristic_length])
     if passed:
-        with pytest.raises(mbdae.MbdaeError, match=r"'slide stop' is passed by .* at the start"):
+        with pytest.raises(mbdae.MbdaeError, match=r"'slide stop' is penetrated by .* at the start"):
             mbdae.solve(mech, (0, units.time), q)
     else:
         assert mbdae.solve(mech, (0, 1e-3 * units.time), q).status == "finished"

@@ -101,7 +101,7 @@ def test_solver_inverts_the_partials_of_the_residual(name, formulation, mu):
     found = matrix @ np.concatenate([dk, dz])
     np.testing.assert_allclose(found, rhs, rtol=0, atol=3e-6 * np.abs(matrix).max() * np.abs(np.append(dk, dz)).max())
     e = rhs[:n]
-    np.testing.assert_allclose(linearized.weigh(e), -by_dx[:n] @ e, rtol=0, atol=1e-9 * np.abs(by_dx).max())
+    np.testing.assert_allclose(linearized.apply_E(e), -by_dx[:n] @ e, rtol=0, atol=1e-9 * np.abs(by_dx).max())
 
 
 def test_residual_of_the_derivative_is_zero():

@@ -7,7 +7,7 @@ import mbdae
 from mbdae.backend import load as load_core
 from mbdae.backend import machine_description
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.integrate.binding import common
+from mbdae.integrate.binding import common_backend
 from mbdae.studies.comparison import run_queue
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
@@ -156,7 +156,7 @@ def test_methods_that_know_no_stops_are_refused_by_name_before_any_run():
     def told(done, name):
         raise AssertionError(f"{name} is computed")
 
-    with pytest.raises(InputError, match=r"needs formulation 'index2', leave out ggl:pherk5, index1:dop853$"):
+    with pytest.raises(InputError, match=r"need formulation 'index2', leave out ggl:pherk5, index1:dop853$"):
         mbdae.compare(
             "slider_crank_with_stop", (0, 0.1), methods=["pherk5", "ggl:pherk5", "index1:dop853"], progress=told
         )
@@ -288,6 +288,6 @@ def test_one_back_end_for_all_runs(four_bar):
     assert study.meta["backend"] == "native"
     assert f"all runs: native back end, steps of index1:RK45 in Python, {machine_description()}" in str(study)
     written = next(iter(TEXTBOOK.values()))()
-    assert common(written, [("index2", None)], "auto") == ("python", "textbook problems")
-    with pytest.raises(InputError, match="does not have textbook problems"):
-        common(written, [("index2", None)], "native")
+    assert common_backend(written, [("index2", None)], "auto") == ("python", "textbook problems")
+    with pytest.raises(InputError, match="does not support textbook problems"):
+        common_backend(written, [("index2", None)], "native")

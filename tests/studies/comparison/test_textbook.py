@@ -94,7 +94,7 @@ def test_a_problem_of_the_users(tmp_path):
     study = mbdae.compare(own, (0, 1), **options)
     assert study.title == "mine"
     assert study.points[0].errors["y"] < 1e-2
-    with pytest.raises(InputError, match="the functions of 'mine' cannot be written"):
+    with pytest.raises(InputError, match="the functions of 'mine' cannot be saved"):
         mbdae.compare(own, (0, 1), **options, path=tmp_path / "mine.csv")
     with pytest.raises(InputError, match="cannot be sent to another process"):
         mbdae.compare(own, (0, 1), **options, workers=2)
@@ -105,7 +105,7 @@ def test_a_problem_of_the_users(tmp_path):
     [
         ({"methods": ["ggl:pherk5"]}, "a textbook problem has the formulation 'index2' only, got 'ggl'"),
         ({"methods": ["project:pherk5"]}, "project"),
-        ({"q": [1.0]}, "a textbook problem starts at its own y0"),
+        ({"q": [1.0]}, "a textbook problem starts at y0"),
     ],
 )
 def test_what_belongs_to_mechanisms_is_refused(options, words):

@@ -1,4 +1,4 @@
-"""Singular configurations on a run: located between its nodes, with a check of the branch afterwards."""
+"""Location of singular configurations between the nodes of a run, with a check that the branch is kept."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from ..run_state import RunState
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
-MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed, and the next step is predicted if it falls
-BEND, EXPLAINED = 0.2, 3.0  # rad, and times the previous rotation: largest angle between tangent spaces
-EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singularity to a node: candidate ends of the zone
+MONITORED_RATIO = 0.2  # of the largest pivot ratio: below it, states are projected, and falling ratios extrapolated
+MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, plus a multiple of the previous rotation: angle between tangent spaces
+ZONE_SHARES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the interval from a singularity to a node: candidate ends of the zone
 SAMPLES = 5  # of each step
-LEVEL = 0.999  # of the largest sample: ratios that fall by less are constant
+CONSTANT_RATIO = 0.999  # of the largest sample: ratios above are constant
 
 
-class Passages(EventSource):
-    """Singular configurations that a run passes.
+class SingularityLocation(EventSource):
+    """Location of the singular configurations that a run crosses.
 
     Args:
-        system: the run's workspace.
+        system: workspace of the run.
         kept: whether the method enforces positions of closures, by projection or a multiplier.
-        controlled: whether its steps are controlled.
+        controlled: whether the step size is controlled.
 
     Attributes:
-        found: singular configurations passed.
+        found: singular configurations crossed so far.
         largest: largest pivot ratio so far.
     """
 
@@ -46,7 +46,7 @@ class Passages(EventSource):
 
     @property
     def workspace(self) -> Index2System:
-        """Separate workspace of the monitor, created on demand: its work is not counted."""
+        """Separate workspace, created on demand: its work is not counted."""
         if self._workspace is None:
             self._workspace = self.system.new_workspace()
         self._workspace.enter(self.system.mode)
@@ -63,37 +63,40 @@ class Passages(EventSource):
         """See `Index2System.pivot_ratio`; 1 if no row is in use."""
         return self.workspace.pivot_ratio(t, y) if self.workspace.in_use else 1.0
 
-    def compare(self, run: "RunState", a: int, b: int) -> None:
-        """Compare tangent spaces at nodes a and b, before and after a singular configuration."""
-        way = run.ts[b] - run.ts[a]
-        passed = next((x for x in self.found if (x.t - run.ts[a]) * way > 0 and (run.ts[b] - x.t) * way > 0), None)
+    def check_branch(self, run: "RunState", a: int, b: int) -> None:
+        """Compare tangent spaces at nodes a and b, before and after a singular configuration.
+
+        Raises:
+            EventError: if the run left its branch.
+        """
+        dt = run.ts[b] - run.ts[a]
+        passed = next((x for x in self.found if (x.t - run.ts[a]) * dt > 0 and (run.ts[b] - x.t) * dt > 0), None)
         if not passed:
             return
-        before, after = (self._edge(run, passed.t, i, range(a, b)) for i in (a, b))
-        angle, way = (
-            tangent_space_angle(*(tangent(self.workspace, *end) for end in (before, after))),
-            after[0] - before[0],
-        )
-        explained = EXPLAINED * abs(way) * tangent_space_rate(self.workspace, *before, way)
-        if angle > BEND + explained:
-            text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
+        before, after = (self._zone_end(run, passed.t, i, range(a, b)) for i in (a, b))
+        angle = tangent_space_angle(*(tangent(self.workspace, *end) for end in (before, after)))
+        dt = after[0] - before[0]
+        explained = ROTATION_FACTOR * abs(dt) * tangent_space_rate(self.workspace, *before, dt)
+        if angle > MAX_ANGLE + explained:
+            text = f"{passed}: the run left its branch there, the tangent space changed by {angle:.2g} rad"
             raise EventError("rank", f"{text}; take a smaller rtol, or project=True", a)
 
-    def _edge(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
-        """Return where the motion from a singular configuration to a node leaves the zone; the node if it does not.
+    def _zone_end(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
+        """Return the point between a singular configuration and a node where the pivot ratio is no longer small.
 
-        A long step ends far beyond, where tangent spaces have rotated by more than their previous rate explains.
+        This is the node if the ratio remains small. A long step may end so far away that the rotation of tangent spaces
+        exceeds its previous rate.
         """
-        to = run.ts[node] - t
-        for share in EDGES:
-            i = next(i for i in steps if (run.ts[i + 1] - t - share * to) * run.sign >= 0)
-            point = self._path(run, i)((t + share * to - run.ts[i]) / (run.ts[i + 1] - run.ts[i]))
+        dt = run.ts[node] - t
+        for share in ZONE_SHARES:
+            i = next(i for i in steps if (run.ts[i + 1] - t - share * dt) * run.sign >= 0)
+            point = self._path(run, i)((t + share * dt - run.ts[i]) / (run.ts[i + 1] - run.ts[i]))
             if self._ratio(*point) >= MONITORED_RATIO * self.largest:
                 return point
         return run.ts[node], run.ys[node]
 
     def search(self, run: "RunState", nodes: list[int]) -> None:
-        """Minimise over u, node i plus a share of the step after it."""
+        """Minimise the pivot ratio over u = i + theta, the point theta on the step from node i."""
         if len(nodes) < 2:  # an interval that has just begun
             return
         paths = {i: self._path(run, i) for i in nodes[:-1]}
@@ -104,7 +107,7 @@ class Passages(EventSource):
 
         samples = np.linspace(nodes[0], nodes[-1], SAMPLES * len(paths) + 1)
         padded = np.array([np.inf, *(self._ratio(*at(u)) for u in samples), np.inf])
-        if padded.min() > LEVEL * padded[1:-1].max():  # at rest
+        if padded.min() > CONSTANT_RATIO * padded[1:-1].max():  # at rest
             return
         lowest = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
         for k in lowest.tolist():
@@ -112,22 +115,26 @@ class Passages(EventSource):
             best = minimize_scalar(
                 lambda u: self._ratio(*at(u)), bounds=bounds, method="bounded", options={"xatol": SEARCH_TOLERANCE}
             )
-            self._judge(run, nodes, int(best.x), *at(float(best.x)))
+            self._record(run, nodes, int(best.x), *at(float(best.x)))
 
-    def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
-        """Record the singularity found on step i; end the run there if it cannot pass or changed the branch."""
+    def _record(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
+        """Record the singularity found on step i; end the run there if it cannot cross it or left its branch.
+
+        Raises:
+            EventError: with the reason.
+        """
         gap = max(self._gap(run.ts[n], run.ys[n]) for n in nodes)
         limit = open_limit(self.workspace, t, y, self.largest, gap)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
-        same = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
-        if found is None or any(abs(found.t - other.t) <= same for other in self.found):
+        tolerance = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
+        if found is None or any(abs(found.t - other.t) <= tolerance for other in self.found):
             return
         self.found.append(found)
         if not self.controlled and not self.kept and gap > SOLUTION_ROUNDING:
-            text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
-            text = f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'"
+            text = f"{found}: a singular configuration, after which a motion with a drift of {gap:.1e}"
+            text = f"{text} may be on another branch; avoid drift by project=True or formulation 'ggl'"
             raise EventError("rank", text, i)
-        self.compare(run, nodes[0], nodes[-1])
+        self.check_branch(run, nodes[0], nodes[-1])
 
     def _gap(self, t: float, y: Array) -> float:
         """Return the largest |g|, in rad or characteristic lengths."""
@@ -135,7 +142,7 @@ class Passages(EventSource):
         return float(np.abs(g / self.workspace.mechanism.row_scales).max())
 
     def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
-        """Return theta -> time and point on step i; linear if an end is too singular for dense output."""
+        """Return theta -> (time, point) on step i; linear if an end is too close to singular for dense output."""
         t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
         move = self.workspace.difference(y, run.ys[i + 1])
         try:
