@@ -110,7 +110,7 @@ RIGID = "'Slider-crank' has no degree of freedom left: it has no modes"
 NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), RIGID)
 FIXED = {"equilibria": GIVEN, "load_path": "has no degree of freedom left: nothing moves with the load"}
 FRICTION = "does not know coulomb_friction, of closure 'pin'"
-ROLLS = "'gear' has rows of velocity: where it goes depends on the way"
+ROLLS = "'gear' has nonholonomic rows: its position depends on the path"
 REFUSED: dict[str, dict[str, str]] = {
     **{feature: {"ggl": "needs formulation 'index2', got 'ggl'"} for feature in ONE_SIDED},
     "bearing": {
@@ -135,7 +135,7 @@ REFUSED["singular start"] = {
 }
 REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
 REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is active only in ranges of 'crank'")
-REFUSED["window"] |= {"inverse of a table": "'gate' has rows of velocity: where it goes depends on the way"}
+REFUSED["window"] |= {"inverse of a table": "'gate' has nonholonomic rows: its position depends on the path"}
 
 
 def singular(text: str) -> str:

@@ -66,7 +66,7 @@ def _check_closures(mech: Mechanism) -> None:
             raise InputError(f"{within}: poses are those of closures that stay")
         if not (closure.opens or mech.positional[mech.rows_of(closure.name)].all()):
             raise InputError(
-                f"{closure.name!r} has rows of velocity: where it goes depends on the way, not on the input alone"
+                f"{closure.name!r} has nonholonomic rows: its position depends on the path, not on the input alone"
             )
 
 

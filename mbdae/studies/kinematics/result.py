@@ -216,7 +216,7 @@ class Kinematics(Tabular):
         from .. import figures
         from .figure import curves
 
-        return figures.given(curves(self), path)
+        return figures.save_if_path(curves(self), path)
 
     def summary(self) -> dict[str, Any]:
         """`to_dict` without the table."""

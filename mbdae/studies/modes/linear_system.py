@@ -84,7 +84,9 @@ class LinearSystem(Tabular):
         from .. import figures
         from .figure import frequency_response
 
-        return figures.given(frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path)
+        return figures.save_if_path(
+            frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path
+        )
 
     def tabulated(self) -> Columns:
         """Return gain and phase in rad of each output for each input, over the frequencies of `band`."""

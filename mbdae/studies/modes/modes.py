@@ -189,7 +189,7 @@ class Modes(Tabular):
         from .. import figures
         from .figure import roots
 
-        return figures.given(roots(self), path)
+        return figures.save_if_path(roots(self), path)
 
     def tabulated(self) -> Columns:
         """Return eigenvalue, frequency and damping of each mode."""

@@ -61,7 +61,7 @@ class RootLocus(Tabular):
         from .. import figures
         from .figure import locus
 
-        return figures.given(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
+        return figures.save_if_path(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
 
     def tabulated(self) -> Columns:
         """Return real and imaginary parts over the parameter."""

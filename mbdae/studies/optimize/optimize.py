@@ -18,7 +18,7 @@ from ...mechanism import Mechanism
 from ...system import Array
 from ...tolerances import VISIBLE
 from ..sensitivity.cost import Cost
-from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, teller
+from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, progress_reporter
 from .objective import Measured, Motion, Moves, curves, runs
 from .result import Evaluation, Optimum
 from .search_range import check_inside, limits_of, ranges, scales_of, table_by_name, within_range
@@ -93,7 +93,7 @@ def optimize(
     box = {name: within_range(make, start, name, pair) for name, pair in box.items()}
     moves = curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
     functions = {name: x[0] for name, x in (constraints or {}).items()}
-    problem = Problem(moves, cost, functions, start, limits, teller(progress))
+    problem = Problem(moves, cost, functions, start, limits, progress_reporter(progress))
     return problem.solve(box, scales_of(start, box, scales), search, tolerance, iterations)
 
 

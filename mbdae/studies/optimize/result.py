@@ -112,7 +112,7 @@ class Optimum(Tabular):
         from .. import figures
         from .figure import search
 
-        return figures.given(search(self), path)
+        return figures.save_if_path(search(self), path)
 
     def __str__(self) -> str:
         lines = [f"optimum of {self.mechanism.title}: cost {self.start.cost:.6g} -> {self.cost:.6g}, "

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, beside, escaped, fixed_layout, line_style, logarithmic, sheet
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout, legend_right, line_style, logarithmic
 from .result import ObservedOrder, OrderStudy
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def convergence(study: OrderStudy) -> "Figure":
     """
     quantities = [s.quantity for s in next(iter(study.orders.values()))]
     rows = (len(quantities) + 1) // 2
-    figure = sheet(WIDTH, max(2.7, 0.6 + 0.13 * len(study.orders)) * rows + 0.3)
+    figure = empty_figure(WIDTH, max(2.7, 0.6 + 0.13 * len(study.orders)) * rows + 0.3)
     axes = np.atleast_1d(figure.subplots(rows, 2)).flat
     for k, ax in enumerate(axes):
         if k >= len(quantities):
@@ -44,7 +44,7 @@ def convergence(study: OrderStudy) -> "Figure":
             _convergence_line(ax, name, slopes[k], study.T)
         ax.set_xlabel("step $h$ (s)")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
-        beside(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
+        legend_right(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
     title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed\n{study.computed_by}"
     figure.suptitle(escaped(title), fontsize=9)
     return figure

@@ -164,7 +164,7 @@ class OrderStudy(Tabular):
         from .. import figures
         from .figure import convergence
 
-        return figures.given(convergence(self), path)
+        return figures.save_if_path(convergence(self), path)
 
     def __str__(self) -> str:
         lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import TINY
-from ..figures import WIDTH, fixed_layout, sheet
+from ..figures import WIDTH, empty_figure, fixed_layout
 from .glb import GREY, SPRING, towards
 from .solids import coil, coloured_surfaces, solid
 
@@ -42,7 +42,7 @@ def posture(sol: Solution) -> "Figure":
     colours[:, :3] *= (0.5 + 0.5 * np.abs(normals @ LAMP))[:, None]
     order = np.argsort(corners[:, :, 2].mean(axis=1))
     width, height, _ = np.ptp(corners.reshape(-1, 3), axis=0)
-    figure = sheet(WIDTH, np.clip(0.9 * WIDTH * height / width, 0.8, HIGHEST - 0.5) + 0.5)
+    figure = empty_figure(WIDTH, np.clip(0.9 * WIDTH * height / width, 0.8, HIGHEST - 0.5) + 0.5)
     ax: Any = figure.subplots()
     drawn = PolyCollection(corners[order][:, :, :2], facecolors=colours[order], edgecolors="face", linewidths=0.2)
     drawn.set_rasterized(True)

@@ -10,7 +10,7 @@ from ...errors import InputError, as_list
 from ...solution.signals import find, signals, units
 from ...system import Array
 from ...tolerances import BELOW_ROUNDING
-from ..figures import NAMES
+from ..figures import QUANTITY_NAMES
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -21,7 +21,7 @@ Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
 MOST = 7  # curves of one pane that can be told apart
 STEPPED = ("energy", "work", "g", "Gv")  # errors of a run are shown at its steps: between them is interpolation
-WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
+WORDS = {**QUANTITY_NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
 
 
 class Curve(NamedTuple):

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
-from ..drift.drift import names_of_run
+from ..drift.drift import run_labels
 from ..drift.figure import drifts
 from ..order.figure import convergence
 from ..replay.figure import posture
@@ -59,7 +59,7 @@ def _run(report: "Report") -> str:
     speed = pace(sol)
     ended, counts = map(str.strip, str(sol).splitlines())
     replay = Markup(frame(replay_page(sol, fps=30.0, speed=speed), 660))
-    return elements().run(names_of_run(sol)[1], ended, counts, speed) + replay + image(motion(sol), "motion over time")
+    return elements().run(run_labels(sol)[1], ended, counts, speed) + replay + image(motion(sol), "motion over time")
 
 
 def _drift(report: "Report") -> str:

@@ -24,7 +24,7 @@ from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, drift
 from ..info.card import Card, card
-from ..method_variant import Variant, default, default_variants, variants
+from ..method_variant import Variant, default_variant, default_variants, variants
 from ..order.order import order
 from ..order.result import OrderStudy
 
@@ -130,7 +130,7 @@ def report(
     mech = mechanism_of(mech, "report")
     tell = progress or (lambda done, name: None)
     chosen = variants(methods) if methods else default_variants(mech, METHODS, rtol=rtol)
-    first = chosen[0] if not methods or chosen[0].prefix else default(mech, rtol=rtol, method=chosen[0].method)
+    first = chosen[0] if not methods or chosen[0].prefix else default_variant(mech, rtol=rtol, method=chosen[0].method)
     moved = list(dict.fromkeys([first, *chosen]))
     span = checked_span(mech.duration if t_span is None else t_span)
     study = _Study(mech, span, chosen, moved, tell)

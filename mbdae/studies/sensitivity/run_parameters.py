@@ -127,7 +127,7 @@ def scaled(given: Any, usual: Mapping[str, float]) -> Array:
     return np.array([float(x) for x in {**usual, **(given or {})}.values()])
 
 
-def teller(progress: Any) -> Callable[[str], None]:
+def progress_reporter(progress: Any) -> Callable[[str], None]:
     """Return the function that reports progress to that of the user; without effect for None.
 
     Raises:

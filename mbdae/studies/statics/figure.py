@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import UnknownNameError
 from ...mechanism.coordinate_units import coordinate_units
-from ..figures import COLOURS, WIDTH, beside, escaped, fixed_layout, sheet
+from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout, legend_right
 from .load_path import LoadPath
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     found, name = path.coordinates, coordinate or path.moving
     if name not in found:
         raise UnknownNameError("coordinate", name, found)
-    figure = sheet(WIDTH, 3.2)
+    figure = empty_figure(WIDTH, 3.2)
     ax = figure.subplots()
     x, loose = found[name], path.unstable > 0
     changes = np.flatnonzero(np.diff(loose)) + 1
@@ -45,5 +45,5 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     ax.set_xlabel(escaped(f"{name} ({coordinate_units(path.mechanism).get(name, '')})"))
     ax.set_ylabel(escaped(f"factor on {path.load}"))
     ax.set_title(escaped(path.mechanism.title))
-    beside(ax)
+    legend_right(ax)
     return figure

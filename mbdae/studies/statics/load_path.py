@@ -77,7 +77,7 @@ class LoadPath(Tabular):
         from .. import figures
         from .figure import load_deflection
 
-        return figures.given(load_deflection(self, coordinate), path)
+        return figures.save_if_path(load_deflection(self, coordinate), path)
 
     def tabulated(self) -> Columns:
         """Factor, coordinates, and numbers of negative eigenvalues along the path."""

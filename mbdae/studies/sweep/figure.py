@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ..figures import WIDTH, escaped, fixed_layout, sheet
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout
 from .table import Sweep
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
         raise InputError(f"no run of the sweep has a {name!r}: there is nothing to draw")
     parameters = [n for n in sweep.parameters if n in numeric and n != name]
     rows = -(-(len(parameters) + 1) // COLUMNS)
-    figure = sheet(WIDTH, HEIGHT * rows + 0.3)
+    figure = empty_figure(WIDTH, HEIGHT * rows + 0.3)
     axes = figure.subplots(rows, min(COLUMNS, len(parameters) + 1), squeeze=False)
     panels = list(axes.flat)
     for ax, parameter in zip(panels, parameters, strict=False):

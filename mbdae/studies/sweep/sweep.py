@@ -113,7 +113,7 @@ def sweep(
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         if open_tasks := [task for task in plan if task.run not in collector.rows]:
             with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
-                shop.work(open_tasks, collector.record)
+                shop.run(open_tasks, collector.record)
         return collector.finish()
 
 

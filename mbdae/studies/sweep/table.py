@@ -139,7 +139,7 @@ class Sweep(Tabular):
         from .. import figures
         from .figure import spread
 
-        return figures.given(spread(self, output), path)
+        return figures.save_if_path(spread(self, output), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Sweep":

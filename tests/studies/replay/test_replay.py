@@ -174,10 +174,10 @@ def test_plots_are_chosen_by_name_and_by_beginning(sol, tmp_path):
     plots = ["v", ("q.crank", "kinetic", "potential"), "lam.wrist pin.2", ("stroke",)]
     data = shown(sol, tmp_path, plots=plots, signals=own)
     assert [p["title"] for p in data["panes"]] == [
-        "turning rates (rad/s)", "v.slider (m/s)", "q.crank (rad)", "energies (J)", "lam.wrist pin.2 (N)",
+        "angular velocities (rad/s)", "v.slider (m/s)", "q.crank (rad)", "energies (J)", "lam.wrist pin.2 (N)",
         "stroke", "count",
     ]  # fmt: skip
-    assert set(curves(data, "turning rates (rad/s)")) == {("crank", -1), ("crank_pin", -1)}
+    assert set(curves(data, "angular velocities (rad/s)")) == {("crank", -1), ("crank_pin", -1)}
     t, y = curves(data, "stroke")["stroke", -1]
     np.testing.assert_allclose(y[::50], [1000 * sol(x).q[2] for x in t[::50]], rtol=1e-5)
     t, y = curves(data, "count")["count", -1]

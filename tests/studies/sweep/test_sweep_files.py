@@ -16,7 +16,7 @@ import mbdae
 from mbdae.errors import InputError, MbdaeError, UnknownNameError
 from mbdae.studies.sweep.results_file import PART
 from mbdae.studies.sweep.toml_file import read_sweep
-from mbdae.studies.workers import AHEAD
+from mbdae.studies.workers import QUEUED_PER_WORKER
 
 LINKS = {"frame.rod_tip.xyz.0": [0.34, 0.36], "start.v.crank": [5.0, 6.0, 7.0]}
 QUICK = {"outputs": ["peak force.wrist pin", "q.slider"], "times": 11, "rtol": 1e-6, "executor": "threads"}
@@ -87,10 +87,10 @@ def test_executors_of_the_user(tmp_path):
     with Bounded(2) as executor:
         result = mbdae.sweep("slider_crank", {"start.v.crank": list(np.linspace(5, 7, 30))}, 0.05, executor=executor)
         assert result.complete
-        assert executor.most <= 2 * AHEAD
+        assert executor.most <= 2 * QUEUED_PER_WORKER
         assert executor.submit(int).result() == 0  # it stays open
     path = tmp_path / "runs.parquet"
-    with pytest.raises(MbdaeError, match=r"run 2 was lost by its worker.*the machine is gone"):
+    with pytest.raises(MbdaeError, match=r"run 2 failed in its worker.*the machine is gone"):
         mbdae.sweep("slider_crank", LINKS, 0.05, path=path, **{**QUICK, "executor": Lossy(), "workers": 1})
     kept = mbdae.Sweep.load(path)
     assert 0 < len(kept) < 6
