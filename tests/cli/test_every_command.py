@@ -155,7 +155,7 @@ REASONS = [
     Reason(r"fit", r"not finite|cannot be repeated: .* singular", lambda f: f.coarse == "nonfinite"),
     Reason(POSES, r"has nonholonomic rows: its position depends on the path", lambda f: bool(f.rolls)),
     Reason(POSES, r"is active only in ranges of '.*'", lambda f: bool(f.windows)),
-    Reason(POSES, r"^{movable} degrees of freedom are left( \(open: .*\))?: hold", lambda f: f.movable > 1),
+    Reason(POSES, r"^{movable} degrees of freedom are left( \(inactive: .*\))?: hold", lambda f: f.movable > 1),
     Reason(POSES, r"^no degree of freedom is left for '.*' to move", lambda f: f.movable == 0),
     Reason(POSES, r"^joint '.*' has \d coordinates: what is driven or held has one", lambda f: not f.single),
     Reason(r"equilibria", r"^a driver says where '.*' is: there is no branch",

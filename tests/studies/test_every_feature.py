@@ -128,7 +128,7 @@ REFUSED["singular start"] = {
     "order": f"no reference for 'Slider-crank': pherk6 fails at every step size up to T = 0.02, .*{BEGAN}",
     **dict.fromkeys(
         ("kinematics", "assembly_modes", "equilibria"),
-        "the closures lose rank in this pose, from which several branches lead: start beside it",
+        "the closures lose rank in this pose, in which several branches intersect: start next to it",
     ),
     # on either branch the motor's 0.3 N m act against a weight of at most 9.81 |0.5 * 0.05 - 0.4 * 0.075| = 0.05 N m
     **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no stable equilibrium found"),

@@ -16,8 +16,8 @@ from ...mechanism.joint_wrenches import joint_wrenches
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import HALF_DIGITS, NEGLIGIBLE, RANK
-from ..kinematics.passing import Passed, passages
 from ..kinematics.result import Kinematics
+from ..kinematics.violations import Violation, unilateral_violations
 from .actuators import Actuators, actuators_of, effort_weights
 from .prescribed import Prescribed, prescribed, read_motion
 from .result import InverseDynamics
@@ -121,11 +121,11 @@ def _modes(mech: Mechanism, desired: Prescribed) -> list[Mode]:
     return [tuple(states) for states in zip(*found, strict=True)] if found else [()] * len(desired.t)
 
 
-def _violated(mech: Mechanism, desired: Prescribed) -> tuple[Passed, ...]:
+def _violated(mech: Mechanism, desired: Prescribed) -> tuple[Violation, ...]:
     """Return the unilateral constraints that a prescribed motion violates; none for a run."""
     if desired.modes or not (np.diff(desired.t) > 0).all():
         return ()
-    return passages(mech, desired.t, desired.q, desired.v, desired.over[0])
+    return unilateral_violations(mech, desired.t, desired.q, desired.v, desired.over[0])
 
 
 def _static_friction(mech: Mechanism, desired: Prescribed) -> dict[str, float]:

@@ -15,7 +15,7 @@ from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..kinematics.passing import Passed, lines_of
+from ..kinematics.violations import Violation, violation_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,7 +88,7 @@ class InverseDynamics(Tabular):
     over: Array
     over_name: str
     impacts: tuple[float, ...] = ()
-    passed: tuple[Passed, ...] = ()
+    passed: tuple[Violation, ...] = ()
     held: dict[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -200,7 +200,7 @@ class InverseDynamics(Tabular):
             times = ", ".join(f"{t:.6g}" for t in self.impacts[:5]) + (", ..." if len(self.impacts) > 5 else "")
             lines.append(f"  impulses of impacts are not included in efforts: t = {times} s")
         name, unit = self.over_name.rsplit(" (", 1)
-        lines += lines_of(self.passed, name, unit.rstrip(")"))
+        lines += violation_lines(self.passed, name, unit.rstrip(")"))
         lines += [f"  {name!r} is at rest: its static friction can balance up to {x:.4g} {unit}"
                   for name, x, unit in self._friction()]  # fmt: skip
         return lines

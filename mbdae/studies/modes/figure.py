@@ -37,7 +37,7 @@ def roots(modes: Modes) -> "Figure":
             style = curve_style(i) | {"linestyle": "-"}
             right.plot(shape.real / np.abs(shape).max(), marker="o", label=escaped(modes.describe(i)), **style)
     right.set_xlabel("velocity component")
-    right.set_ylabel("shape (largest part 1)")
+    right.set_ylabel("shape (largest component 1)")
     right.legend(loc="best", fontsize=6)
     figure.suptitle(escaped(modes.mechanism.title), fontsize=9)
     return figure

@@ -1,4 +1,4 @@
-"""Progress of a search: cost and parameters over the evaluated points."""
+"""Figure of the progress of a search: cost and parameters over the evaluated points."""
 
 from typing import TYPE_CHECKING
 
@@ -22,9 +22,9 @@ def search(found: Optimum) -> "Figure":
         upper.set_yscale("log")
     upper.set_ylabel("cost")
     for i, (name, end) in enumerate(found.values.items()):
-        way = np.array([t.values[name] for t in found.history])
-        lower.plot((way - way[0]) / ((end - way[0]) or 1.0), ".", label=escaped(name), **curve_style(i))
-    lower.set_ylabel("share of the way")
+        x = np.array([t.values[name] for t in found.history])
+        lower.plot((x - x[0]) / ((end - x[0]) or 1.0), ".", label=escaped(name), **curve_style(i))
+    lower.set_ylabel("(p - start) / (optimum - start)")
     lower.set_xlabel("point")
     legend_right(lower)
     return figure

@@ -28,7 +28,7 @@ AXES = {
 def convergence(study: OrderStudy) -> "Figure":
     """Draw the errors over the step size, one panel per quantity: the fitted slope solid, the claimed one dotted.
 
-    Hollow points were not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
+    Hollow points are not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """
     quantities = [s.quantity for s in next(iter(study.orders.values()))]
     rows = (len(quantities) + 1) // 2
@@ -56,8 +56,8 @@ def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float) -> 
     shown = (e > 0) & np.isfinite(e)
     used = np.zeros(len(e), bool)
     used[slice(*slope.fitted)] = True
-    seen = "-" if slope.observed is None else f"{slope.observed:.2f}"
-    label = f"{name} {seen} ({slope.claimed})"
+    observed = "-" if slope.observed is None else f"{slope.observed:.2f}"
+    label = f"{name} {observed} ({slope.claimed})"
     ax.plot(h[shown & ~used], e[shown & ~used], **{**style, "markerfacecolor": "white"}, alpha=0.6)
     ax.plot(h[used], e[used], **style, label=label)
     if slope.observed is None:

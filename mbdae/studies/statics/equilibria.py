@@ -15,7 +15,7 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import RANK, SAME_STATE, TINY
 from ..kinematics.assembly_modes import assembly_modes
-from ..kinematics.driven_mechanism import driven_mechanism, left_open, require_one_dof, start_pose
+from ..kinematics.driven_mechanism import driven_mechanism, omitted_elements, require_one_dof, start_pose
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from .equilibrium import Equilibrium, labels, velocities
@@ -83,11 +83,11 @@ def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Arr
         InputError: with the reason; and as `mbdae.kinematics` does for the start pose.
     """
     mech, begin = statics.mech, start_pose(statics.mech)
-    moved = driven_mechanism(mech, drive, hold, begin)
+    driven = driven_mechanism(mech, drive, hold, begin)
     if statics.point(begin, s0).free.Z.shape[1]:  # as many in all poses but singular ones
         return
-    held = [d.joint or d.name for d in moved.drivers[:-1]]
-    require_one_dof(moved, moved.system(), begin, drive, held, left_open(mech))
+    held = [d.joint or d.name for d in driven.drivers[:-1]]
+    require_one_dof(driven, driven.system(), begin, drive, held, omitted_elements(mech))
     raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
 
 

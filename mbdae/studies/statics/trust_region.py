@@ -100,7 +100,7 @@ class TrustRegion:
         """Newton's steps as long as they are short and halve rho."""
         while self.iterations < ITERATIONS and self.residual > tol.BELOW_ROUNDING:
             y = newton_step(self.here)
-            there = self.moved(y) if 0 < self.length(self.here, y) < START else None
+            there = self.displaced(y) if 0 < self.length(self.here, y) < START else None
             if there is None or not np.linalg.norm(there.rho) < HALVED * np.linalg.norm(self.here.rho):
                 return
             self.here = there
@@ -110,7 +110,7 @@ class TrustRegion:
         rho, H = self.here.rho, self.here.H
         while self.radius > LEAST and self.iterations < ITERATIONS:
             y = step(self.here.free.Z / self.units[:, None], H, self.here.noise, rho, self.radius)
-            there = self.relaxed(self.moved(y), self.length(self.here, y))
+            there = self.relaxed(self.displaced(y), self.length(self.here, y))
             promised = float(rho @ y - y @ H @ y / 2)
             done = self.work(there) if there else -np.inf
             if there and done > TAKEN * promised:
@@ -141,7 +141,7 @@ class TrustRegion:
         rho, y = self.here.rho, newton_step(self.here)
         y *= min(1.0, LARGEST / max(tol.TINY, self.length(self.here, y)))
         for _ in range(HALVINGS):
-            there = self.moved(y)
+            there = self.displaced(y)
             if there and np.linalg.norm(there.rho) < ENOUGH * np.linalg.norm(rho):
                 self.here = there
                 return True
@@ -154,7 +154,7 @@ class TrustRegion:
         radius = max(self.radius, START)
         while radius > LEAST:
             for sign in (1.0, -1.0):
-                there = self.moved(sign * radius / reach * low)
+                there = self.displaced(sign * radius / reach * low)
                 if there and self.work(there) > 0:
                     self.here, self.radius = there, radius
                     return True
@@ -166,7 +166,7 @@ class TrustRegion:
         x = self.statics.system.manifold.difference(self.here.q, there.q)
         return float((self.here.f + there.f) @ x / 2)
 
-    def moved(self, y: Array) -> "ForceBalance | None":
+    def displaced(self, y: Array) -> "ForceBalance | None":
         """The balance at q (+) Z y, closed; None where loops cannot be closed."""
         self.iterations += 1
         return self.at(self.here, y)

@@ -70,7 +70,7 @@ def test_a_motion_through_a_stop_is_reported_with_its_effort():
     np.testing.assert_allclose(found.efforts[:, 0], G * np.sin(found.over), rtol=1e-12, atol=1e-12)
     (passed,) = found.passed
     np.testing.assert_allclose(passed[1:4], (0.3, 0.0, 0.3), atol=1e-12)
-    assert "passes 'rod stop', which does not act, by up to 0.3 rad: rod = 0.3 to 0 rad" in str(found)
+    assert "violates 'rod stop', which does not act, by up to 0.3 rad: rod = 0.3 to 0 rad" in str(found)
     assert found.to_dict()["passed"][0]["name"] == "rod stop"
 
 

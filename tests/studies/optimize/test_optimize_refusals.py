@@ -147,8 +147,8 @@ OPTIONS = [
     ({"tolerance": np.inf}, InputError, "iterations and tolerance are positive"),
     ({"iterations": True}, InputError, "iterations and tolerance are positive, got True"),
     ({"progress": 3}, InputError, "progress is a function of a text, got 3"),
-    ({"constraints": {"": (height, 0, 1)}}, InputError, "constraints have names of one's own"),
-    ({"constraints": {3: (height, 0, 1)}}, InputError, "constraints have names of one's own, .*got 3"),
+    ({"constraints": {"": (height, 0, 1)}}, InputError, "constraints have names"),
+    ({"constraints": {3: (height, 0, 1)}}, InputError, "constraints have names, .*got 3"),
     ({"constraints": {"a": (height, None, None)}}, InputError, "constraint 'a' has no limit"),
     ({"constraints": {"a": (height, -np.inf, np.inf)}}, InputError, "constraint 'a' has no limit"),
 ]

@@ -56,7 +56,7 @@ def test_every_part_is_there(result, page):
     for words in (
         "Planar slider-crank", "wrist pin: revolute", "3 depend on others", "joint limits", "linear solves",
         "ggl:herk3, rtol 1e-06", "Observed (claimed) orders", "radau9, rtol 1e-12 differs",
-        "linear solves to an error in q",
+        "linear solves for an error in q",
         f"mbdae {result.meta['versions']['mbdae']}", '"tolerances": [0.001, 1e-05]',
     ):  # fmt: skip
         assert words in html.unescape(text), words
