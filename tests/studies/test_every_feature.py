@@ -105,7 +105,7 @@ POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
 STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
 WARNED = dict.fromkeys(ONE_SIDED, STATICS)
 NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
-GIVEN = "a driver says where 'crank' is: there is no branch of equilibria over it"
+GIVEN = "a driver prescribes 'crank': there is no branch of equilibria over it"
 RIGID = "'Slider-crank' has no degree of freedom left: it has no modes"
 NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), RIGID)
 FIXED = {"equilibria": GIVEN, "load_path": "has no degree of freedom left: nothing moves with the load"}
@@ -119,8 +119,8 @@ REFUSED: dict[str, dict[str, str]] = {
     },
     "rolling": dict.fromkeys((*POSES, "inverse of a table"), ROLLS),
     "driver": FIXED | NOTHING,
-    "speed": FIXED | NOTHING | {"equilibria": "a driver says how fast 'crank' moves: there is no branch of"},
-    "controller": FIXED | {"equilibria": "an integrator says where 'crank' is"},  # the slider is at the reference
+    "speed": FIXED | NOTHING | {"equilibria": "a driver prescribes the speed of 'crank': there is no branch of"},
+    "controller": FIXED | {"equilibria": "an integrator prescribes 'crank'"},  # the slider is at the reference
     "sampled": dict.fromkeys(STATICS, "'pid' is a sampled controller: statics and modes need a continuous one"),
 }
 REFUSED["singular start"] = {

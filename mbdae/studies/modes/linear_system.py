@@ -19,7 +19,7 @@ from ...mechanism.frames import WORLD, Pair, anchor, frame_names
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..statics.equilibrium import labels
+from ..statics.equilibrium import velocity_labels
 from .operating_point import operating_point
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def linearize(
     mech = mechanism_of(mech, "linearize")
     statics, here, motion, _ = operating_point(mech, q, v, t, hold)
     chosen_inputs = as_list(inputs, "inputs is a list of names")
-    joints = labels(mech, np.arange(mech.nv))
+    joints = velocity_labels(mech, np.arange(mech.nv))
     chosen_outputs = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
     state_matrix, Z, k = motion.state_matrix, motion.speeds, motion.positions.shape[1]
     ns, n = len(here.s), len(motion.A)

@@ -17,7 +17,7 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular, aligned
-from ..statics.equilibrium import labels
+from ..statics.equilibrium import velocity_labels
 from .operating_point import operating_point
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Modes(Tabular):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data; eigenvalues as pairs [re, im]."""
-        names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
         rows = zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)
         return {
             "title": self.mechanism.title,
@@ -199,7 +199,7 @@ class Modes(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return eigenvalues, frequencies, damping ratios, and dominant coordinates."""
-        names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
         heads = ["mode", "eigenvalue in 1/s", "", "Hz", "damping", "moves most"]
         body = []
         for i, root in enumerate(self.roots):

@@ -10,7 +10,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at, refuse_unsteady
 from ...system import Array
-from ..statics.equilibrium import balanced, complete_arguments, labels, velocities
+from ..statics.equilibrium import balanced, complete_arguments, velocities, velocity_labels
 from ..statics.stability import loses_rank
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def operating_point(
 
 
 def _locked_text(mech: Mechanism, locked: Array) -> str:
-    return f" with {', '.join(labels(mech, locked))} locked" if len(locked) else ""
+    return f" with {', '.join(velocity_labels(mech, locked))} locked" if len(locked) else ""
 
 
 def _at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[Statics, ForceBalance]:

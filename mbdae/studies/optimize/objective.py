@@ -18,7 +18,7 @@ from ...system import Array
 from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.cost import Cost, NamedCost, evaluated, named
+from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
 from ..sensitivity.gradient import gradient
 from ..sensitivity.run_parameters import MechanismFactory
 from ..sweep.sweep_run import check_settings
@@ -52,7 +52,7 @@ class _CostOfParameters(NamedCost):
     """A cost that stores its explicit derivatives with respect to the parameters separately."""
 
     def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
-        self.cost, self.values, self.explicit, self.what = cost, values, np.zeros(len(values)), what or named(cost)
+        self.cost, self.values, self.explicit, self.what = cost, values, np.zeros(len(values)), what or cost_name(cost)
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
         known = SignalsAndParameters(signals, self.values)

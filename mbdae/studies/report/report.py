@@ -220,8 +220,8 @@ class _Study:
             yield "the comparison"
         elif not self.comparison.complete:
             remaining = self.comparison.requested - len(self.comparison.points)
-            runs = f"{remaining} of {self.comparison.requested} runs"
-            yield f"{runs if remaining else 'times'} of the comparison"
+            what = f"{remaining} of {self.comparison.requested} runs" if remaining else "times"
+            yield f"{what} of the comparison"
 
 
 def _finished(sol: Solution) -> Solution:

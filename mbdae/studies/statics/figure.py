@@ -1,4 +1,4 @@
-"""The figure of a path of equilibria: the load over a coordinate."""
+"""Figure of a path of equilibria: the load factor over a coordinate."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -27,16 +27,16 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         raise UnknownNameError("coordinate", name, found)
     figure = empty_figure(WIDTH, 3.2)
     ax = figure.subplots()
-    x, loose = found[name], path.unstable > 0
-    changes = np.flatnonzero(np.diff(loose)) + 1
+    x, unstable = found[name], path.unstable > 0
+    changes = np.flatnonzero(np.diff(unstable)) + 1
     seen = set[bool]()
     for part in np.split(np.arange(len(x)), changes):
-        wrong = bool(loose[part[0]])
+        dashed = bool(unstable[part[0]])
         run = np.append(part, part[-1] + 1)[: len(x) - part[0]]
-        style: Any = {"color": COLOURS[1], "linestyle": "--"} if wrong else {"color": COLOURS[0], "linestyle": "-"}
-        label = None if wrong in seen else "unstable" if wrong else "stable"
+        style: Any = {"color": COLOURS[1], "linestyle": "--"} if dashed else {"color": COLOURS[0], "linestyle": "-"}
+        label = None if dashed in seen else "unstable" if dashed else "stable"
         ax.plot(x[run], path.factor[run], label=label, **style)
-        seen.add(wrong)
+        seen.add(dashed)
     for kind, (label, marker) in STYLES.items():
         at = [e for e in path.critical if e.kind == kind]
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
