@@ -1,4 +1,4 @@
-"""Derivatives of the angles of Andrews' mechanism at 0.03 s with respect to its 42 parameters, in two ways, to nine digits.
+"""Derivatives of Andrews' mechanism at 0.03 s with respect to its 42 parameters, in two ways, to nine digits.
 
 The published equations, with a complex step in each parameter (a derivative without a difference), are solved for the
 accelerations and integrated by Gragg's midpoint rule with extrapolation, in extended precision. They are compared with

@@ -1,7 +1,7 @@
 """Tolerances of links and the largest reaction force of a slider-crank, by a thousand runs.
 
-Crank and rod of the model slider_crank have lengths, the rail a height, and the rod a mass that deviate from the nominal values by normal
-distributions. Each run takes the crank through about four turns; its
+Crank and rod of the model slider_crank have lengths, the rail a height, and the rod a mass that deviate from the
+nominal values by normal distributions. Each run takes the crank through about four turns; its
 result is the largest force in the wrist pin.
 
 Run: python examples/tolerance_sweep.py [number of runs]

@@ -227,7 +227,7 @@ class Outcome(NamedTuple):
 
     def __str__(self) -> str:
         there = ", ".join(f"{n} modes {k} times" for n, k in sorted(self.counts.items()))
-        text = f"{self.cases} cases ({there}): {len(self.missed)} undercounted, {self.reported} of them reported as doubtful"
+        text = f"{self.cases} cases ({there}): {len(self.missed)} undercounted, {self.reported} of them reported"
         return f"{text}, {len(self.surplus)} overcounted"
 
 

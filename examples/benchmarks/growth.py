@@ -1,7 +1,7 @@
 """Growth of the cost of default runs with the mechanism: assembly, start and projected steps of N four-bars in a row.
 
-In the unequal row the pivots are displaced alternately by 5 cm: no symmetry keeps the loops closed, and every step projects.
-The start is a run over 1e-7 s; a step is the longer run without the start, over its steps.
+In the unequal row the pivots are displaced alternately by 5 cm: no symmetry keeps the loops closed, and every step
+projects. The start is a run over 1e-7 s; a step is the longer run without the start, over its steps.
 
 Run: python examples/benchmarks/growth.py [--brief]
 """

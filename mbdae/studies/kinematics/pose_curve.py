@@ -197,10 +197,8 @@ class PoseCurve:
         if not (np.abs(rest).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > MIN_COSINE):
             return None
         found = self._correct(self.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
-        if found is None:
-            return None
-        point = self._point(found, at, at.s + float(rest @ at.tau))
-        return point if np.abs(self.wrapped_difference(point.q, pose.q)).max() < tol.SAME_POSE else None
+        point = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
+        return point if point and np.abs(self.wrapped_difference(point.q, pose.q)).max() < tol.SAME_POSE else None
 
     def wrapped_difference(self, q0: Array, q1: Array) -> Array:
         """Return q1 (-) q0 up to full turns of its angles, (nv,)."""
