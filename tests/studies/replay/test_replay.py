@@ -188,7 +188,7 @@ def test_of_many_coordinates_those_that_move_the_most_are_plotted(tmp_path):
     model = tree(["revolute"] * 9, range(9), seed=1)
     data = shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.2), rtol=1e-4), tmp_path)
     title = data["panes"][0]["title"]
-    assert title == "angles (rad), 7 of 9 that move the most"
+    assert title == "angles (rad), 7 of 9 with the largest ranges"
     assert len(curves(data, title)) == 7
     assert not [p for p in data["panes"] if "|g|" in p["title"]], "there are no closures"
 
