@@ -157,7 +157,7 @@ REASONS = [
     Reason(POSES, r"is active only in ranges of '.*'", lambda f: bool(f.windows)),
     Reason(POSES, r"^{movable} degrees of freedom are left( \(inactive: .*\))?: hold", lambda f: f.movable > 1),
     Reason(POSES, r"^no degree of freedom is left for '.*'", lambda f: f.movable == 0),
-    Reason(POSES, r"^joint '.*' has \d coordinates: what is driven or held has one", lambda f: not f.single),
+    Reason(POSES, r"^joint '.*' has \d coordinates: only joints of one coordinate", lambda f: not f.single),
     Reason(r"equilibria", r"^a driver prescribes '.*': there is no branch",
            lambda f: bool(f.mech.drivers) and all(d.speed is None for d in f.mech.drivers)),
     Reason(r"equilibria", r"^a driver prescribes the speed of '.*': there is no branch",
@@ -171,7 +171,7 @@ REASONS = [
     Reason(r"modes|root-locus|linearize|load-path", r"has no degree of freedom left: (it has no modes|nothing moves)",
            lambda f: f.held == 0 or bool(f.mech.states)),  # an integrator keeps its joint at the reference
     Reason(r"modes|root-locus|linearize|equilibrium|load-path",
-           r"^(no value of .* has modes: )?no stable equilibrium found in \d+ iterations: .* is left",
+           r"^(no value of .* has modes: )?no stable equilibrium found in \d+ iterations: .* is unbalanced",
            lambda f: not f.rests),
 ]  # fmt: skip
 CODES = {
