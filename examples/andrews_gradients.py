@@ -1,4 +1,4 @@
-"""Derivatives of the angles of Andrews' mechanism at 0.03 s by its 42 parameters, in two ways, to nine digits.
+"""Derivatives of Andrews' mechanism at 0.03 s with respect to its 42 parameters, in two ways, to nine digits.
 
 The published equations, with a complex step in each parameter (a derivative without a difference), are solved for the
 accelerations and integrated by Gragg's midpoint rule with extrapolation, in extended precision. They are compared with
@@ -81,11 +81,11 @@ class Squeezer:
         rod, arm = p["e"] - p["ea"], p["zf"] - p["fa"]
         c, s = self.cos(q[2]), self.sin(q[2])
         x, y = p["sd"] * c + p["sc"] * s + p["xb"] - p["xc"], p["sd"] * s - p["sc"] * c + p["yb"] - p["yc"]
-        pull = -p["c0"] * (1 - p["l0"] / (x * x + y * y) ** 0.5)
+        tension = -p["c0"] * (1 - p["l0"] / (x * x + y * y) ** 0.5)
         s2, c4, c6 = self.sin(q[1]), self.cos(q[3]), self.cos(q[5])
         f[0] = p["mom"] - p["m2"] * p["da"] * p["rr"] * v[1] * (v[1] + 2 * v[0]) * s2
         f[1] = p["m2"] * p["da"] * p["rr"] * v[0] ** 2 * s2
-        f[2] = pull * x * (p["sc"] * c - p["sd"] * s) + pull * y * (p["sd"] * c + p["sc"] * s)
+        f[2] = tension * x * (p["sc"] * c - p["sd"] * s) + tension * y * (p["sd"] * c + p["sc"] * s)
         f[3] = p["m4"] * p["zt"] * rod * v[4] ** 2 * c4
         f[4] = -p["m4"] * p["zt"] * rod * v[3] * (v[3] + 2 * v[4]) * c4
         f[5] = -p["m6"] * p["u"] * arm * v[6] ** 2 * c6
@@ -109,10 +109,10 @@ class Squeezer:
 
     def closures(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """The gaps g (6, n), G (6, 7, n) and Gdot v (6, n)."""
-        mine, found = self._to_P(CRANK, q, v), []
+        crank, found = self._to_P(CRANK, q, v), []
         for fixed, parts, _ in OTHERS:
             at, J, bend = self._to_P(parts, q, v)
-            found.append((mine[0] - at - np.array([self.p[x] for x in fixed]), mine[1] - J, mine[2] - bend))
+            found.append((crank[0] - at - np.array([self.p[x] for x in fixed]), crank[1] - J, crank[2] - bend))
         g, G, bias = (np.concatenate(x) for x in zip(*found, strict=True))
         return g, G, bias
 
@@ -124,9 +124,9 @@ class Squeezer:
     def start(self) -> Array:
         """The angles at the start, (7, n): Theta = 0, all closures closed."""
         q = np.array([self.zero + x for x in DATA["start"]["q"]])
-        others, still = [0, 2, 3, 4, 5, 6], 0 * q
+        others, at_rest = [0, 2, 3, 4, 5, 6], 0 * q
         for _ in range(8):
-            g, G, _ = self.closures(q, still)
+            g, G, _ = self.closures(q, at_rest)
             q[others] = q[others] - eliminate(np.concatenate([G[:, others], g[:, None]], axis=1))
         return q
 
@@ -156,10 +156,10 @@ def extrapolated(rate: Callable[[Array], Array], y: Array, H: float, columns: in
     table: list[Array] = []
     for j in range(1, columns + 1):
         n, h = 2 * j, H / (2 * j)
-        last, now = y, y + h * rate(y)
+        last, current = y, y + h * rate(y)
         for _ in range(n - 1):
-            last, now = now, last + 2 * h * rate(now)
-        row = [now]
+            last, current = current, last + 2 * h * rate(current)
+        row = [current]
         for k in range(1, j):
             row.append(row[k - 1] + (row[k - 1] - table[k - 1]) / ((j / (j - k)) ** 2 - 1))
         table = row
@@ -243,9 +243,9 @@ def markdown(found: Array) -> str:
 def main(steps: int = 250, names: Sequence[str] = tuple(NUMBERS), **options: float | str) -> dict[str, Array]:
     """Compute the derivatives twice, and print the number of common digits."""
     options = options or {"method": "pherk6", "step": 1.5e-5}
-    (y, derivatives), (own_y, own) = published(steps, names), computed(names, **options)
-    off = np.abs(own / derivatives - 1)
-    print(f"(q, v) at 0.03 s differ by {np.abs(y - own_y).max():.1e}")
+    (y, derivatives), (mbdae_y, mbdae_derivatives) = published(steps, names), computed(names, **options)
+    off = np.abs(mbdae_derivatives / derivatives - 1)
+    print(f"(q, v) at 0.03 s differ by {np.abs(y - mbdae_y).max():.1e}")
     print(f"derivatives differ by {off.max():.1e} of their size, in the median by {np.median(off):.1e}")
     return {"y": y, "derivatives": derivatives, "off": off}
 

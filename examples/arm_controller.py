@@ -2,7 +2,7 @@
 
 The hand holds the handle by a revolute joint, so arm and wheel form a loop. The controller ignores the loop: at 200 Hz
 it compensates the arm's weight and pulls the hand along the circle of the handle, tau = weight + J^T f, so that the
-wheel's angle follows a reference. Between two samples the torque is held.
+wheel's angle follows a reference. The torque is constant between two samples.
 
 Run: python examples/arm_controller.py
 """
@@ -40,7 +40,7 @@ def main(end: float = 4.0) -> mbdae.Solution:
     control = mbdae.Sampled(pull, rate=200.0, joints=ARM, name="pull")
     sol = mbdae.solve(mbdae.load("panda_handle", forces=[control]), (0, end), rtol=1e-6)
     for t in np.linspace(0, sol.t[-1], 9):
-        print(f"t = {t:4.2f} s   wheel {sol(t).q[iq]:7.3f} rad, wanted {reference(t)[0]:7.3f} rad")
+        print(f"t = {t:4.2f} s   wheel {sol(t).q[iq]:7.3f} rad, reference {reference(t)[0]:7.3f} rad")
     print(mbdae.drift(sol))
     return sol
 

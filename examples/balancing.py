@@ -1,9 +1,9 @@
 """The optimal counterweight of a slider-crank, compared with the closed form.
 
-A crank at constant speed shakes its bed. The rod is equivalent to two masses, at the crank pin and at the wrist pin:
-rotating masses are balanced by a counterweight, reciprocating ones only partly. Balancing half of the reciprocating
-mass minimises the sum of squares of both components of the force, for any ratio of crank and rod: the even harmonics
-due to the rod are out of reach of a mass that rotates with the crank.
+A crank at constant speed causes shaking forces on its bed. The rod is equivalent to two masses, at the crank pin and at
+the wrist pin: rotating masses are balanced by a counterweight, reciprocating ones only partly. Balancing half of the
+reciprocating mass minimises the sum of squares of both components of the force, for any ratio of crank and rod: the
+even harmonics due to the rod are out of reach of a mass that rotates with the crank.
 
 Run: python examples/balancing.py
 """
@@ -21,7 +21,7 @@ HINGE = 'joint = "revolute"\naxis = [0.0, -1.0, 0.0]'
 MACHINE = f"""
 title = "Slider-crank on its bed"
 gravity = [0.0, 0.0, 0.0]
-[[body]] # three directions, held by the closure: its multipliers are the force on the ground
+[[body]] # three translations, locked by the closure, whose multipliers are the force on the ground
 name = "bed"
 parent = "world"
 joint = "translation"
@@ -82,8 +82,8 @@ def shaking(signals) -> tuple[float, dict[str, np.ndarray]]:
 
 def main(points: int = 24) -> dict[str, float]:
     """Print the best counterweight and the closed form, and return both."""
-    turn = 2 * np.pi / SPEED
-    times = turn * np.arange(points) / points  # equal angles of one turn
+    period = 2 * np.pi / SPEED
+    times = period * np.arange(points) / points  # equal angles of one revolution
     with TemporaryDirectory() as folder:
         path = Path(folder, "machine.toml")
         path.write_text(MACHINE)
@@ -92,15 +92,15 @@ def main(points: int = 24) -> dict[str, float]:
             shaking,
             ["body.counterweight.mass"],
             bounds={"body.counterweight.mass": (0.0, 5.0)},
-            t_span=(0.0, turn),
+            t_span=(0.0, period),
             t_eval=times,
-            step=turn / (2 * points),
+            step=period / (2 * points),
         )
-    turning, sliding = ROD_MASS * (1 - COM / ROD), ROD_MASS * COM / ROD + BLOCK_MASS
-    closed = (turning + sliding / 2) * CRANK / ARM
+    rotating, reciprocating = ROD_MASS * (1 - COM / ROD), ROD_MASS * COM / ROD + BLOCK_MASS
+    closed = (rotating + reciprocating / 2) * CRANK / ARM
     mass = found.values["body.counterweight.mass"]
     print(found)
-    print(f"counterweight {mass:.9f} kg, closed form {closed:.9f} kg: all that turns and half of what slides")
+    print(f"counterweight {mass:.9f} kg, closed form {closed:.9f} kg: all rotating and half of the reciprocating mass")
     before, after = ((2 * x) ** 0.5 for x in (found.start.cost, found.cost))
     print(f"root mean square of the force on the ground {before:.4g} -> {after:.4g} N")
     return {"mass": mass, "closed": closed, "before": before, "after": after}

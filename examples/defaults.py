@@ -27,7 +27,7 @@ TOLERANCES = (1e-4, 1e-6, 1e-8)
 TARGETS = (1e-4, 1e-6)
 REFERENCE = ("project:pherk6", "project:herk5")
 WORK: dict[Work, str] = {"seconds": "time", "solves": "solves"}
-SHARES = (0.0, 0.5, 1.0)  # of the models: smallest, median, largest
+QUANTILES = (0.0, 0.5, 1.0)  # of the models: smallest, median, largest
 
 
 def studies(
@@ -40,7 +40,7 @@ def studies(
         with warnings.catch_warnings(action="ignore"):
             stiff = mbdae.solve(mech, (0, mech.duration)).stats.get("stiff")
         if stiff:
-            print(f"{model}: left out, stiff", flush=True)
+            print(f"{model}: omitted, stiff", flush=True)
             continue
         study = mbdae.compare(
             mech, methods=methods, formulations="project", rtol=tolerances, reference=REFERENCE, repeats=repeats
@@ -50,7 +50,7 @@ def studies(
             known = study.uncertainty["q"]
             print(f"{model}: {len(study.points)} runs, q known to {known:.1g}, {study.computed_by}", flush=True)
         else:
-            print(f"{model}: left out, its errors of q are below {study.floor():.1g}", flush=True)
+            print(f"{model}: omitted, its errors of q are below {study.floor():.1g}", flush=True)
     return out
 
 
@@ -63,7 +63,7 @@ def ratios(
         try:
             found = study.ranking(target, work=work)
         except InputError as e:
-            print(f"{model}: left out, {e}")
+            print(f"{model}: omitted, {e}")
             continue
         works = {p.method.rpartition(":")[2]: p.work for p in found if p.work}
         out[model] = {m: works[m] / min(works.values()) for m in methods if m in works}
@@ -97,12 +97,12 @@ def main(
         print("  worst            " + " ".join(f"{max(columns[m], default=np.nan):7.2f}" for m in methods))
         print("  not reached      " + " ".join(f"{len(by_model) - len(columns[m]):7d}" for m in methods))
     for what, name in (("at the end", "ends"), ("largest of 20 times", "errors")):
-        print(f"\nerror of q over rtol, {what}: least, median, largest over the models")
+        print(f"\nerror of q over rtol, {what}: smallest, median, largest over the models")
         for rtol in tolerances:
             cells = []
             for m in methods:
                 points = [p for s in result.values() for p in s.of(f"project:{m}") if p.rtol == rtol]
-                found = np.quantile([getattr(p, name)["q"] / rtol for p in points], SHARES) if points else ()
+                found = np.quantile([getattr(p, name)["q"] / rtol for p in points], QUANTILES) if points else ()
                 cells.append(f"{m} " + (" ".join(f"{x:.1g}" for x in found) or "-"))
             print(f"  rtol {rtol:g}: " + ", ".join(cells))
     return means

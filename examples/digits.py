@@ -37,8 +37,8 @@ class Digits(NamedTuple):
     error: float
 
 
-def beside(reached: dict[str, float], reference: str) -> list[Digits]:
-    """Lines for values, in the order of the printed ones."""
+def errors(reached: dict[str, float], reference: str) -> list[Digits]:
+    """Return a line for each value, in the order of the printed ones."""
     pairs = zip(reached.items(), reference.split(), strict=True)
     return [Digits(what, printed, abs(value - float(printed))) for (what, value), printed in pairs]
 
@@ -68,13 +68,13 @@ def car_axis() -> list[Digits]:
     """Car axis, t = 3 s, a mechanism whose base is driven."""
     sol = solve(load("car_axis"), (0, 3), method="pherk6", rtol=1e-11)
     at = [*sol.q[-1][2:], *sol.v[-1][2:], sol.lam[-1][1], sol.lam[-1][2] / 2]
-    return beside(dict(zip(CAR_NAMES, at, strict=True)), CAR)
+    return errors(dict(zip(CAR_NAMES, at, strict=True)), CAR)
 
 
 def car_axis_equations() -> list[Digits]:
     """Car axis, t = 3 s, its equations at velocity level."""
     sol = solve(TEXTBOOK["car_axis_equations"](), (0, 3), method="radau9", rtol=1e-9, atol=1e-9)
-    return beside(dict(zip(CAR_NAMES, [*sol.y[-1], *sol.z[-1]], strict=True)), CAR)
+    return errors(dict(zip(CAR_NAMES, [*sol.y[-1], *sol.z[-1]], strict=True)), CAR)
 
 
 def fekete() -> list[Digits]:
@@ -93,10 +93,10 @@ def andrews() -> list[Digits]:
     mech, data = load("andrews_squeezer"), json.loads((DATA / "andrews_squeezer.json").read_text())
     sol = solve(mech, (0, 0.03), method="pherk6", rtol=1e-12)
     order, lines = [data["coordinates"].index(name) for name in mech.joint_names], []
-    for key, said in (("end", "in quadruple precision"), ("end_published", "as published, PSIDE")):
+    for key, source in (("end", "in quadruple precision"), ("end_published", "as published, PSIDE")):
         for what, at in (("q", sol.q[-1]), ("v", sol.v[-1])):
             off = float(np.abs(at - np.array(data[key][what], float)[order]).max())
-            lines.append(Digits({"q": "7 angles, rad", "v": "7 rates, rad/s"}[what], said, off))
+            lines.append(Digits({"q": "7 angles, rad", "v": "7 rates, rad/s"}[what], source, off))
     found = drift(solve(mech, (0, 0.05), method="pherk5", rtol=1e-10))
     return [*lines, Digits("energy to 0.05 s, relative", "torque times angle", found.energy_relative)]
 
@@ -120,7 +120,7 @@ def bicycle() -> list[Digits]:
     )  # where it vanishes it cannot be distinguished from symmetries
     real = Chebyshev.fit(near, [max(x.real for x in roots(v) if abs(x.imag) < 1) for v in near], 9)
     capsize = brentq(real, 6.0, 6.1, xtol=1e-13)
-    speeds = beside({"weave speed, m/s": weave, "capsize speed, m/s": capsize}, "4.29238253634111 6.02426201538837")
+    speeds = errors({"weave speed, m/s": weave, "capsize speed, m/s": capsize}, "4.29238253634111 6.02426201538837")
     return [Digits("44 roots, 1/s", "in 14 decimals", float(off)), *speeds]
 
 
@@ -180,7 +180,7 @@ def bricard() -> list[Digits]:
 def governor() -> list[Digits]:
     """A05, a stiff flyball governor, t = 10 s."""
     sol = solve(load("flyball_governor"), (0, 10), method="radau5", rtol=1e-8)
-    return beside({"slider, m": sol.signals()["q.slider"][-1]}, "0.6196229")
+    return errors({"slider, m": sol.signals()["q.slider"][-1]}, "0.6196229")
 
 
 SLIDER = {  # crank's centre of mass from its axle in m: x at 0.1, 1, 2, 3 and 5 s
@@ -224,10 +224,10 @@ def equation_of_motion(centre: float) -> np.ndarray:
 def spatial_slider_crank(centre: float) -> list[Digits]:
     """Slider and crank at five times, and the error of the equation of motion in one coordinate."""
     sol = solve(load("spatial_slider_crank", centre=centre), (0, 5), method="pherk6", rtol=1e-11, t_eval=TIMES)
-    lines = beside({f"x({t:g}), m": x for t, x in zip(TIMES, sol.signals()["q.slider"], strict=True)}, SLIDER[centre])
+    lines = errors({f"x({t:g}), m": x for t, x in zip(TIMES, sol.signals()["q.slider"], strict=True)}, SLIDER[centre])
     angles = sol.signals()["q.crank"]
     if centre:
-        lines += beside({f"crank({t:g}), rad": a for t, a in zip(TIMES, angles, strict=True)}, CRANK)
+        lines += errors({f"crank({t:g}), rad": a for t, a in zip(TIMES, angles, strict=True)}, CRANK)
     off = np.abs(equation_of_motion(centre) - [angles, sol.signals()["q.slider"]]).max()
     return [*lines, Digits("both, at all times", "equation of motion", float(off))]
 
@@ -264,7 +264,7 @@ def cart_pole() -> list[Digits]:
     angle = -brentq(lambda a: quarter_swing(1e-6, a) - min(back, 2 * swing - back), 0.1, np.pi / 2, xtol=1e-15)
     reached = {"quarter swing, s": first, "theta(10), rad": np.arctan2(x - cart, -z)}
     off = max(abs(swing - reached["quarter swing, s"]), abs(angle - reached["theta(10), rad"]))
-    return [*beside(reached, "0.4515245356816589 -1.5491294418948283"), Digits("both", "quadrature", float(off))]
+    return [*errors(reached, "0.4515245356816589 -1.5491294418948283"), Digits("both", "quadrature", float(off))]
 
 
 ALL = (

@@ -1,6 +1,6 @@
 """The torque of a press over its crank angle, and the motor that it needs.
 
-The block of a slider-crank presses with 800 N over the last 20 mm of its stroke. Inverse dynamics of one turn at
+The block of a slider-crank presses with 800 N over the last 20 mm of its stroke. Inverse dynamics of one revolution at
 constant speed gives peak and RMS of the torque; from a list of motors and gears, the first with sufficient torques at
 the speed is chosen.
 
@@ -27,17 +27,17 @@ def pressing(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def main(speed: float = 6.0, plot: str | Path | None = None) -> dict[str, float | str]:
     """Print torque, power and the motor, and return them."""
     mech = mbdae.load("slider_crank", forces=[pressing])
-    turn = mbdae.kinematics(mech, "crank", points=721)
-    found = mbdae.inverse_dynamics(mech, turn, speed=speed)
+    curve = mbdae.kinematics(mech, "crank", points=721)
+    found = mbdae.inverse_dynamics(mech, curve, speed=speed)
     print(found)
     demand = found.demands[0]
-    fits = (
+    suitable = (
         (name, gear)
         for name, (rated, peak, most) in MOTORS.items()
         for gear in GEARS
         if demand.rms <= gear * rated and demand.peak <= gear * peak and speed * gear <= most
     )
-    motor, gear = next(fits)
+    motor, gear = next(suitable)
     print(f"motor {motor} with a gear of {gear}: {demand.peak / gear:.3g} N m at {speed * gear:g} rad/s")
     if plot:
         from mbdae.studies import figures

@@ -16,7 +16,7 @@ LEGS = [f"piston_{i}" for i in range(1, 7)]
 LOW, HIGH = 0.1, 0.5  # strokes of the legs, m
 
 
-def held(mech: mbdae.Mechanism, x: float, z: float, yaw: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def strokes_and_rows(mech: mbdae.Mechanism, x: float, z: float, yaw: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Strokes of the legs (6,), and all rows with the pistons locked (24, 24), for a pose of the platform."""
     pose = (x, 0.0, z, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
     q, _ = mech.assemble(q={"platform": pose})
@@ -32,23 +32,25 @@ def main(n: int = 13) -> dict[str, float]:
     for z in np.linspace(1.0, 0.5, n):
         line = ""
         for x in np.linspace(-0.5, 0.5, 2 * n):
-            strokes, rows = held(mech, x, z)
+            strokes, rows = strokes_and_rows(mech, x, z)
             inside = strokes.min() >= LOW and strokes.max() <= HIGH
             sizes = np.linalg.svd(rows, compute_uv=False)
             line += str(min(9, int(200 * sizes[-1] / sizes[0]))) if inside else "."
             reached += inside
             worst = min(worst, sizes[-1] / sizes[0] if inside else np.inf)
         print(f"z = {z:.2f} m  {line}")
-    print(f"{reached} of {2 * n * n} places are reached; digits grow with how well the legs hold the platform")
-    angle = brentq(lambda yaw: np.linalg.slogdet(held(mech, 0.0, 0.7, yaw)[1])[0] * _margin(mech, yaw), 0.5, 2.0)
-    print(f"turned by {np.degrees(angle):.6g} degrees, the legs do not hold it any more")
+    print(f"{reached} of {2 * n * n} positions are reachable; larger digits are farther from singular poses")
+    angle = brentq(
+        lambda yaw: np.linalg.slogdet(strokes_and_rows(mech, 0.0, 0.7, yaw)[1])[0] * _margin(mech, yaw), 0.5, 2.0
+    )
+    print(f"rotated by {np.degrees(angle):.6g} degrees, the platform is singular")
     curve = mbdae.kinematics(mech, LEGS[0], hold=LEGS[1:])
     print(curve)
     return {"reached": reached, "worst": float(worst), "angle": angle, "dead_points": len(curve.dead_points)}
 
 
 def _margin(mech: mbdae.Mechanism, yaw: float) -> float:
-    return float(np.linalg.svd(held(mech, 0.0, 0.7, yaw)[1], compute_uv=False)[-1])
+    return float(np.linalg.svd(strokes_and_rows(mech, 0.0, 0.7, yaw)[1], compute_uv=False)[-1])
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Tolerances of links and the largest reaction force of a slider-crank, by a thousand runs.
 
-Crank and rod of the model slider_crank are a little longer or shorter than nominal, the rail a little higher or lower,
-and the rod a little heavier or lighter: normal distributions. Each run takes the crank through about four turns; its
+Crank and rod of the model slider_crank have lengths, the rail a height, and the rod a mass that deviate from the
+nominal values by normal distributions. Each run takes the crank through about four turns; its
 result is the largest force in the wrist pin.
 
 Run: python examples/tolerance_sweep.py [number of runs]
@@ -46,9 +46,9 @@ def main(
     print(f"5, 50 and 95 per cent of the runs stay below {', '.join(f'{x:.4f}' for x in quantiles)} N")
     print(f"\n{'':24}{'correlation':>14}{'N per std':>14}")
     scaled = np.column_stack([(result[name] - at) / std for name, (_, at, std) in LINKS.items()])
-    slopes = np.linalg.lstsq(np.column_stack([np.ones(n), scaled]), force, rcond=None)[0][1:]
-    for (words, _, _), x, slope in zip(LINKS.values(), scaled.T, slopes, strict=True):
-        print(f"{words:24}{np.corrcoef(x, force)[0, 1]:14.3f}{slope:14.4f}")
+    sensitivities = np.linalg.lstsq(np.column_stack([np.ones(n), scaled]), force, rcond=None)[0][1:]
+    for (words, _, _), x, sensitivity in zip(LINKS.values(), scaled.T, sensitivities, strict=True):
+        print(f"{words:24}{np.corrcoef(x, force)[0, 1]:14.3f}{sensitivity:14.4f}")
     if plot:
         result.plot(plot)
     return result

@@ -142,15 +142,15 @@ def test_motions_along_closed_branches(script):
         truth = branches.Truth(branch, 0.7, 1.0)
         sol = mbdae.solve(branch.mech, (0, 0.1), *truth.at(0), method="pherk6", rtol=1e-11, project=True)
         q, v = truth.at(0.1)
-        assert np.abs(branch.apart(sol.q[-1], q)).max() < 1e-9, kind
+        assert np.abs(branch.difference(sol.q[-1], q)).max() < 1e-9, kind
         np.testing.assert_allclose(sol.v[-1], v, atol=1e-8, err_msg=kind)
         np.testing.assert_allclose(sol.lam[-1], truth.forces(0.1)[0], atol=1e-6, err_msg=kind)
         energy = [sum(branch.mech.energy(*truth.at(t))) for t in np.linspace(0, 1, 20)]
         assert np.ptp(energy) < 1e-7, kind
         gaps = [np.abs(branch.mech.residual(*truth.at(t))).max() for t in np.linspace(0, 1, 20)]
         assert max(gaps) < 1e-9, kind
-        assert branch.off(q) < 1e-12, kind
-        assert branch.off(q + 0.05 * np.arange(1, len(q) + 1)) > 0.01, kind
+        assert branch.distance(q) < 1e-12, kind
+        assert branch.distance(q + 0.05 * np.arange(1, len(q) + 1)) > 0.01, kind
 
 
 def test_the_cheapest_run_below_an_error_counts(script):

@@ -36,7 +36,7 @@ class Case(NamedTuple):
     count: int
 
 
-def roots_of_turns(value: Callable[[float], Any], degree: int) -> Array | None:
+def real_angles(value: Callable[[float], Any], degree: int) -> Array | None:
     """Real roots in (-pi, pi] of a trigonometric polynomial; None if some are too close to be counted."""
     n = 2 * degree + 2
     samples = np.array([value(2 * np.pi * k / n) for k in range(n)])
@@ -55,8 +55,8 @@ def platform(seed: int, hinges: bool = False, scale: float = 1.0) -> Case | None
     rng = np.random.default_rng(seed)
     ground, corners = rng.uniform(-2, 2, (3, 2)), rng.uniform(-1, 1, (3, 2))
     at, theta = rng.uniform(-1, 1, 2), rng.uniform(-np.pi, np.pi)
-    legs = np.linalg.norm(at + corners @ turn(theta).T - ground, axis=1)
-    found = roots_of_turns(lambda x: _legs_close(x, ground, corners, legs), 3)
+    legs = np.linalg.norm(at + corners @ rotation(theta).T - ground, axis=1)
+    found = real_angles(lambda x: _legs_close(x, ground, corners, legs), 3)
     if found is None:
         return None
     make = _platform_of_legs if hinges else _platform
@@ -64,8 +64,8 @@ def platform(seed: int, hinges: bool = False, scale: float = 1.0) -> Case | None
     return Case(mech, drive, None, len(found))
 
 
-def turn(theta: float) -> Array:
-    """The rotation by an angle in the plane."""
+def rotation(theta: float) -> Array:
+    """Return the rotation matrix of an angle in the plane."""
     return np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
 
 
@@ -75,7 +75,7 @@ def _legs_close(theta: float, ground: Array, corners: Array, legs: Array) -> flo
     |p + e_i|^2 = L_i^2 with e_i = R (b_i - b_0) - (a_i - a_0): minus |p|^2 = L_0^2 they are linear in p, A p = b with
     D = det A.
     """
-    e = (corners[1:] - corners[0]) @ turn(theta).T - (ground[1:] - ground[0])
+    e = (corners[1:] - corners[0]) @ rotation(theta).T - (ground[1:] - ground[0])
     A, b = 2 * e, legs[1:] ** 2 - legs[0] ** 2 - (e**2).sum(axis=1)
     D = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
     p = np.array([A[1, 1] * b[0] - A[0, 1] * b[1], A[0, 0] * b[1] - A[1, 0] * b[0]])
@@ -98,7 +98,7 @@ def _platform(ground: Array, corners: Array, legs: Array, at: Array, theta: floa
 def _platform_of_legs(ground: Array, corners: Array, legs: Array, at: Array, theta: float) -> tuple[Mechanism, str]:
     model, guess, holds = pin.Model(), {}, []
     for i in range(3):
-        span = at + turn(theta) @ corners[i] - ground[i]
+        span = at + rotation(theta) @ corners[i] - ground[i]
         angle = np.arctan2(span[1], span[0])
         place = pin.SE3(np.eye(3), np.append(ground[i], 0.0))
         hinge = model.addJoint(0, pin.JointModelRZ(), place, f"hinge_{i}")
@@ -187,7 +187,7 @@ def wrist(seed: int) -> Case | None:
         found = np.linalg.solve(B, [squares, height])
         return float(found @ found - (w @ w - along**2))
 
-    elbows = roots_of_turns(misses, 2)
+    elbows = real_angles(misses, 2)
     if elbows is None:
         return None
     start = Start(q={"drive": 0.0}, guess=dict(zip(list(model.names)[1:7], angles.tolist(), strict=True)))
@@ -222,19 +222,19 @@ class Outcome(NamedTuple):
     cases: int
     counts: dict[int, int]
     missed: list[tuple[int, int, int]]  # seed, modes found, true number
-    said: int  # of those, by a line "doubtful"
+    reported: int  # of those, by a line "doubtful"
     surplus: list[tuple[int, int, int]]
 
     def __str__(self) -> str:
         there = ", ".join(f"{n} modes {k} times" for n, k in sorted(self.counts.items()))
-        text = f"{self.cases} cases ({there}): {len(self.missed)} undercounted, {self.said} of them said"
+        text = f"{self.cases} cases ({there}): {len(self.missed)} undercounted, {self.reported} of them reported"
         return f"{text}, {len(self.surplus)} overcounted"
 
 
 def ensemble(family: str, cases: int, first: int = 0) -> Outcome:
     """Search the assembly modes of random mechanisms of a family, and compare their number with the known one."""
     counts: dict[int, int] = {}
-    missed, surplus, said, seed = [], [], 0, first
+    missed, surplus, reported, seed = [], [], 0, first
     while sum(counts.values()) < cases:
         case, seed = FAMILIES[family](seed), seed + 1
         if case is None:  # modes too close to each other to be counted
@@ -243,10 +243,10 @@ def ensemble(family: str, cases: int, first: int = 0) -> Outcome:
         counts[case.count] = counts.get(case.count, 0) + 1
         if found < case.count:
             missed.append((seed - 1, found, case.count))
-            said += doubtful
+            reported += doubtful
         elif found > case.count:
             surplus.append((seed - 1, found, case.count))
-    return Outcome(cases, counts, missed, said, surplus)
+    return Outcome(cases, counts, missed, reported, surplus)
 
 
 def search(case: Case) -> tuple[int, bool]:

@@ -35,7 +35,7 @@ class Branch(NamedTuple):
         jet: parameters (k,) -> q (nq,), T = dq/ds (nq,), T' (nq,).
         flow: parameters (k,) -> their derivatives by s, (k,).
         project: q (nq,) -> parameters of a point of the branch close to q, (k,).
-        turns: which coordinates are angles, (nq,).
+        angular: mask of the coordinates that are angles, (nq,).
     """
 
     mech: mbdae.Mechanism
@@ -43,43 +43,43 @@ class Branch(NamedTuple):
     jet: Callable[[Array], tuple[Array, Array, Array]]
     flow: Callable[[Array], Array]
     project: Callable[[Array], Array]
-    turns: Array
+    angular: Array
 
-    def apart(self, a: Array, b: Array) -> Array:
+    def difference(self, a: Array, b: Array) -> Array:
         """Differences a - b of configurations, (..., nq), angles within half a turn."""
         d = a - b
-        return d - 2 * np.pi * np.round(d / (2 * np.pi)) * self.turns
+        return d - 2 * np.pi * np.round(d / (2 * np.pi)) * self.angular
 
-    def off(self, q: Array) -> float:
+    def distance(self, q: Array) -> float:
         """Distance of q (nq,) from the branch in rad or m: the largest component after two Gauss-Newton steps."""
         p, best = self.project(q), np.inf
         for _ in range(4):
             at, T, _ = self.jet(p)
-            d = self.apart(q, at)
+            d = self.difference(q, at)
             best = min(best, float(np.abs(d).max()))
             p = p + self.flow(p) * float(T @ d) / float(T @ T)
         return best
 
 
-def differences(path: Callable[[Array], Array], turns: Array, p: Array) -> tuple[Array, Array, Array]:
+def differences(path: Callable[[Array], Array], angular: Array, p: Array) -> tuple[Array, Array, Array]:
     """q, T and T' of a path s (m,) -> q (m, nq) at p = (s,) by central differences."""
     q = path(p[0] + H * OFFSETS)
     d = q - q[3]
-    d -= 2 * np.pi * np.round(d / (2 * np.pi)) * turns
+    d -= 2 * np.pi * np.round(d / (2 * np.pi)) * angular
     return q[3], FIRST @ d / H, SECOND @ d / H**2
 
 
-def on_path(mech: mbdae.Mechanism, path: Callable[[Array], Array], turns: Array, start: float) -> Branch:
+def on_path(mech: mbdae.Mechanism, path: Callable[[Array], Array], angular: Array, start: float) -> Branch:
     """A branch s -> q in closed form with a period of at most four half turns; the nearest s is found on a grid."""
     grid = np.linspace(0, 4 * np.pi, 1441) + 1e-3  # not where bars are in line
     poses = path(grid)
 
     def nearest(q: Array) -> Array:
         d = q - poses
-        d -= 2 * np.pi * np.round(d / (2 * np.pi)) * turns
+        d -= 2 * np.pi * np.round(d / (2 * np.pi)) * angular
         return grid[[int(np.abs(d).max(axis=1).argmin())]]
 
-    return Branch(mech, np.array([start]), partial(differences, path, turns), np.ones_like, nearest, turns)
+    return Branch(mech, np.array([start]), partial(differences, path, angular), np.ones_like, nearest, angular)
 
 
 # -- mechanisms ----------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def four_bar(bars: Array, gravity: float, title: str) -> mbdae.Mechanism:
 
 
 def quadrilateral(bars: Array, sign: float, s: Array) -> Array:
-    """Coordinates (m, 3) of a four-bar (ground, crank, coupler, rocker) whose shortest bars turn by s at a corner.
+    """Coordinates (m, 3) of a four-bar (ground, crank, coupler, rocker) whose shortest bars rotate by s at a corner.
 
     The corner is at the shortest bar, which revolves where the lengths have s + l <= p + q. Twice the area of the
     triangle across it is a product of two roots; at a double zero of a factor, its root is the sine or cosine of s / 2,
@@ -131,14 +131,14 @@ def quadrilateral(bars: Array, sign: float, s: Array) -> Array:
 
 
 def folded_kite(bars: Array, s: Array) -> Array:
-    """Coordinates (m, 3) of a kite whose corners between equal bars coincide: two bars turn by s, the others rest."""
+    """Coordinates (m, 3) of a kite whose corners between equal bars coincide: two bars rotate by s, the others rest."""
     g, a = bars[:2]
     columns = (0 * s, s, s) if np.isclose(g, a) else (s, np.pi + 0 * s, np.pi + 0 * s)
     return np.stack(columns, axis=1)
 
 
 def rows(mech: mbdae.Mechanism, s: Array) -> Array:
-    """Parallel cranks at s and couplers that do not turn, (m, nq)."""
+    """Parallel cranks at s and couplers that do not rotate, (m, nq)."""
     return np.stack([s if n.startswith("crank") else -s for n in mech.joint_names], axis=1)
 
 
@@ -167,8 +167,8 @@ def bricard(gravity: float, r1: float, folded: bool) -> Branch:
     def jet(p: Array) -> tuple[Array, Array, Array]:
         (s1, s2), (c1, c2) = np.sin(p), np.cos(p)
         f = flow(p)
-        slope = np.array([[c2 * c1, -s2 * (1 + s1)], [-s1 * (1 - s2), -c1 * c2]])
-        return p @ signs, f @ signs, slope @ f @ signs
+        partials = np.array([[c2 * c1, -s2 * (1 + s1)], [-s1 * (1 - s2), -c1 * c2]])
+        return p @ signs, f @ signs, partials @ f @ signs
 
     def project(q: Array) -> Array:
         p = q[:2].copy()
@@ -198,11 +198,9 @@ class Truth:
         self.model, self.data = mech.model, mech.model.createData()
         self.closures = mech.system().closures
         start = np.append(branch.start, rate)
-        self.path = solve_ivp(
-            self._slope, (0, end), start, "DOP853", rtol=rtol, atol=1e-2 * rtol, dense_output=True
-        ).sol
+        self.path = solve_ivp(self._rate, (0, end), start, "DOP853", rtol=rtol, atol=1e-2 * rtol, dense_output=True).sol
 
-    def _slope(self, t: float, y: Array) -> Array:
+    def _rate(self, t: float, y: Array) -> Array:
         p, rate = y[:-1], y[-1]
         q, T, bend = self.branch.jet(p)
         M = pin.crba(self.model, self.data, q)
@@ -223,13 +221,13 @@ class Truth:
         """
         y = self.path(t)
         q, T, bend = self.branch.jet(y[:-1])
-        vdot = T * self._slope(t, y)[-1] + bend * y[-1] ** 2
+        vdot = T * self._rate(t, y)[-1] + bend * y[-1] ** 2
         force = pin.rnea(self.model, self.data, q, T * y[-1], vdot)
         M = pin.crba(self.model, self.data, q)
         U = np.linalg.cholesky(np.triu(M) + np.triu(M, 1).T)
         G, rank = self.closures(q)[1], self.model.nv - 1
         sizes = np.linalg.svd(np.linalg.solve(U, G.T), compute_uv=False)
-        left, own, right = np.linalg.svd(G, full_matrices=False)
+        left, singular_values, right = np.linalg.svd(G, full_matrices=False)
         with np.errstate(divide="ignore", invalid="ignore"):
-            lam = left[:, :rank] @ (right[:rank] @ force / own[:rank])
+            lam = left[:, :rank] @ (right[:rank] @ force / singular_values[:rank])
         return lam, float(sizes[rank - 1] / sizes[0])

@@ -115,7 +115,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Run]:
         for name, r in sorted(found.items())
     ]
     print(machine("mujoco", "exudyn") + "\n")
-    print(table(["block with friction, 14 s", "error of where it stops, m", "creep in 5 s, m", "ms"], rows))
+    print(table(["block with friction, 14 s", "error of the final position, m", "creep in 5 s, m", "ms"], rows))
     return found
 
 

@@ -1,6 +1,6 @@
 """Cost of value and gradient of a cost function, and of tangents, in runs: Andrews' mechanism, 50 of its parameters.
 
-Runs are timed in turn with gradients, and with tangents, each of which includes a run; the cost beyond the run is
+Runs are timed alternately with gradients, and with tangents, each of which includes a run; the cost beyond the run is
 reported, too. Parameters are bound to a mechanism once, and derivatives of a start are computed once, in the first
 call, which is timed separately.
 """
@@ -52,8 +52,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
     for k in COUNTS:  # separately: a mechanism is bound to the parameters of the last call
         mbdae.sensitivity(sol, names[:k])
         work = {"run": lambda: timed(run), "k": lambda k=k: timed(lambda: mbdae.sensitivity(run(), names[:k]))}
-        beside = medians(work, repeats)
-        found[f"{k} tangents"] = beside["k"] / beside["run"] * found["run"]
+        alternating = medians(work, repeats)
+        found[f"{k} tangents"] = alternating["k"] / alternating["run"] * found["run"]
     about = f"{len(names)} parameters, {len(sol.t) - 1} steps of {sol.settings['method']}, rtol {RTOL:g}"
     print(f"{machine()}\n\n{about}\n")
     of_run = found["run"]

@@ -1,7 +1,7 @@
 """Growth of the cost of default runs with the mechanism: assembly, start and projected steps of N four-bars in a row.
 
-In the unequal row the pivots are moved by 5 cm in turn: no symmetry keeps the loops closed, and every step projects.
-The start is a run over 1e-7 s; a step is the longer run without the start, over its steps.
+In the unequal row the pivots are displaced alternately by 5 cm: no symmetry keeps the loops closed, and every step
+projects. The start is a run over 1e-7 s; a step is the longer run without the start, over its steps.
 
 Run: python examples/benchmarks/growth.py [--brief]
 """
@@ -16,18 +16,18 @@ from scaling import exponent
 import mbdae
 
 SIZES = (10, 30, 100, 300)
-MOVED = 0.05  # m
+OFFSET = 0.05  # m
 END = 0.2  # s: before the first singular configuration
 REPEATS = 3  # the shortest counts
 PARTS = ("assembly", "start", "step")
 
 
 def unequal(N: int) -> mbdae.Mechanism:
-    """Return a row of four-bars whose pivots are moved in turn."""
+    """Return a row of four-bars whose pivots are displaced alternately."""
     equal = mbdae.load("n_four_bar", N=N)
     model = equal.model.copy()
     for i in range(N + 1):
-        model.jointPlacements[model.getJointId(f"crank_{i}")].translation[0] += MOVED * (-1) ** i
+        model.jointPlacements[model.getJointId(f"crank_{i}")].translation[0] += OFFSET * (-1) ** i
     return mbdae.Mechanism(model, equal.closures, title=f"Row of unequal four-bars, N = {N}")
 
 
@@ -57,8 +57,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, dict[int, dict[str, flo
     print(machine() + "\n")
     header = ["N, ms", *(f"{part}, {name}" for name in rows for part in PARTS)]
     lines = [[str(N), *(digits(1e3 * measured[r][N][p]) for r in rows for p in PARTS)] for N in sizes]
-    slopes = [exponent({N: t[p] for N, t in measured[r].items()}) for r in rows for p in PARTS]
-    lines.append(["exponent", *("-" if s is None else f"{s:.2f}" for s in slopes)])
+    exponents = [exponent({N: t[p] for N, t in measured[r].items()}) for r in rows for p in PARTS]
+    lines.append(["exponent", *("-" if s is None else f"{s:.2f}" for s in exponents)])
     print(table(header, lines))
     return measured
 

@@ -79,9 +79,9 @@ def judge(c: Case, sol: mbdae.Solution) -> tuple[list[str], int, str]:
     chosen = np.union1d(chosen, np.arange(max(0, len(sol.t) - 20), len(sol.t)))
     times, near = sol.t[chosen], c.truth.branch
     true, changed = ([f.at(t) for t in times] for f in (c.truth, c.changed))
-    error = np.array([np.abs(near.apart(sol.q[i], x[0])).max() for i, x in zip(chosen, true, strict=True)])
-    growth = np.array([np.abs(near.apart(x[0], y[0])).max() for x, y in zip(changed, true, strict=True)]) / CHANGE
-    off = max((near.off(sol.q[i]) for i, e in zip(chosen, error, strict=True) if not e <= NEAR), default=0.0)
+    error = np.array([np.abs(near.difference(sol.q[i], x[0])).max() for i, x in zip(chosen, true, strict=True)])
+    growth = np.array([np.abs(near.difference(x[0], y[0])).max() for x, y in zip(changed, true, strict=True)]) / CHANGE
+    off = max((near.distance(sol.q[i]) for i, e in zip(chosen, error, strict=True) if not e <= NEAR), default=0.0)
     found = {"q": _worst(np.where(np.isnan(error), np.inf, error), growth, c.rtol)}
     found["branch"] = off, 2 * int(not off <= NEAR)
     samples = np.array([c.truth.forces(t)[1] for t in np.linspace(0, times[-1], 400)])

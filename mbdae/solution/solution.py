@@ -240,7 +240,7 @@ class Solution(DenseOutput, Tabular):
             InputError: for another format, or an unwritable path.
         """
         figure = lazy_import("mbdae.studies.solve.figure", "motion")(self, names)
-        return lazy_import("mbdae.studies.figures", "given")(figure, path)
+        return lazy_import("mbdae.studies.figures", "save_if_path")(figure, path)
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.

@@ -1,4 +1,4 @@
-"""Figures drawn from results; the files ``figures*.py`` are the only ones that import matplotlib.
+"""Figures drawn from results; only this file and ``figure.py`` of each study import matplotlib.
 
 Every figure uses the same colour and marker for a method, and the same line style for a formulation; axes have units;
 legends are next to the data. They are designed for a page 18 cm wide, and are readable in greyscale.
@@ -61,24 +61,27 @@ STYLES = {  # a hue for a family, a shade and a marker for a method
     "dop853": ("#000000", "P"),
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
-OTHER = ("#17becf", "d")
-NAMES = {  # quantities with a unit
-    "rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "turning rates", "m/s": "speeds", "J": "energies",
-    "N": "forces", "N m": "torques", "W": "powers", "rad/s^2": "angular accelerations", "m/s^2": "accelerations",
-    "kg m/s": "momentum", "kg m^2/s": "angular momentum", "m, rad": "gaps", "m/s, rad/s": "rates of gaps", "": "states",
+DEFAULT_STYLE = ("#17becf", "d")
+QUANTITY_NAMES = {  # by unit
+    "rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "angular velocities", "m/s": "speeds",
+    "J": "energies", "N": "forces", "N m": "torques", "W": "powers", "rad/s^2": "angular accelerations",
+    "m/s^2": "accelerations", "kg m/s": "momentum", "kg m^2/s": "angular momentum", "m, rad": "residuals",
+    "m/s, rad/s": "residual rates", "": "states",
 }  # fmt: skip
 PATTERNS = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
-FEW = 4.0  # an axis with a smaller ratio of limits may contain one multiple of a power of ten, or none
-LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-."}
+SHORT_AXIS = 4.0  # ratio of limits below which an axis may contain at most one multiple of a power of ten
+FORMULATION_LINES: dict[str, Any] = {
+    "": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-.",
+}  # fmt: skip
 
 
 def line_style(name: str) -> dict[str, Any]:
     """Return colour, marker and line style of a method in a formulation, ``"pherk5"`` or ``"ggl:pherk5"``."""
     prefix, _, method = name.rpartition(":")
-    colour, marker = STYLES.get(method, OTHER)
+    colour, marker = STYLES.get(method, DEFAULT_STYLE)
     face = colour if not prefix else "white"
-    line = LINES[prefix.partition("=")[0]]
+    line = FORMULATION_LINES[prefix.partition("=")[0]]
     return {"color": colour, "marker": marker, "markerfacecolor": face, "linestyle": line}
 
 
@@ -98,29 +101,29 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def fixed_layout(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
-    """Like `styled`, with a fixed layout: a figure is the same however often it is written."""
+    """Like `styled`, with the layout computed once, so that repeated saves give identical files."""
 
     @wraps(draw)
     def inner(*args: P.args, **kwargs: P.kwargs) -> "Figure":
         figure = draw(*args, **kwargs)
         for _ in range(2):
-            figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]  # that of `sheet`
+            figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]  # set by `empty_figure`
         figure.set_layout_engine("none")
         return figure
 
     return styled(inner)
 
 
-def sheet(width: float, height: float) -> "Figure":
+def empty_figure(width: float, height: float) -> "Figure":
     """Return an empty figure, in inches, with room for legends outside its axes and a notebook representation."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    class Sheet(Figure):
+    class NotebookFigure(Figure):
         def _repr_svg_(self) -> str:
             return svg(self).decode()
 
-    return Sheet(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
+    return NotebookFigure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
 
 
 def escaped(text: str) -> str:
@@ -129,16 +132,18 @@ def escaped(text: str) -> str:
 
 
 def logarithmic(axis: "Axis", labels: int = 9) -> None:
-    """Make an axis logarithmic with at most so many labels, at powers of ten, or others on a short axis."""
+    """Make an axis logarithmic with at most ``labels`` labels: at powers of ten, or also in between on a short axis."""
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator
 
     class Minor(LogLocator):
-        """Multiples of powers of ten; if there are too few, some round numbers, if their labels fit."""
+        """Multiples of powers of ten; round numbers instead if there are too few of them."""
 
         def tick_values(self, vmin: float, vmax: float) -> Any:
-            few = vmin > 0 and vmax < FEW * vmin
+            short = vmin > 0 and vmax < SHORT_AXIS * vmin
             return (
-                MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(vmin, vmax) if few else super().tick_values(vmin, vmax)
+                MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(vmin, vmax)
+                if short
+                else super().tick_values(vmin, vmax)
             )
 
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})  # type: ignore[attr-defined]
@@ -147,7 +152,7 @@ def logarithmic(axis: "Axis", labels: int = 9) -> None:
     axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(1.3, 0.4)))
 
 
-def own_style(i: int) -> dict[str, Any]:
+def curve_style(i: int) -> dict[str, Any]:
     """Return colour and line style of the i-th of several curves."""
     colour = COLOURS[i % len(COLOURS)]
     return {"color": colour, "markerfacecolor": colour, "linestyle": PATTERNS[i % len(PATTERNS)]}
@@ -158,7 +163,7 @@ def positive(values: np.ndarray) -> np.ndarray:
     return np.where(values > 0, values, np.nan)
 
 
-def beside(ax: "Axes", **options: Any) -> None:
+def legend_right(ax: "Axes", **options: Any) -> None:
     """Add a legend to the right of the axes, at the top."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), borderaxespad=0.0, **options)
 
@@ -170,12 +175,12 @@ def save(figure: "Figure", path: str | Path) -> None:
     Raises:
         InputError: for another format or an unwritable path.
     """
-    check(path)
+    check_format(path)
     with atomic_write(path) as temporary:
         figure.savefig(temporary, metadata=_undated(Path(path).suffix))
 
 
-def given(figure: "Figure", path: str | Path | None) -> "Figure":
+def save_if_path(figure: "Figure", path: str | Path | None) -> "Figure":
     """Return a figure, saved if a path is given, see `save`."""
     if path is not None:
         save(figure, path)
@@ -190,7 +195,7 @@ def svg(figure: "Figure") -> bytes:
     return file.getvalue()
 
 
-def check(path: str | Path) -> None:
+def check_format(path: str | Path) -> None:
     """Reject a path that is not a figure format.
 
     Raises:
@@ -201,5 +206,5 @@ def check(path: str | Path) -> None:
 
 
 def _undated(suffix: str) -> dict[str, None]:
-    """Return metadata without a date: the same figure gives the same file."""
+    """Return metadata without a date, so that the same figure gives the same file."""
     return {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})

@@ -1,4 +1,4 @@
-"""A method in a formulation, as a line of a comparison, and its notation.
+"""A method in a formulation, as compared in studies, and its notation.
 
 ``pherk5`` enforces closures at velocity level (index 2); ``project:pherk5`` also projects the state onto g = 0, G v = 0
 after each step; ``ggl:radau5`` enforces closures at both levels; ``index1:dop853`` integrates accelerations,
@@ -17,7 +17,7 @@ from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_from_settings
 from ..solution.solution import Problem
 
-NEUTRAL = "pherk6"  # represents any half-explicit method
+PLACEHOLDER = "pherk6"  # replaced by a custom tableau
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
 
 
@@ -52,7 +52,7 @@ class Variant:
 
         Raises:
             UnknownNameError: for an unknown formulation or method.
-            InputError: for invalid numbers.
+            InputError: for an invalid alpha or beta.
         """
         prefix, _, method = text.rpartition(":")
         if prefix in ("", "index2"):
@@ -81,7 +81,7 @@ class Variant:
         return f"{self.prefix}:{self.name}" if self.prefix else self.name
 
     def arguments(self) -> dict[str, Any]:
-        """The corresponding arguments of `mbdae.solve`."""
+        """Return the corresponding arguments of `mbdae.solve`."""
         rest = {"project": self.project, "baumgarte": self.baumgarte}
         return {"method": self.method, "formulation": self.formulation, **rest}
 
@@ -94,30 +94,32 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
         UnknownNameError: for an unknown formulation or method.
     """
     out: list[Variant] = []
-    before = as_list(formulations or "index2", "formulations is a list of names")
+    prefixes = as_list(formulations or "index2", "formulations is a list of names")
     for m in as_list(methods, "methods is a list of names"):
         if isinstance(m, Variant):
             out.append(m)
         elif isinstance(m, Tableau):
-            out += [replace(Variant.parse(f"{f}:{NEUTRAL}"), method=m) for f in before]
+            out += [replace(Variant.parse(f"{f}:{PLACEHOLDER}"), method=m) for f in prefixes]
         elif not isinstance(m, str):
             raise UnknownNameError("method", m, (*METHODS, *EXPLICIT, *SCIPY))
         else:
-            out += [Variant.parse(m)] if ":" in m else [Variant.parse(f"{f}:{m}") for f in before]
+            out += [Variant.parse(m)] if ":" in m else [Variant.parse(f"{f}:{m}") for f in prefixes]
     if not out:
         raise InputError("a comparison needs at least one method")
     return list(dict.fromkeys(out))
 
 
-def default(problem: Problem, **given: Any) -> Variant:
-    """The variant that `mbdae.solve` takes with these settings: with none, that of ``mbdae solve MODEL``.
+def default_variant(problem: Problem, **given: Any) -> Variant:
+    """Return the variant that `mbdae.solve` uses with these settings; without settings, that of ``mbdae solve MODEL``.
 
     Raises:
         InputError, UnknownNameError: as for `mbdae.solve`.
     """
     c = complete_settings(problem, given)
     tableau = find_method(c["formulation"], c["method"])
-    return of({**c, "project": projects_positions(problem, c["project"], c["formulation"], tableau, c["step"])})
+    return variant_from_settings(
+        {**c, "project": projects_positions(problem, c["project"], c["formulation"], tableau, c["step"])}
+    )
 
 
 def default_variants(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
@@ -125,22 +127,22 @@ def default_variants(problem: Problem, names: Iterable[str], **given: Any) -> li
 
     Formulations that the problem does not support are omitted: textbook problems, stops and stiction require index 2.
     """
-    every = isinstance(problem, Mechanism) and not problem.switches
-    rest = (v for v in variants(names) if every or v.formulation == "index2")
-    return list(dict.fromkeys([default(problem, **given), *rest]))
+    all_supported = isinstance(problem, Mechanism) and not problem.switches
+    rest = (v for v in variants(names) if all_supported or v.formulation == "index2")
+    return list(dict.fromkeys([default_variant(problem, **given), *rest]))
 
 
-def of(settings: dict[str, Any]) -> Variant:
-    """Return the variant of a solution, from its settings."""
+def variant_from_settings(settings: dict[str, Any]) -> Variant:
+    """Return the variant of a solution from its settings."""
     pair = settings.get("baumgarte")
     rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
     method = method_from_settings(settings) if "tableau" in settings else settings["method"]
     return Variant(method, *rest, tuple(pair) if pair else None)
 
 
-def _pair(text: str, whole: str) -> tuple[float, float]:
+def _pair(text: str, notation: str) -> tuple[float, float]:
     try:
         alpha, beta = (float(x) for x in text.split(","))
     except ValueError:
-        raise InputError(f"{whole!r}: expected two numbers in 1/s, as in baumgarte=20,20:RK45") from None
+        raise InputError(f"{notation!r}: expected two numbers in 1/s, as in baumgarte=20,20:RK45") from None
     return alpha, beta

@@ -17,12 +17,12 @@ from .. import backend
 from ..errors import InputError, MbdaeError, UnknownNameError
 
 KINDS = ("threads", "processes")
-AHEAD = 2  # queued runs per worker, so that none is idle
-MOST = 10_000  # workers
-OTHER = 64  # workers of an executor that does not report its number
+QUEUED_PER_WORKER = 2  # submitted runs, so that no worker is idle
+MAX_WORKERS = 10_000
+UNKNOWN_EXECUTOR_WORKERS = 64  # assumed for an executor that does not report its number
 Stop = Callable[[], bool]
-Function = Callable[..., Any]  # (job, task, stop) -> result; stop is omitted where it is not available
-_here: dict[str, Any] = {}  # of a worker process: the function, the shared job, and the stop flag
+Function = Callable[..., Any]  # (job, task, stop) -> result; custom executors call it without stop
+_worker: dict[str, Any] = {}  # in a worker process: the function, the shared job, and the stop flag
 
 
 class Pool(NamedTuple):
@@ -30,35 +30,35 @@ class Pool(NamedTuple):
 
     Attributes:
         submit: submits a run, and returns its future.
-        bound: largest number of submitted runs.
+        max_pending: largest number of submitted runs that have not finished.
     """
 
     submit: Callable[[Any], Future]
-    bound: int
+    max_pending: int
 
-    def work(self, tasks: Iterable[Any], keep: Callable[[Any, Any], None]) -> None:
-        """Submit runs, a bounded number at a time, and call ``keep(task, result)`` as they finish.
+    def run(self, tasks: Iterable[Any], store: Callable[[Any, Any], None]) -> None:
+        """Submit runs, a bounded number at a time, and call ``store(task, result)`` as they finish.
 
         Raises:
-            KeyboardInterrupt: after Ctrl-C, when finished results have been kept.
-            MbdaeError: if a run is lost.
+            KeyboardInterrupt: after Ctrl-C, when finished results have been stored.
+            MbdaeError: if a worker fails or is terminated.
         """
-        waiting, under_way, finished = iter(tasks), dict[Future, Any](), SimpleQueue[Future]()
+        waiting, pending, finished = iter(tasks), dict[Future, Any](), SimpleQueue[Future]()
         try:
             while True:
-                for task in islice(waiting, self.bound - len(under_way)):
+                for task in islice(waiting, self.max_pending - len(pending)):
                     future = self.submit(task)
-                    under_way[future] = task
+                    pending[future] = task
                     future.add_done_callback(finished.put)
-                if not under_way:
+                if not pending:
                     return
                 future = finished.get()
-                task = under_way.pop(future)
-                keep(task, _result(future, task))
+                task = pending.pop(future)
+                store(task, _result(future, task))
         except KeyboardInterrupt:
-            for future, task in under_way.items():
+            for future, task in pending.items():
                 if not future.cancel() and future.done() and not future.cancelled() and not future.exception():
-                    keep(task, future.result())
+                    store(task, future.result())
             raise
 
 
@@ -69,16 +69,16 @@ def _result(future: Future, task: Any) -> Any:
         raise
     except (Exception, CancelledError) as e:
         why = f"{type(e).__name__}: {e}" if str(e) else type(e).__name__
-        raise MbdaeError(f"{task} was lost by its worker, runs that are finished are kept: {why}") from e
+        raise MbdaeError(f"{task} failed in its worker, finished runs are stored: {why}") from e
 
 
 @contextmanager
 def pool(
-    executor: str | Executor | None, workers: int | None, function: Function, job: Any, instead: str
+    executor: str | Executor | None, workers: int | None, function: Function, job: Any, alternative: str
 ) -> Iterator[Pool]:
     """Yield a pool of workers; a user's executor is not shut down.
 
-    If the block ends by an exception, including Ctrl-C, running tasks stop at the end of their steps.
+    If the block raises, also by Ctrl-C, running tasks stop at the end of their current steps.
 
     Args:
         executor: ``"threads"``, ``"processes"``, or an executor; None for threads with the compiled core, which
@@ -87,48 +87,52 @@ def pool(
             submitted at a time.
         function: makes a run, ``function(job, task, stop)``; stops when ``stop()`` is true.
         job: data shared by all runs; sent to each process once.
-        instead: the arguments that avoid processes, for a message.
+        alternative: arguments that avoid processes, for the error message.
 
     Raises:
         UnknownNameError: for an unknown executor name.
-        InputError: for a number of workers below 1 or above `MOST`, or a job that cannot be sent to another process.
+        InputError: for a number of workers below 1 or above `MAX_WORKERS`, or a job that cannot be pickled.
     """
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST):
-        raise InputError(f"workers is a number of at least 1 and at most {MOST}, got {workers!r}")
-    kind = default() if executor is None else executor
+    if workers is not None and (
+        isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MAX_WORKERS
+    ):
+        raise InputError(f"workers is a number of at least 1 and at most {MAX_WORKERS}, got {workers!r}")
+    kind = default_executor() if executor is None else executor
     count = workers or _processors()
     if kind == "threads":
         flag = threading.Event()
-        with _left(ThreadPoolExecutor(count), flag) as threads:
-            yield Pool(lambda task: threads.submit(function, job, task, flag.is_set), AHEAD * count)
+        with _shut_down_after(ThreadPoolExecutor(count), flag) as threads:
+            yield Pool(lambda task: threads.submit(function, job, task, flag.is_set), QUEUED_PER_WORKER * count)
         return
     if isinstance(kind, str) and kind != "processes":
         raise UnknownNameError("executor", kind, (*KINDS, "an executor of concurrent.futures"))
     try:
         sent = pickle.dumps((function, job))
     except (pickle.PicklingError, AttributeError, TypeError) as e:
-        raise InputError(f"what is to be run cannot be sent to another process, use {instead}: {e}") from None
+        raise InputError(f"the runs cannot be sent to another process, use {alternative}: {e}") from None
     if kind == "processes":
         context = get_context("spawn")
         event = context.Event()
-        with _left(ProcessPoolExecutor(count, context, _prepare, (sent, event)), event) as processes:
-            yield Pool(lambda task: _deaf(processes, task), AHEAD * count)
+        with _shut_down_after(
+            ProcessPoolExecutor(count, context, _initialise_worker, (sent, event)), event
+        ) as processes:
+            yield Pool(lambda task: _submit_ignoring_sigint(processes, task), QUEUED_PER_WORKER * count)
         return
     if not isinstance(kind, Executor):
         raise InputError(f"executor is one of {', '.join(KINDS)}, or one of concurrent.futures, got {kind!r:.60}")
     given: Executor = kind
-    count = workers or getattr(given, "_max_workers", None) or OTHER
-    yield Pool(lambda task: given.submit(function, job, task), AHEAD * count)
+    count = workers or getattr(given, "_max_workers", None) or UNKNOWN_EXECUTOR_WORKERS
+    yield Pool(lambda task: given.submit(function, job, task), QUEUED_PER_WORKER * count)
 
 
-def default() -> str:
-    """Threads with the compiled core, processes without it."""
+def default_executor() -> str:
+    """Return threads with the compiled core, processes without it."""
     return "threads" if backend.load() is not None else "processes"
 
 
 @contextmanager
-def _left(executor: Any, flag: Any) -> Iterator[Any]:
-    """Yield an executor and shut it down; if the block ends by an exception, its runs are stopped first."""
+def _shut_down_after(executor: Any, flag: Any) -> Iterator[Any]:
+    """Yield an executor and shut it down; if the block raises, stop its runs first."""
     try:
         yield executor
     except BaseException:
@@ -138,11 +142,11 @@ def _left(executor: Any, flag: Any) -> Iterator[Any]:
         executor.shutdown(cancel_futures=True)
 
 
-def _deaf(processes: ProcessPoolExecutor, task: Any) -> Future:
-    """Submit a run to worker processes; a process started by it ignores Ctrl-C: the parent sets the flag."""
+def _submit_ignoring_sigint(processes: ProcessPoolExecutor, task: Any) -> Future:
+    """Submit a run; worker processes started by it ignore Ctrl-C, since the parent sets the stop flag."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by child processes
     try:
-        return processes.submit(_run_here, task)
+        return processes.submit(_run_in_worker, task)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -151,16 +155,16 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _prepare(sent: bytes, event: Any) -> None:
+def _initialise_worker(sent: bytes, event: Any) -> None:
     """Initialise a worker process: imports happen after the exit handling is set up."""
-    _leave_with_parent()
+    _exit_with_parent()
     warnings.filterwarnings("ignore", backend.SLOW_WARNING)  # issued once, by the parent
     function, job = pickle.loads(sent)
-    _here.update(function=function, job=job, stop=event.is_set)
+    _worker.update(function=function, job=job, stop=event.is_set)
 
 
-def _leave_with_parent() -> None:
-    """End this worker when its parent process has ended, for whatever reason, since nobody needs its results."""
+def _exit_with_parent() -> None:
+    """End this worker process when its parent ends for any reason."""
     parent = parent_process()
     if parent is None:
         return
@@ -172,5 +176,5 @@ def _leave_with_parent() -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-def _run_here(task: Any) -> Any:
-    return _here["function"](_here["job"], task, _here["stop"])
+def _run_in_worker(task: Any) -> Any:
+    return _worker["function"](_worker["job"], task, _worker["stop"])

@@ -150,28 +150,28 @@ class Reason(NamedTuple):
 
 POSES = r"kinematics|inverse-dynamics .*--drive|equilibria"
 REASONS = [
-    Reason(r"inverse-dynamics .*--drive", r"cannot bring about the motion .* are missing", lambda f: f.free() > 1),
+    Reason(r"inverse-dynamics .*--drive", r"cannot produce the motion .* are missing", lambda f: f.free() > 1),
     Reason(r"kinematics|equilibria", r"^'.*' slides without bound: give", lambda f: f.movable == 1),
     Reason(r"fit", r"not finite|cannot be repeated: .* singular", lambda f: f.coarse == "nonfinite"),
-    Reason(POSES, r"has rows of velocity: where it goes depends on the way", lambda f: bool(f.rolls)),
+    Reason(POSES, r"has nonholonomic rows: its position depends on the path", lambda f: bool(f.rolls)),
     Reason(POSES, r"is active only in ranges of '.*'", lambda f: bool(f.windows)),
-    Reason(POSES, r"^{movable} degrees of freedom are left( \(open: .*\))?: hold", lambda f: f.movable > 1),
-    Reason(POSES, r"^no degree of freedom is left for '.*' to move", lambda f: f.movable == 0),
-    Reason(POSES, r"^joint '.*' has \d coordinates: what is driven or held has one", lambda f: not f.single),
-    Reason(r"equilibria", r"^a driver says where '.*' is: there is no branch",
+    Reason(POSES, r"^{movable} degrees of freedom are left( \(inactive: .*\))?: hold", lambda f: f.movable > 1),
+    Reason(POSES, r"^no degree of freedom is left for '.*'", lambda f: f.movable == 0),
+    Reason(POSES, r"^joint '.*' has \d coordinates: only joints of one coordinate", lambda f: not f.single),
+    Reason(r"equilibria", r"^a driver prescribes '.*': there is no branch",
            lambda f: bool(f.mech.drivers) and all(d.speed is None for d in f.mech.drivers)),
-    Reason(r"equilibria", r"^a driver says how fast '.*' moves: there is no branch",
+    Reason(r"equilibria", r"^a driver prescribes the speed of '.*': there is no branch",
            lambda f: any(d.speed is not None for d in f.mech.drivers)),
     Reason(r"solve .*--formulation|compare .*ggl", r"unilateral constraints and switches need formulation 'index2'",
            lambda f: f.switches),
     Reason(r"inverse-dyn", r"^inverse dynamics does not know coulomb_friction", lambda f: f.regularised_interfaces),
-    Reason(r"inverse-dynamics .*npz$", r"has no drivers and motors: name the joints", lambda f: not f.acts),
+    Reason(r"inverse-dynamics .*npz$", r"has no drivers or motors: name the joints", lambda f: not f.acts),
     Reason(r"inverse-dynamics .*csv", r"^unknown joint of one coordinate '.*'; valid", lambda f: bool(f.several)),
-    Reason(r"inverse-dynamics .*csv|fit", r"times (of a motion )?must rise, got .* impact", lambda f: f.switches),
+    Reason(r"inverse-dynamics .*csv|fit", r"times (of a motion )?must increase, got .* impact", lambda f: f.switches),
     Reason(r"modes|root-locus|linearize|load-path", r"has no degree of freedom left: (it has no modes|nothing moves)",
            lambda f: f.held == 0 or bool(f.mech.states)),  # an integrator keeps its joint at the reference
     Reason(r"modes|root-locus|linearize|equilibrium|load-path",
-           r"^(no value of .* has modes: )?no stable equilibrium found in \d+ iterations: .* is left",
+           r"^(no value of .* has modes: )?no stable equilibrium found in \d+ iterations: .* is unbalanced",
            lambda f: not f.rests),
 ]  # fmt: skip
 CODES = {

@@ -40,4 +40,4 @@ def test_a_run_writes_the_replay_that_it_is_asked_for(tmp_path, monkeypatch):
     options |= {"camera": None, "follow": None, "closures": False}
     assert asked == [(path, options) for path in files]
     out = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "0.1", "--arrows"])
-    assert "belong to a replay" in str(out.exception)
+    assert "need a replay" in str(out.exception)

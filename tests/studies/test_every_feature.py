@@ -105,12 +105,12 @@ POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
 STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
 WARNED = dict.fromkeys(ONE_SIDED, STATICS)
 NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
-GIVEN = "a driver says where 'crank' is: there is no branch of equilibria over it"
+GIVEN = "a driver prescribes 'crank': there is no branch of equilibria over it"
 RIGID = "'Slider-crank' has no degree of freedom left: it has no modes"
 NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), RIGID)
 FIXED = {"equilibria": GIVEN, "load_path": "has no degree of freedom left: nothing moves with the load"}
 FRICTION = "does not know coulomb_friction, of closure 'pin'"
-ROLLS = "'gear' has rows of velocity: where it goes depends on the way"
+ROLLS = "'gear' has nonholonomic rows: its position depends on the path"
 REFUSED: dict[str, dict[str, str]] = {
     **{feature: {"ggl": "need formulation 'index2', got 'ggl'"} for feature in ONE_SIDED},
     "bearing": {
@@ -119,8 +119,8 @@ REFUSED: dict[str, dict[str, str]] = {
     },
     "rolling": dict.fromkeys((*POSES, "inverse of a table"), ROLLS),
     "driver": FIXED | NOTHING,
-    "speed": FIXED | NOTHING | {"equilibria": "a driver says how fast 'crank' moves: there is no branch of"},
-    "controller": FIXED | {"equilibria": "an integrator says where 'crank' is"},  # the slider is at the reference
+    "speed": FIXED | NOTHING | {"equilibria": "a driver prescribes the speed of 'crank': there is no branch of"},
+    "controller": FIXED | {"equilibria": "an integrator prescribes 'crank'"},  # the slider is at the reference
     "sampled": dict.fromkeys(STATICS, "'pid' is a sampled controller: statics and modes need a continuous one"),
 }
 REFUSED["singular start"] = {
@@ -128,14 +128,14 @@ REFUSED["singular start"] = {
     "order": f"no reference for 'Slider-crank': pherk6 fails at every step size up to T = 0.02, .*{BEGAN}",
     **dict.fromkeys(
         ("kinematics", "assembly_modes", "equilibria"),
-        "the closures lose rank in this pose, from which several branches lead: start beside it",
+        "the closures lose rank in this pose, in which several branches intersect: start next to it",
     ),
     # on either branch the motor's 0.3 N m act against a weight of at most 9.81 |0.5 * 0.05 - 0.4 * 0.075| = 0.05 N m
     **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no stable equilibrium found"),
 }
 REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
 REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is active only in ranges of 'crank'")
-REFUSED["window"] |= {"inverse of a table": "'gate' has rows of velocity: where it goes depends on the way"}
+REFUSED["window"] |= {"inverse of a table": "'gate' has nonholonomic rows: its position depends on the path"}
 
 
 def singular(text: str) -> str:

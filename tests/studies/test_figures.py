@@ -121,7 +121,7 @@ def test_every_method_has_a_distinct_style():
     looks = {name: figures.line_style(name) for name in names}
     pairs = {(s["color"], s["marker"]) for s in looks.values()}
     assert len(pairs) == len(names)
-    assert figures.OTHER not in pairs, "a method of the list is drawn like an unknown one"
+    assert figures.DEFAULT_STYLE not in pairs, "a method of the list is drawn like an unknown one"
     lines = {str(figures.line_style(f)["linestyle"]) for f in ("herk5", "project:herk5", "ggl:herk5", "index1:RK45")}
     assert len(lines) == 4
     assert figures.line_style("ggl:herk5")["color"] == figures.line_style("herk5")["color"]
@@ -169,7 +169,7 @@ def test_unknown_errors_are_bounds_and_not_joined():
     assert [len(curves[name]) for name in NAMES] == [5, 4, 4, 4]
     bounds = [line for line in ax.lines if line.get_linestyle() == "None" and np.allclose(line.get_ydata(), floor)]
     assert bounds
-    assert "not known by the reference" in [text.get_text() for text in ax.texts]
+    assert "below the accuracy of the reference" in [text.get_text() for text in ax.texts]
     known = work_precision(comparison(1e-15)).axes[0]
     assert not known.texts, "no band where everything is known"
 
@@ -209,7 +209,7 @@ def test_panels_by_unit():
     assert (unit["q.crank"], unit["v.crank"], unit["q.slider"], unit["v.slider"]) == ("rad", "rad/s", "m", "m/s")
     figure = motion(mbdae.solve(mech, (0, 0.5)))
     labels = [ax.get_ylabel() for ax in figure.axes]
-    assert labels[:4] == ["angles (rad)", "positions (m)", "turning rates (rad/s)", "speeds (m/s)"]
+    assert labels[:4] == ["angles (rad)", "positions (m)", "angular velocities (rad/s)", "speeds (m/s)"]
 
 
 def test_dollars_in_names_are_dollars(tmp_path, four_bar):
@@ -240,7 +240,7 @@ def test_dollars_in_names_are_dollars(tmp_path, four_bar):
 def test_labels_of_logarithmic_axes_do_not_overlap(low, ratio):
     @figures.fixed_layout
     def drawing():
-        figure = figures.sheet(figures.WIDTH, 3.5)
+        figure = figures.empty_figure(figures.WIDTH, 3.5)
         ax = figure.subplots(1, 2)[0]
         figures.logarithmic(ax.xaxis)
         ax.set_xlim(low, low * ratio)

@@ -21,10 +21,10 @@ def test_impacts_are_reported():
 
 def test_info_reports_mode_switches():
     text = CliRunner().invoke(cli, ["info", "stick_slip_slider"]).output
-    assert "closure rows 7 (rank 2, 3 rows depend on others, 2 come and go)" in text
+    assert "closure rows 7 (rank 2, 3 rows depend on others, 2 switched)" in text
     assert "closure   crank friction: brake crank, 1 rows\n" in text
     chain = CliRunner().invoke(cli, ["info", "bouncing_chain"]).output
-    assert "closure rows 8 (rank 0, 8 come and go), degrees of freedom 5" in chain
+    assert "closure rows 8 (rank 0, 8 switched), degrees of freedom 5" in chain
     assert "dependent" not in chain
 
 

@@ -4,7 +4,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.studies.method_variant import Variant, default_variants, of, variants
+from mbdae.studies.method_variant import Variant, default_variants, variant_from_settings, variants
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
 
@@ -21,7 +21,7 @@ def test_variants_are_written_as_they_are_read(text, four_bar):
     variant = Variant.parse(text)
     assert str(variant) == text
     sol = mbdae.solve(four_bar, (0, 0.05), rtol=1e-4, **variant.arguments())
-    assert of(sol.settings) == variant
+    assert variant_from_settings(sol.settings) == variant
 
 
 def test_the_first_method_is_the_default_with_its_projection(four_bar, monkeypatch):

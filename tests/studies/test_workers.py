@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from mbdae.errors import InputError, MbdaeError
-from mbdae.studies.workers import AHEAD, Pool, pool
+from mbdae.studies.workers import QUEUED_PER_WORKER, Pool, pool
 
 LOOKS = 3000  # of a run that nobody stops
 STUDY = """
@@ -95,15 +95,15 @@ def double(job, task, stop):
 def test_results_come_with_their_tasks(kind):
     found = {}
     with pool(kind, 2, double, "shared", "less") as shop:
-        assert shop.bound == 2 * AHEAD
-        shop.work(range(9), found.__setitem__)
+        assert shop.max_pending == 2 * QUEUED_PER_WORKER
+        shop.run(range(9), found.__setitem__)
     assert found == {i: ["shared", 2 * i] for i in range(9)}
 
 
 def test_a_lost_worker_is_reported_and_errors_are_passed_on():
-    for task, words in (("gone", "gone was lost by its worker"), ("wrong", "wrong")):
+    for task, words in (("gone", "gone failed in its worker"), ("wrong", "wrong")):
         with pytest.raises(MbdaeError, match=words) as e, pool("processes", 1, double, None, "less") as shop:
-            shop.work([task], lambda *found: None)
+            shop.run([task], lambda *found: None)
         assert isinstance(e.value, InputError) is (task == "wrong")
 
 
@@ -113,7 +113,7 @@ def test_runs_under_way_give_up_when_something_fails(kind, tmp_path):
         raise ValueError("full")
 
     with pytest.raises(ValueError, match="full"), pool(kind, 2, double, tmp_path, "less") as shop:
-        shop.work(["long", 1, "long", "long", "long"], fail)
+        shop.run(["long", 1, "long", "long", "long"], fail)
     assert not list(tmp_path.iterdir())
 
 
@@ -136,7 +136,7 @@ def test_what_is_finished_is_kept_at_ctrl_c():
 
     given, kept = [], {}
     with pytest.raises(KeyboardInterrupt):
-        Pool(submit, 4).work(range(9), keep)
+        Pool(submit, 4).run(range(9), keep)
     assert given == [0, 1, 2, 3]
     assert kept == {0: 0, 1: -1}
 

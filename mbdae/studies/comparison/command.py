@@ -26,9 +26,11 @@ FILES = click.option(
     "outputs",
     type=click.Path(dir_okay=False),
     multiple=True,
-    help="Keep the runs here, .csv or .json, and go on from there; or write the table in LaTeX, .tex. Twice for both.",
+    help="File of the runs, .csv or .json, from which the command resumes; or the table as .tex. Twice for both.",
 )
-QUANTITY = click.option("--quantity", help="To be drawn: q, v or lam; y or z of a textbook problem.  [default: q or y]")
+QUANTITY = click.option(
+    "--quantity", help="Quantity to draw: q, v or lam; y or z of a textbook problem.  [default: q or y]"
+)
 
 
 @command(
@@ -46,20 +48,21 @@ def compare(
     outputs: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Compare methods on a model: errors, drift, work and time, and which method is best for an accuracy.
+    """Compare methods on a model: errors, drift, work and time, and which method is best for a given accuracy.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
-    -m baumgarte=20,20:RK45. Ctrl-C keeps what is finished; with -o the same command goes on from there.
+    -m baumgarte=20,20:RK45. After Ctrl-C finished runs are shown; with -o they are stored, and the same command resumes
+    from them.
     """
     written = [*writable(*((path, TABLES) for path in outputs)), *out.written]
     tables, files = ([p for p in outputs if p.endswith(".tex") is tex] for tex in (True, False))
     if len(files) > 1:
-        raise InputError(f"the runs are kept in one file, got {' and '.join(files)}")
+        raise InputError(f"the runs are stored in one file, got {' and '.join(files)}")
     output = files[0] if files else None
     problem = model.problem()
     _check_quantity(quantity, model)
-    with progress_bar("compare", 1.0) as tell:
-        result = study(problem, span(problem, t_span), progress=tell, path=output, **options)
+    with progress_bar("compare", 1.0) as report_progress:
+        result = study(problem, span(problem, t_span), progress=report_progress, path=output, **options)
     if result.points:
         for path in tables:
             result.save(path)
@@ -71,14 +74,14 @@ def compare(
 
 
 def _check_quantity(quantity: str | None, model: ChosenModel) -> None:
-    from .comparison import OF_TEXTBOOK, QUANTITIES
+    from .comparison import QUANTITIES, TEXTBOOK_QUANTITIES
 
-    known = OF_TEXTBOOK if model.textbook else tuple(QUANTITIES)
+    known = TEXTBOOK_QUANTITIES if model.textbook else tuple(QUANTITIES)
     if quantity is not None and quantity not in known:
         raise UnknownNameError("quantity", quantity, known)
 
 
 def _unfinished(result: "Comparison", output: str | None) -> str:
-    kept = f"; {output} keeps what is finished, the same command goes on from there" if output else ""
-    done, asked = len(result.points), result.requested
-    return (f"after {done} of {asked} runs" if done < asked else "before all times were taken") + kept
+    resume = f"; {output} has the finished runs, the same command resumes from them" if output else ""
+    done, requested = len(result.points), result.requested
+    return (f"after {done} of {requested} runs" if done < requested else "before all times were measured") + resume

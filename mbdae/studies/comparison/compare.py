@@ -52,10 +52,10 @@ def compare(
 
     Errors are the largest differences to a reference over common times, of q in the tangent, v, and lam from the hidden
     constraint; of y and z of a textbook problem. The reference is the exact solution if known, else a run with tight
-    tolerance; a second one of another family estimates its uncertainty.
+    tolerance; a second run by a method of another family estimates its uncertainty.
 
-    Stopped by Ctrl-C, it returns what was finished. With ``path``, every finished run is kept in that file, and the
-    same call goes on from there.
+    After Ctrl-C it returns the finished runs. With ``path``, every finished run is stored in that file, and the same
+    call resumes from it.
 
     Args:
         problem: a mechanism, a textbook problem, or the name or path of one, see `mbdae.load`.
@@ -70,17 +70,18 @@ def compare(
         rtol: relative tolerances, 1e-4,1e-6; 1e-3 to 1e-10 when left out. atol is 0.01 rtol.
         steps: numbers of fixed steps, instead of tolerances.
         reference: two methods of different families; errors are differences to the first.
-        reference_rtol: their tolerance; the next power of ten that they can satisfy.
-        outputs: number of common times, equidistant, the end among them.
-        repeats: runs for the median of the wall time. All runs are timed in turn, those above 2 s once; 0 for no times.
+        reference_rtol: their tolerance; if they cannot satisfy it, the next power of ten that they can.
+        outputs: number of common times, equidistant, including the end.
+        repeats: runs for the median of the wall time. Repetitions alternate between all runs, those above 2 s are run
+            once; 0 for no times.
         max_steps: runs with more steps are aborted.
-        workers: processes; times are still taken one by one. Scripts need ``if __name__ == "__main__":``, and times are
-            taken after all runs.
-        timed_together: take times in the processes, while others compute.
+        workers: processes; times are still measured one by one, after all runs. Scripts need
+            ``if __name__ == "__main__":``.
+        timed_together: measure times in the processes, while others compute.
         progress: called with the fraction of runs done and the name of the next.
-        path: a .json or .csv file that is kept up to date, and read first if it is there.
-        fresh: do not resume from the file, replace it. It is replaced when the first run is done.
-        backend: of all runs, so that their times are comparable: ``"auto"`` takes the compiled core if it supports
+        path: a .json or .csv file of the finished runs, which is read first if it exists.
+        fresh: do not resume from the file, but replace it once the first run is finished.
+        backend: one for all runs, so that their times are comparable: ``"auto"`` takes the compiled core if it supports
             every method of the comparison, and Python otherwise.
 
     Raises:
@@ -92,7 +93,7 @@ def compare(
     chosen = _chosen(problem, methods, formulations, steps is not None)
     trials = _trials(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
-    _refuse_unsuited(problem, kinds)
+    _reject_unsupported(problem, kinds)
     runs = [(v.formulation, v.baumgarte) for v in kinds]
     shared, because = common_backend(problem, runs, backend)
     motion = replace(motion, backend=shared, because=because)
@@ -103,17 +104,17 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    bench = RunQueue(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
+    queue = RunQueue(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
     complete = False
     try:
-        bench.refer()
-        bench.measure(workers, clock=clock)
-        bench.time(repeats, workers if timed_together else 1)
+        queue.compute_reference()
+        queue.measure_errors(workers, clock=clock)
+        queue.measure_times(repeats, workers if timed_together else 1)
         complete = True
     except KeyboardInterrupt:
-        if not bench.uncertainty:
+        if not queue.uncertainty:
             raise
-    return bench.result(complete)
+    return queue.result(complete)
 
 
 def _chosen(
@@ -122,25 +123,25 @@ def _chosen(
     formulations: str | Iterable[str] | None,
     fixed: bool,
 ) -> list[Variant]:
-    """The methods to compare, for runs with fixed steps or with tolerances."""
+    """Return the methods to compare, for runs with fixed steps or with tolerances."""
     if methods is None and formulations is None:
         return default_variants(problem, METHODS, **({"step": 1.0} if fixed else {"rtol": TOLERANCES[0]}))
     return variants(METHODS if methods is None else methods, formulations)
 
 
-def _refuse_unsuited(problem: Problem, kinds: Iterable[Variant]) -> None:
+def _reject_unsupported(problem: Problem, kinds: Iterable[Variant]) -> None:
     """Reject methods by name whose formulation does not support stops, before the reference is computed.
 
     Raises:
-        InputError: names them, and the switches.
+        InputError: with the names of the methods and of a switch.
     """
     if not isinstance(problem, Mechanism) or not problem.switches:
         return
-    unsuited = [str(v) for v in kinds if v.formulation != "index2"]
-    if unsuited:
+    unsupported = [str(v) for v in kinds if v.formulation != "index2"]
+    if unsupported:
         name = problem.switches[0].name
         words = f"{name!r}: unilateral constraints and switches need formulation 'index2'"
-        raise InputError(f"{words}, leave out {', '.join(unsuited)}")
+        raise InputError(f"{words}, leave out {', '.join(unsupported)}")
 
 
 def _motion(
@@ -175,5 +176,5 @@ def _step_numbers(steps: Sequence[int]) -> list[int]:
 def _tolerances(rtol: Sequence[float]) -> list[float]:
     require(rtol, Sequence | np.ndarray, "rtol is a list of numbers")
     if not len(rtol) or not all(0 < r < 1 for r in rtol):
-        raise InputError(f"rtol holds numbers between 0 and 1, got {rtol!r}")
+        raise InputError(f"rtol is a list of numbers between 0 and 1, got {rtol!r}")
     return sorted({float(r) for r in rtol}, reverse=True)

@@ -11,15 +11,15 @@ from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
 from .ranking import RankingEntry, rank, sentence, targets
-from .run_result import RunResult, parameter_value, read_point
+from .run_result import RunResult, nonnegative, read_point
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KNOWN = 5.0  # ratio to the uncertainty of the reference above which an error is known
+KNOWN_ERROR_RATIO = 5.0  # to the uncertainty of the reference: larger errors are known
 Work = Literal["solves", "seconds"]
 QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
-OF_TEXTBOOK = ("y", "z")
+TEXTBOOK_QUANTITIES = ("y", "z")
 UNITS = {**{f"{what}_{name}": unit for what in ("error", "end") for name, unit in QUANTITIES.items()},
          "g": "m, rad", "Gv": "m/s, rad/s", "seconds": "s"}  # fmt: skip
 
@@ -34,11 +34,12 @@ class Comparison(Tabular):
         points: the finished runs, by method and then from coarse to fine.
         reference: the reference run for errors, in words.
         witness: the run of another family that checks the reference, in words; "" for an exact solution.
-        uncertainty: largest difference of the two, for ``"q"``, ``"v"``, ``"lam"`` of a mechanism, ``"y"``, ``"z"`` of
+        uncertainty: largest difference between these two, for ``"q"``, ``"v"``, ``"lam"`` of a mechanism, ``"y"``,
+            ``"z"`` of
             a textbook problem: the uncertainty of the reference.
         complete: False if the comparison was stopped before its end.
-        meta: key of the settings, versions, command, machine, back end and why runs cannot use the core, number of
-            requested runs.
+        meta: key of the settings, versions, command, machine, back end, the reason why runs cannot use the core, and
+            the number of requested runs.
     """
 
     title: str
@@ -80,7 +81,7 @@ class Comparison(Tabular):
 
     @property
     def methods(self) -> list[str]:
-        """The methods in order."""
+        """The methods, in the order of their runs."""
         return list(dict.fromkeys(p.method for p in self.points))
 
     @property
@@ -92,12 +93,12 @@ class Comparison(Tabular):
         return describe_backend(self.meta.get("backend", "unknown"), self.meta.get("because", "")) + scipy + where
 
     def of(self, method: str) -> list[RunResult]:
-        """The runs of a method that came to their end."""
+        """Return the completed runs of a method."""
         return [p for p in self.points if p.method == method and p.success]
 
     def floor(self, quantity: str | None = None) -> float:
         """Return the smallest known error: five times the uncertainty of the reference."""
-        return KNOWN * self.uncertainty[self.quantity(quantity)]
+        return KNOWN_ERROR_RATIO * self.uncertainty[self.quantity(quantity)]
 
     def known(self, point: RunResult, quantity: str | None = None) -> bool:
         """Return whether the error of a run is clearly above the uncertainty of the reference."""
@@ -110,7 +111,7 @@ class Comparison(Tabular):
         return targets([[p.errors[name] for p in self.of(method)] for method in self.methods], bound)
 
     def ranking(self, target: float, *, work: Work = "solves", quantity: str | None = None) -> list[RankingEntry]:
-        """Order the methods by the work that they need to an error of at most ``target``.
+        """Order the methods by the work that they need for an error of at most ``target``.
 
         Between two runs of a method, the logarithm of the work is linear in that of the error. A run with unknown error
         counts with an upper bound.
@@ -122,7 +123,7 @@ class Comparison(Tabular):
         error = self.quantity(quantity)
         bound = self.floor(error) + self.uncertainty[error]
         if target < bound:
-            raise InputError(f"a target of {target:g} is below what the reference can tell, {bound:.1e}")
+            raise InputError(f"a target of {target:g} is below the uncertainty of the reference, {bound:.1e}")
         table = {
             name: [
                 (max(p.errors[error], 0.0 if self.known(p, error) else bound), float(getattr(p, work)))
@@ -134,7 +135,7 @@ class Comparison(Tabular):
         return rank(table, target)
 
     def sentences(self, quantity: str | None = None) -> list[str]:
-        """One sentence for each power of ten that at least two methods reach."""
+        """Return a sentence for each power of ten that at least two methods reach."""
         name = self.quantity(quantity)
         works: tuple[Work, ...] = ("solves", "seconds")
         unit = " or ".join(QUANTITIES[name].split(", ")) if name in QUANTITIES else ""
@@ -172,7 +173,7 @@ class Comparison(Tabular):
         return [heads, *rows]
 
     def remarks(self) -> list[str]:
-        """Return which method is best for an accuracy."""
+        """Return which method is best for each accuracy."""
         return self.sentences()
 
     def tabulated(self) -> Columns:
@@ -186,7 +187,7 @@ class Comparison(Tabular):
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":
-        """Read what `save` wrote.
+        """Read a file written by `save`.
 
         Raises:
             InputError: for a missing or damaged file.
@@ -200,7 +201,7 @@ class Comparison(Tabular):
                     data = json.loads(rows[0]["about"]) | {"points": [row for row in rows if row["method"]]}
                 else:
                     data = json.load(file)
-            known = {name: parameter_value(x) for name, x in data["uncertainty"].items()}
+            known = {name: nonnegative(x) for name, x in data["uncertainty"].items()}
             points = tuple(read_point(row, tuple(known)) for row in data["points"])
             span = (float(data["t_span"][0]), float(data["t_span"][1]))
             rest = (data["reference"], data["witness"], known, bool(data["complete"]), dict(data["meta"]))
@@ -216,9 +217,8 @@ class Comparison(Tabular):
 
         Raises:
             UnknownNameError: for an unknown quantity.
-            UnknownNameError: for a quantity that there is not.
         """
         from .. import figures
         from .figure import work_precision
 
-        return figures.given(work_precision(self, quantity), path)
+        return figures.save_if_path(work_precision(self, quantity), path)

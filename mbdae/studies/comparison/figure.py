@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, escaped, fixed_layout, line_style, logarithmic, sheet
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout, line_style, logarithmic
 from .comparison import QUANTITIES, Comparison
 from .run_result import RunResult
 
@@ -17,12 +17,12 @@ SYMBOLS = {"lam": r"\lambda"}
 
 @fixed_layout
 def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
-    """Draw the error over linear solves and over wall time; errors below the uncertainty are bounds.
+    """Draw the error over linear solves and over wall time; errors below the uncertainty are drawn as bounds.
 
-    A bound is drawn at the upper edge of the grey band, with an arrow down and without a line to it.
+    A bound is drawn at the upper edge of the grey band, with an arrow down, and is not connected by a line.
     """
     quantity = result.quantity(quantity)
-    figure = sheet(WIDTH, 3.5)
+    figure = empty_figure(WIDTH, 3.5)
     axes = figure.subplots(1, 2, sharey=True)
     time = f"wall time, {result.meta.get('backend', 'unknown')} back end (s)"
     for ax, work, label in zip(axes, ("solves", "seconds"), ("linear solves", time), strict=True):
@@ -38,7 +38,9 @@ def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
         for ax in axes:
             ax.axhspan(floor / 10, floor, color="0.88", lw=0)
             ax.set_ylim(floor / 10, high)
-        axes[0].text(0.02, 0.02, "not known by the reference", transform=axes[0].transAxes, fontsize=7, color="0.35")
+        axes[0].text(
+            0.02, 0.02, "below the accuracy of the reference", transform=axes[0].transAxes, fontsize=7, color="0.35"
+        )
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     t0, t1 = result.t_span
     figure.suptitle(escaped(f"{result.title}, {t0:g} to {t1:g} s\n{result.computed_by}"), fontsize=9)
@@ -46,7 +48,7 @@ def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
 
 
 def _curve(ax: "Axes", result: Comparison, points: list[RunResult], work: str, quantity: str) -> None:
-    """The known errors of a method as a line, the others as bounds."""
+    """Draw the known errors of a method as a line, the others as bounds."""
     points = [p for p in points if getattr(p, work) is not None]
     if not points:
         return

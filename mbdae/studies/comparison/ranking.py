@@ -1,4 +1,4 @@
-"""Ranking of methods by the work for an error: interpolation in work-precision data."""
+"""Ranking of methods by the work that they need for an error: interpolation in work-precision data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,10 +23,10 @@ class RankingEntry:
 
 
 def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
-    """Return the work that a method needs to reach an error, and whether that is an upper bound only.
+    """Return the work that a method needs to reach an error, and whether it is only an upper bound.
 
-    Interpolated in logarithms between its last run above the target and the next one, log work linear in log error.
-    None if its finest run is above.
+    Between its last run above the target and the next one, log work is linear in log error. None if the error of its
+    finest run is above the target.
     """
     above = [i for i, (error, _) in enumerate(runs) if error > target]
     if not runs or (above and above[-1] == len(runs) - 1):
@@ -34,18 +34,18 @@ def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
     if not above:
         return runs[0][1], True
     (e0, w0), (e1, w1) = runs[above[-1]], runs[above[-1] + 1]
-    share = log(e0 / target) / log(e0 / e1)
-    return w0 * (w1 / w0) ** share, False
+    fraction = log(e0 / target) / log(e0 / e1)
+    return w0 * (w1 / w0) ** fraction, False
 
 
 def rank(table: Mapping[str, Runs], target: float) -> list[RankingEntry]:
-    """Order methods by work at an error; those that do not reach it come last."""
-    places = [RankingEntry(name, *work_at(runs, target)) for name, runs in table.items()]
-    return sorted(places, key=lambda p: float("inf") if p.work is None else p.work)
+    """Order methods by their work for an error; those that do not reach it are last."""
+    entries = [RankingEntry(name, *work_at(runs, target)) for name, runs in table.items()]
+    return sorted(entries, key=lambda p: float("inf") if p.work is None else p.work)
 
 
 def targets(errors: Sequence[Sequence[float]], bound: float) -> list[float]:
-    """Return powers of ten, not below a bound, that two methods reach and at least one does not overshoot.
+    """Return the powers of ten, at least ``bound``, that two methods reach and some run exceeds.
 
     Args:
         errors: errors of the runs of each method.
@@ -66,17 +66,17 @@ def log10(x: float) -> float:
     return round(log(x) / log(10.0), 9)
 
 
-def sentence(places: Sequence[RankingEntry], work: str) -> str:
+def sentence(entries: Sequence[RankingEntry], work: str) -> str:
     """Return a ranking in words; empty if no method was measured."""
-    reached = [(p, p.work) for p in places if p.work is not None]
+    reached = [(p, p.work) for p in entries if p.work is not None]
     if not reached:
         return ""
-    first, least = reached[0]
+    first, lowest = reached[0]
     word = {"solves": "fewest solves", "seconds": "fastest"}[work]
-    text = f"{word} {first.method} ({_amount(least, work, first.bound)})"
+    text = f"{word} {first.method} ({_amount(lowest, work, first.bound)})"
     if reached[1:]:
-        text += ", then " + ", ".join(f"{p.method} (x {w / least:.2f})" for p, w in reached[1:])
-    missing = [p.method for p in places if p.work is None]
+        text += ", then " + ", ".join(f"{p.method} (x {w / lowest:.2f})" for p, w in reached[1:])
+    missing = [p.method for p in entries if p.work is None]
     return text + (f"; not reached by {', '.join(missing)}" if missing and work == "solves" else "")
 
 

@@ -18,10 +18,10 @@ from ...system import Array
 from ...tolerances import EPS, EVALUATION_ROUNDING, SOLUTION_ROUNDING, SUM_ROUNDING, VISIBLE
 from ..drift.drift import drift
 from ..method_variant import Variant
-from .comparison import OF_TEXTBOOK
+from .comparison import TEXTBOOK_QUANTITIES
 from .run_result import COUNTS, RunResult
 
-TIGHTEST, LOOSEST = EVALUATION_ROUNDING, VISIBLE  # tolerances of a reference
+TIGHTEST, LOOSEST = EVALUATION_ROUNDING, VISIBLE  # range of tolerances of a reference run
 Samples = dict[str, Array]  # at the common times: q (m, nq), v (m, nv), lam (m, ng); y (m, ny), z (m, nz)
 
 
@@ -35,7 +35,7 @@ class Trial:
 
     @property
     def label(self) -> tuple[str, float | None, int | None]:
-        """As `mbdae.studies.comparison.comparison.RunResult.label`."""
+        """The key of the run, as `mbdae.studies.comparison.run_result.RunResult.label`."""
         return str(self.variant), self.rtol, self.n
 
     def __str__(self) -> str:
@@ -53,7 +53,7 @@ class ReferenceMotion:
         times: common times in s, without the start, (m,).
         max_steps: runs with more steps are aborted.
         backend: of all runs, see `mbdae.solve`.
-        because: why they cannot use the compiled core, in words; "" if they can.
+        because: the reason why they cannot use the compiled core; "" if they can.
     """
 
     problem: Problem
@@ -68,7 +68,7 @@ class ReferenceMotion:
         """Run a method.
 
         Raises:
-            KeyboardInterrupt: if the user or ``stop()`` stops it.
+            KeyboardInterrupt: if the user interrupts it, or ``stop()`` is true.
         """
 
         def check(done: float) -> None:
@@ -76,50 +76,52 @@ class ReferenceMotion:
                 raise KeyboardInterrupt
 
         t0, t1 = self.t_span
-        free = {"rtol": trial.rtol, "max_steps": self.max_steps}
-        control = free if trial.n is None else {"step": abs(t1 - t0) / trial.n}
+        adaptive = {"rtol": trial.rtol, "max_steps": self.max_steps}
+        control = adaptive if trial.n is None else {"step": abs(t1 - t0) / trial.n}
         options = {**trial.variant.arguments(), **control, "backend": self.backend}
-        tell = check if stop else None
-        return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=tell, **options))  # type: ignore[arg-type]
+        progress = check if stop else None
+        return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=progress, **options))  # type: ignore[arg-type]
 
     def sample(self, sol: Solution) -> Samples:
         """Return the state and the hidden-constraint multipliers at the common times.
 
-        A run is continued from the step before each of them by the underlying ordinary differential equation, solved to
-        rounding: this measures the error of the steps, not that of interpolation. After a singular configuration, which
-        that equation cannot cross, it is interpolated. Each time has the mode of its step, and as many independent
-        rows: loops that have drifted open have more.
+        From the step before each time, the underlying ordinary differential equation is integrated to rounding: this
+        measures the error of the steps, not that of interpolation. After a singular configuration, which that equation
+        cannot cross, the run is interpolated. At each time the mode and the number of independent rows are those of the
+        step, since the rank grows when loops drift open.
         """
         m = self.problem
         system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
         points, z = [], np.full((len(self.times), system.nz), np.nan)
         for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
-            points.append(_carried(sol.prepared(system, int(node), held=False), sol, int(node), t))
-            with suppress(StepError):  # none exists in a singular configuration
+            points.append(_continued(sol.prepared(system, int(node), held=False), sol, int(node), t))
+            with suppress(StepError):  # lam is undetermined in a singular configuration
                 z[k] = system.derivative(t, points[-1])[1]
         y = np.array(points)
         if isinstance(m, Mechanism):
             return {"q": y[:, : m.nq], "v": y[:, m.nq : m.nq + m.nv], "lam": z}
-        return dict(zip(OF_TEXTBOOK, (y, z), strict=True))
+        return dict(zip(TEXTBOOK_QUANTITIES, (y, z), strict=True))
 
     def difference(self, a: Samples, b: Samples) -> Array:
-        """Return the largest difference of each quantity at each of the times, (m, 3) or (m, 2)."""
-        apart = {name: np.abs(a[name] - b[name]).max(axis=1, initial=0.0) for name in a}
+        """Return the largest difference of each quantity at each time, (m, 3) or (m, 2)."""
+        differences = {name: np.abs(a[name] - b[name]).max(axis=1, initial=0.0) for name in a}
         if isinstance(self.problem, Mechanism):
             pairs = zip(a["q"], b["q"], strict=True)
-            apart["q"] = np.array([np.abs(self.problem.manifold.difference(y, x)).max() for x, y in pairs])
-        return np.column_stack(list(apart.values()))
+            differences["q"] = np.array([np.abs(self.problem.manifold.difference(y, x)).max() for x, y in pairs])
+        return np.column_stack(list(differences.values()))
 
     def measure(self, trial: Trial, sol: Solution, reference: Samples) -> RunResult:
-        """Return the row of a run, without times."""
+        """Return the result of a run, without times."""
         row = RunResult(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS})
         if not sol.ended:
             return row
-        errors, kept = self.difference(self.sample(sol), reference), drift(sol)
+        errors, drifted = self.difference(self.sample(sol), reference), drift(sol)
         if not np.isfinite(errors).all():
             return row
         largest, ends = (dict(zip(reference, e.tolist(), strict=True)) for e in (errors.max(axis=0), errors[-1]))
-        return replace(row, errors=largest, ends=ends, g=kept.g_max, Gv=kept.Gv_max, energy=kept.energy_relative)
+        return replace(
+            row, errors=largest, ends=ends, g=drifted.g_max, Gv=drifted.Gv_max, energy=drifted.energy_relative
+        )
 
     def tightest(self, variant: Variant, rtol: float) -> tuple[Trial, Samples]:
         """Return the reference run: at ``rtol``, or at the next power of ten that the method can satisfy.
@@ -127,7 +129,7 @@ class ReferenceMotion:
         If loops have drifted open before a singular configuration, it is repeated with projection.
 
         Raises:
-            InputError: if it can satisfy none.
+            InputError: if it can satisfy none of them.
         """
         while rtol <= LOOSEST:
             trial = Trial(variant, rtol)
@@ -140,7 +142,7 @@ class ReferenceMotion:
         raise InputError(f"no reference for {self.problem.title!r}: {variant} ends with {sol.status}, {sol.message}")
 
     def reference(self, names: Sequence[Variant], rtol: float) -> tuple[tuple[str, str], Samples, dict[str, float]]:
-        """Return the reference of errors: the exact solution if known, or two tight runs of other families.
+        """Return the reference of errors: the exact solution if known, else two runs with tight tolerances.
 
         Returns:
             Their description; samples of the first; and for each quantity the difference of the second, at least the
@@ -152,11 +154,11 @@ class ReferenceMotion:
             (first, samples), (second, others) = (self.tightest(v, rtol) for v in names)
             words = (str(first), str(second))
         rounding = np.array([EPS * (1.0 + np.abs(x).max(initial=0.0)) for x in samples.values()])
-        apart = rounding if others is None else np.maximum(self.difference(samples, others).max(axis=0), rounding)
-        return words, samples, dict(zip(samples, apart.tolist(), strict=True))
+        uncertainty = rounding if others is None else np.maximum(self.difference(samples, others).max(axis=0), rounding)
+        return words, samples, dict(zip(samples, uncertainty.tolist(), strict=True))
 
     def _exact(self) -> Samples | None:
-        """Return the exact solution, if known from this start."""
+        """Return the exact solution, if it is known for this start."""
         exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
         if exact is None:
             return None
@@ -164,11 +166,11 @@ class ReferenceMotion:
         if not np.allclose(exact(self.t_span[0])[0], start, rtol=SOLUTION_ROUNDING, atol=SOLUTION_ROUNDING):
             return None
         y, z = zip(*map(exact, self.times), strict=True)
-        return dict(zip(OF_TEXTBOOK, (np.array(y), np.array(z)), strict=True))
+        return dict(zip(TEXTBOOK_QUANTITIES, (np.array(y), np.array(z)), strict=True))
 
 
-def _carried(system: Any, sol: Solution, i: int, t: float) -> Array:
-    """Return the point of a run at time t, from its last step end i before t."""
+def _continued(system: Any, sol: Solution, i: int, t: float) -> Array:
+    """Return the point of a run at time t, integrated from its last node i before t."""
     ts, ys, zs = sol.nodes
     if abs(t - ts[i]) <= 16 * np.spacing(abs(t)):
         return ys[i]
@@ -177,7 +179,7 @@ def _carried(system: Any, sol: Solution, i: int, t: float) -> Array:
     atol = SUM_ROUNDING * (1.0 + np.abs(ys[i]))
     options = {"rtol": SOLUTION_ROUNDING, "atol": atol}
     if isinstance(system, Index1System):
-        carried = solve_ivp(lambda s, y: system.rate(s, y)[0], (ts[i], t), ys[i], "DOP853", **options)
-        return system.normal(carried.y[:, -1])
-    system.derivative(ts[i], ys[i], zs[i])  # selects the root z of the run
+        continued = solve_ivp(lambda s, y: system.rate(s, y)[0], (ts[i], t), ys[i], "DOP853", **options)
+        return system.normal(continued.y[:, -1])
+    system.derivative(ts[i], ys[i], zs[i])  # select the root z of the run
     return solve_ivp(lambda s, y: system.derivative(s, y)[0], (ts[i], t), ys[i], "DOP853", **options).y[:, -1]

@@ -1,4 +1,4 @@
-"""The runs of a comparison: finished runs, their file, and the order of the others."""
+"""The runs of a comparison: finished runs, their file, and the order of the remaining runs."""
 
 import hashlib
 import json
@@ -19,14 +19,14 @@ from ..method_variant import Variant
 from ..workers import Stop, pool
 from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Samples, Trial
-from .run_result import RunResult, in_order
+from .run_result import RunResult, ordered
 
-LONG = 2.0  # s: longer runs are timed once
+LONG = 2.0  # s: longer runs are measured once
 Progress = Callable[[float, str], None]
 
 
 class TrialConditions(NamedTuple):
-    """Data shared by the runs: the motion, the reference, and whether the first time counts."""
+    """Data shared by the runs: the motion, the reference, and whether first runs are timed."""
 
     motion: ReferenceMotion
     reference: Samples | None = None
@@ -34,7 +34,7 @@ class TrialConditions(NamedTuple):
 
 
 def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
-    """Make a run and compare it with the reference."""
+    """Run a trial and compare it with the reference."""
     assert job.reference is not None
     sol = job.motion.solve(trial, stop)
     point = job.motion.measure(trial, sol, job.reference)
@@ -42,7 +42,7 @@ def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> Ru
 
 
 def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
-    """Repeat a run for its wall time in s."""
+    """Repeat a run and return its wall time in s."""
     return job.motion.solve(trial, stop).stats["seconds"]
 
 
@@ -75,7 +75,7 @@ class RunQueue:
         fresh: bool = False,
     ) -> None:
         self.motion, self.trials, self.pair, self.rtol, self.path = motion, trials, pair, rtol, path
-        self.tell: Progress = progress or (lambda done, name: None)
+        self.report_progress: Progress = progress or (lambda done, name: None)
         self.passes, self.passed = passes, 0
         self.points: dict[tuple, RunResult] = {}
         self.reference, self.witness = "", ""
@@ -87,7 +87,7 @@ class RunQueue:
             self._read(path)
 
     def key(self) -> str:
-        """Key of comparisons that may share runs: problem, start, times, reference, version.
+        """Return a key that comparisons which may share runs have in common: problem, start, times, reference, version.
 
         Empty for a custom textbook problem: its functions cannot be identified.
 
@@ -95,7 +95,7 @@ class RunQueue:
             InputError: for such a problem, if there is a file.
         """
         c = self.motion
-        own = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
+        custom = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
         try:
             problem = problem_data(c.problem)
         except InputError:
@@ -103,7 +103,7 @@ class RunQueue:
                 raise
             return ""
         what = (
-            *own, problem, *(x.tolist() for x in c.start), c.t_span, c.times.tolist(),
+            *custom, problem, *(x.tolist() for x in c.start), c.t_span, c.times.tolist(),
             [str(v) for v in self.pair], self.rtol, c.max_steps, c.backend, versions()["mbdae"],
         )  # fmt: skip
         return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
@@ -112,37 +112,39 @@ class RunQueue:
         old = Comparison.load(path)
         if old.meta.get("key") != self.key():
             what = "another mechanism, span, reference or version of mbdae"
-            raise InputError(f"{path} holds a comparison of {what}: name another file, or start afresh")
+            raise InputError(f"{path} has a comparison of {what}: give another file, or start afresh")
         self.points = {p.label: p for p in old.points}
         self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
 
-    def open(self) -> list[Trial]:
-        """Return runs that have not been made yet."""
+    def pending(self) -> list[Trial]:
+        """Return the runs that are not finished."""
         return [t for t in self.trials if t.label not in self.points]
 
-    def refer(self) -> None:
-        """Compute the reference, if any run is still to be compared with it."""
-        if self.open():
-            self.tell(0.0, "reference")
+    def compute_reference(self) -> None:
+        """Compute the reference, if any run is pending."""
+        if self.pending():
+            self.report_progress(0.0, "reference")
             (self.reference, self.witness), self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
 
-    def measure(self, workers: int, *, clock: bool) -> None:
-        """Make the missing runs, here or in processes."""
-        todo = self.open()
+    def measure_errors(self, workers: int, *, clock: bool) -> None:
+        """Run the pending trials, in this process or in others."""
+        todo = self.pending()
         if self.samples is not None and todo:
             job = TrialConditions(self.motion, self.samples, clock)
-            self._pass(measured, job, todo, workers, lambda trial, point: self._keep(point))
+            self._pass(measured, job, todo, workers, lambda trial, point: self._store(point))
 
-    def time(self, repeats: int, workers: int) -> None:
-        """Repeat runs for their times, all of them in turn; those above two seconds once."""
+    def measure_times(self, repeats: int, workers: int) -> None:
+        """Repeat runs for their wall times, in alternation; those above two seconds once."""
 
         def record_time(trial: Trial, seconds: float) -> None:
             point = self.points[trial.label]
-            self._keep(replace(point, times=(*point.times, seconds)))
+            self._store(replace(point, times=(*point.times, seconds)))
 
         labels = {t.label: t for t in self.trials}
         for r in range(repeats):
-            short = [labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
+            short = [
+                labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _is_repeatable(p)
+            ]
             if short:
                 what = f"time {r + 1} of {repeats}: "
                 self._pass(timed, TrialConditions(self.motion), short, workers, record_time, what)
@@ -153,55 +155,55 @@ class RunQueue:
         job: TrialConditions,
         trials: Sequence[Trial],
         workers: int,
-        keep: Callable[[Trial, Any], None],
+        store: Callable[[Trial, Any], None],
         what: str = "",
     ) -> None:
-        """Call a function for each of the runs, here or in processes, and keep the results."""
+        """Call a function for each of the runs, in this process or in others, and store the results."""
         if workers == 1:
             for i, trial in enumerate(trials):
-                self._say(i / len(trials), f"{what}{trial}")
-                keep(trial, function(job, trial))
+                self._report(i / len(trials), f"{what}{trial}")
+                store(trial, function(job, trial))
         else:
             finished = []
 
             def record_run(trial: Trial, found: Any) -> None:
                 finished.append(trial)
-                self._say(len(finished) / len(trials), f"{what}{trial} done")
-                keep(trial, found)
+                self._report(len(finished) / len(trials), f"{what}{trial} done")
+                store(trial, found)
 
             sent = job._replace(motion=replace(job.motion, problem=without_geometry(job.motion.problem)))
-            with pool("processes", workers, function, sent, "workers=1") as there:
-                there.work(trials, record_run)
+            with pool("processes", workers, function, sent, "workers=1") as workers_pool:
+                workers_pool.run(trials, record_run)
         self.passed += 1
 
-    def _say(self, share: float, name: str) -> None:
-        """Report the progress: the number of passes over the runs, and a share of the next one."""
-        self.tell(min(1.0, (self.passed + share) / self.passes), name)
+    def _report(self, fraction: float, name: str) -> None:
+        """Report the progress: the number of passes over the runs, and the fraction of the current one."""
+        self.report_progress(min(1.0, (self.passed + fraction) / self.passes), name)
 
-    def _keep(self, point: RunResult) -> None:
+    def _store(self, point: RunResult) -> None:
         self.points[point.label] = point
         if self.path:
             self._comparison(list(self.points), complete=False).save(self.path)
 
     def result(self, complete: bool) -> Comparison:
-        """Return the finished runs among the requested ones; the file also keeps older ones."""
+        """Return the finished runs among the requested ones; the file also keeps runs of earlier calls."""
         if complete and self.path:
             self._comparison(list(self.points), complete=True).save(self.path)
         return self._comparison([], complete)
 
     def _comparison(self, more: list[tuple], complete: bool) -> Comparison:
         c, labels = self.motion, [t.label for t in self.trials]
-        points = in_order(self.points.values(), list(dict.fromkeys([*labels, *more])))
+        points = ordered(self.points.values(), list(dict.fromkeys([*labels, *more])))
         about = (self.reference, self.witness, self.uncertainty)
         return Comparison(c.problem.title, c.t_span, points, *about, complete, self.meta)
 
 
-def _again(point: RunResult) -> bool:
+def _is_repeatable(point: RunResult) -> bool:
     return point.success and not (point.times and point.times[0] > LONG)
 
 
 def without_geometry(problem: Problem) -> Problem:
-    """Return the problem without geometry, which can be hundreds of megabytes, and without its source files."""
+    """Return the problem without geometry, which may take hundreds of megabytes, and without its source files."""
     if not isinstance(problem, Mechanism):
         return problem
     out = copy(problem)

@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 COUNTS = ("steps", "rejected", "f", "M", "G", "solves", "factorizations")
-WHOLE = {"n", *COUNTS}
+INTEGERS = {"n", *COUNTS}
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class RunResult:
         status: one of `mbdae.errors.STATUS`.
         errors: by quantity the largest difference to the reference over the common times: of ``"q"`` in the tangent
             (rad, m), ``"v"`` (rad/s, m/s), and ``"lam"`` from the hidden constraint (N, N m); of ``"y"`` and ``"z"`` of
-            a textbook problem. Empty for a run that did not come to its end.
+            a textbook problem. Empty for an incomplete run.
         ends: the same at the end.
         g: max |g| over all rows and steps (m, rad).
         Gv: max |G v| over all rows and steps (m/s, rad/s); of a textbook problem that of g' = g_t + g_y f.
-        energy: relative error of the energy balance; None where there is no energy.
+        energy: relative error of the energy balance; None if there is no energy.
         steps: steps taken.
         rejected: steps rejected; None if a solver does not report them.
         f: evaluations of the forces.
@@ -66,7 +66,7 @@ class RunResult:
 
     @property
     def success(self) -> bool:
-        """Whether the run came to its end, and has errors."""
+        """Whether the run is complete and has errors."""
         return bool(self.errors)
 
     def row(self, quantities: Sequence[str]) -> dict[str, Any]:
@@ -82,7 +82,7 @@ class RunResult:
 
 
 def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
-    """Return a run from a row of JSON, or of CSV where everything is text and nothing is None.
+    """Return a run from a row of JSON, or of CSV, where all values are text and None is empty.
 
     Raises:
         ValueError, KeyError, AttributeError, TypeError: for an invalid row.
@@ -95,19 +95,19 @@ def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
         elif f.name in ("errors", "ends"):
             found = {name: row[f"{f.name[:-1]}_{name}"] for name in quantities}
             if len({x in (None, "") for x in found.values()}) > 1:
-                raise ValueError(f"a run has some of its {f.name}, and not all")
-            values[f.name] = {name: parameter_value(x) for name, x in found.items() if x not in (None, "")}
+                raise ValueError(f"a run lacks some of its {f.name}")
+            values[f.name] = {name: nonnegative(x) for name, x in found.items() if x not in (None, "")}
         elif f.name in ("method", "status"):
             values[f.name] = str(row[f.name])
         elif row[f.name] in (None, ""):
             values[f.name] = None
         else:
-            values[f.name] = int(row[f.name]) if f.name in WHOLE else parameter_value(row[f.name])
+            values[f.name] = int(row[f.name]) if f.name in INTEGERS else nonnegative(row[f.name])
     return RunResult(**values)
 
 
-def parameter_value(x: Any) -> float:
-    """Return a number from a file: finite, and not negative, as tolerances, errors and drifts are.
+def nonnegative(x: Any) -> float:
+    """Return a number from a file: finite, and not negative, as for tolerances, errors and drifts.
 
     Raises:
         ValueError: for any other value.
@@ -117,7 +117,7 @@ def parameter_value(x: Any) -> float:
     return float(x)
 
 
-def in_order(points: Iterable[RunResult], labels: Sequence[tuple]) -> tuple[RunResult, ...]:
+def ordered(points: Iterable[RunResult], labels: Sequence[tuple]) -> tuple[RunResult, ...]:
     """Return runs in the order of the requested labels; others are omitted."""
     found = {p.label: p for p in points}
     return tuple(found[key] for key in labels if key in found)

@@ -21,7 +21,7 @@ TARGETS = click.argument(
     "targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...", shell_complete=completed(problems)
 )
 LIMIT = click.option(
-    "--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this."
+    "--max", "limit", type=float, help="Limit of |g|, |G v| and the relative energy error; exit 1 when exceeded."
 )
 
 
@@ -33,7 +33,7 @@ def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | No
     """
     output = out.paths["output"]
     if output and len(targets) * max(1, len(options["methods"] or ())) > 1:
-        raise InputError("-o takes the drift of one run")
+        raise InputError("-o writes the drift of one run")
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
     sols = _solutions(targets, **options)
@@ -63,13 +63,13 @@ def _solutions(
     """Return saved runs, and runs of models by each method.
 
     Raises:
-        InputError: for options of a run if all runs are saved ones.
+        InputError: for options of a run when all runs are saved ones.
     """
     from ...solution.solution import Solution
 
     given = started or chosen or any(value is not None for value in options.values())
     if given and all(target.endswith(".npz") for target in targets):
-        raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
+        raise InputError("a saved run has its method, time and tolerances: options of a run need a model")
     runs = _runs(options.pop("methods"), options.pop("formulation"), options.pop("project"))
     sols = []
     for target in targets:
@@ -82,7 +82,7 @@ def _solutions(
 
 
 def _runs(methods: list[str] | None, formulation: str | None, project: bool | None) -> list[dict[str, Any]]:
-    """Return the settings of a run for each method; those of the model if neither method nor formulation is given."""
+    """Return settings of a run for each method; the model's if neither method nor formulation is given."""
     from ..method_variant import variants
 
     if project and formulation not in (None, "index2"):

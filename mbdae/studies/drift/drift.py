@@ -11,7 +11,7 @@ from ...solution.columns import energy_balance, residuals
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
-from ..method_variant import of as variant_of
+from ..method_variant import variant_from_settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,7 +60,7 @@ class Drift(Tabular):
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
         energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
         work_end: W at the end in J.
-        history: the same over time.
+        history: residuals over time.
     """
 
     title: str
@@ -92,8 +92,8 @@ class Drift(Tabular):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
-        return {**own, "energy_relative": self.energy_relative}
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
+        return {**values, "energy_relative": self.energy_relative}
 
     def tabulated(self) -> Columns:
         """Return largest |g| and |G v|, and the relative error of the energy balance, over time."""
@@ -129,11 +129,15 @@ class Drift(Tabular):
         from .. import figures
         from .figure import drifts
 
-        return figures.given(drifts([self.history]), path)
+        return figures.save_if_path(drifts([self.history]), path)
 
     def __str__(self) -> str:
-        worst, (kept, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
-        free = f"; over {kept} of {rows} rows, {rows - kept} have no position level" if kept < rows else ""
+        worst, (positional, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
+        free = (
+            f"; over {positional} of {rows} rows, {rows - positional} have no position level"
+            if positional < rows
+            else ""
+        )
         wide = len(self._rate)
         lines = [
             f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
@@ -146,8 +150,8 @@ class Drift(Tabular):
         return "\n".join(lines)
 
 
-def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
-    system, (method, label) = problem.system(), names_of_run(sol)
+def _textbook_drift(sol: Solution, problem: Hessenberg) -> Drift:
+    system, (method, label) = problem.system(), run_labels(sol)
     points = list(zip(sol.t.tolist(), sol.y, sol.z_own, strict=True))
     g = np.array([np.abs(problem.g(t, y)).max(initial=0.0) for t, y, _ in points])
     hidden = np.array([np.abs(system.hidden(t, y, z)).max(initial=0.0) for t, y, z in points])
@@ -159,42 +163,46 @@ def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
     )  # fmt: skip
 
 
-def brief(x: float) -> str:
-    """Return a tolerance with all its digits: 1e-04, 2.5e-04."""
+def format_tolerance(x: float) -> str:
+    """Return a tolerance as text with all its digits: 1e-04, 2.5e-04."""
     return np.format_float_scientific(x, trim="-", exp_digits=2)
 
 
-def names_of_run(sol: Solution) -> tuple[str, str]:
-    """Return the method of a run as a `mbdae.studies.method_variant.Variant`, and the same with its step control."""
-    method, settings = str(variant_of(sol.settings)), sol.settings
-    control = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
+def run_labels(sol: Solution) -> tuple[str, str]:
+    """Return the method of a run as a `mbdae.studies.method_variant.Variant`, also with its step size or rtol."""
+    method, settings = str(variant_from_settings(sol.settings)), sol.settings
+    control = (
+        f"h = {settings['step']:g} s"
+        if "step" in settings
+        else f"rtol {format_tolerance(settings.get('rtol', np.nan))}"
+    )
     return method, f"{method}, {control}"
 
 
 def drift(sol: Solution) -> Drift:
     """Measure the drift of a solution at its times.
 
-    Position level: g(t, q) over all rows, monitored and not enforced. Velocity level: G v + g_t. Energy: the kinetic
-    and potential energy less their start and the integrated work, E(t) - E(0) - W(t). Of a textbook problem 0 = g,
-    which methods keep, and what the method's own z leaves of the hidden constraint, g_t + g_y f(t, y, z); it has no
-    energy.
+    Position level: g(t, q) over all rows, monitored and not enforced. Velocity level: G v + g_t. Energy: kinetic and
+    potential energy minus their start value and the integrated work, E(t) - E(0) - W(t). For a textbook problem g,
+    which methods enforce, and the residual of the hidden constraint with the method's z, g_t + g_y f(t, y, z); it has
+    no energy.
 
     Args:
         sol: the solution, of a mechanism or a textbook problem.
 
     Returns:
-        The largest and the last of them, and all over time.
+        Largest and last residuals, and their history.
 
     Raises:
-        InputError: for a solution without times, or something else.
+        InputError: for a solution without times, or another argument.
     """
     require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
     if isinstance(sol.problem, Hessenberg):
-        return _of_textbook(sol, sol.problem)
+        return _textbook_drift(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = energy_balance(mech, sol.v, r.kinetic, r.potential, sol.work)
-    method, label = names_of_run(sol)
+    method, label = run_labels(sol)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),

@@ -1,11 +1,21 @@
-"""How several runs drift over time."""
+"""Figure of the drift of several runs over time."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..figures import WIDTH, beside, escaped, fixed_layout, line_style, logarithmic, own_style, positive, sheet
+from ..figures import (
+    WIDTH,
+    curve_style,
+    empty_figure,
+    escaped,
+    fixed_layout,
+    legend_right,
+    line_style,
+    logarithmic,
+    positive,
+)
 from .drift import History
 
 if TYPE_CHECKING:
@@ -17,16 +27,16 @@ if TYPE_CHECKING:
 def drifts(runs: Sequence[History]) -> "Figure":
     """Draw |g|, and the relative error of the energy balance, of several runs over time.
 
-    Textbook problems have no energy: below stands |g_t + g_y f| where there is none but those.
+    Textbook problems have no energy: if there are no others, the lower axes show |g_t + g_y f|.
     Runs of one method share a colour and a line style; labels name the mechanism if there are several.
     """
-    figure = sheet(WIDTH, 4.6)
+    figure = empty_figure(WIDTH, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
     titles = list(dict.fromkeys(run.title for run in runs))
-    apart = len({run.method for run in runs}) == len(runs)
+    distinct = len({run.method for run in runs}) == len(runs)
     energies = any(run.energy is not None for run in runs)
     for i, run in enumerate(runs):
-        style = line_style(run.method) | ({} if apart else own_style(i))
+        style = line_style(run.method) | ({} if distinct else curve_style(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
         for ax, values in ((top, run.g), (bottom, run.energy if energies else run.Gv)):
             if values is not None:
@@ -36,14 +46,14 @@ def drifts(runs: Sequence[History]) -> "Figure":
     bottom.set_xlabel("$t$ (s)")
     bottom.set_xlim(min(run.t[0] for run in runs), max(run.t[-1] for run in runs))
     figure.align_ylabels([top, bottom])
-    beside(top)
+    legend_right(top)
     figure.suptitle(escaped(f"Drift of {', '.join(titles)}"), fontsize=9)
     return figure
 
 
 def _line(ax: "Axes", t: np.ndarray, values: np.ndarray, shift: float, **style: Any) -> None:
-    """A curve with ten markers, those of different runs at different times."""
-    share = (np.arange(10) + shift) / 10
-    at = np.abs(t[:, None] - (t[0] + share * (t[-1] - t[0]))).argmin(axis=0)
+    """Draw a curve with ten markers, at different times for different runs."""
+    fractions = (np.arange(10) + shift) / 10
+    at = np.abs(t[:, None] - (t[0] + fractions * (t[-1] - t[0]))).argmin(axis=0)
     ax.plot(t, positive(values), **style, lw=0.9, markevery=sorted(set(at.tolist())))
     logarithmic(ax.yaxis)

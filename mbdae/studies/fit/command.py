@@ -45,15 +45,17 @@ def fit(
     sigma: tuple[str, ...],
     **options: Any,
 ) -> Result:
-    """Find numbers of a model from measured signals, columns of CSV or Parquet files named as those of `mbdae solve`.
+    """Identify parameters of a model from measured signals: columns of CSV or Parquet files, named as by `mbdae solve`.
 
-    Exit 1: residuals are no noise, or the search did not end; 3: the data do not tell every parameter.
+    Exit 1: residuals are not noise, or the search did not converge; 3: the data do not determine all parameters.
     """
     if options["step"] is not None and options["rtol"] is not None:
         raise InputError("give --step for a fixed step size, or --rtol for step-size control, not both")
     settings = {name: x for name, x in options.items() if x is not None}
-    with progress_bar("fit", None) as tell:
-        return study(model.source, _bounds(given), list(data), sigma=_levels(sigma), progress=tell, **settings)
+    with progress_bar("fit", None) as report_progress:
+        return study(
+            model.source, _bounds(given), list(data), sigma=_levels(sigma), progress=report_progress, **settings
+        )
 
 
 def _bounds(texts: Iterable[str]) -> dict[str, tuple[float, ...]]:

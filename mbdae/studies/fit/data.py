@@ -13,14 +13,14 @@ from ..sensitivity.cost import real
 from ..sweep.results_file import arrow
 
 TIME = "t"
-LARGEST = 1e150  # value
+LARGEST_VALUE = 1e150  # whose square is finite
 
 
 class Recording(NamedTuple):
     """Measurements of one run.
 
     Attributes:
-        name: for messages: a file, or a number.
+        name: file or index, for messages.
         t: times in s, ascending, (n,).
         columns: signals at these times, (n,) each, nan for missing values.
     """
@@ -56,7 +56,7 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
 
 
 def _columns(data: Any, name: str, signals: Sequence[str]) -> tuple[Array, dict[str, Array]]:
-    """The times of a table, and the signals that count."""
+    """Return the times of a table and the requested signals."""
     if not isinstance(data, Mapping):
         raise InputError(f"{name}: expected a table of t and signals, or the path of a file, got {data!r:.60}")
     try:
@@ -64,10 +64,10 @@ def _columns(data: Any, name: str, signals: Sequence[str]) -> tuple[Array, dict[
     except (TypeError, ValueError) as e:
         raise InputError(f"{name}: not a table of numbers: {e}") from None
     if TIME not in columns:
-        raise InputError(f"{name}: there is no column {TIME!r} of times, but {', '.join(columns) or 'nothing'}")
+        raise InputError(f"{name}: there is no column {TIME!r} of times, only {', '.join(columns) or 'nothing'}")
     t = columns.pop(TIME)
     if missing := [signal for signal in signals if signal not in columns]:
-        raise InputError(f"{name}: there is no column {missing[0]!r}, but {', '.join(columns)}")
+        raise InputError(f"{name}: there is no column {missing[0]!r}, only {', '.join(columns)}")
     return t, {key: x for key, x in columns.items() if not signals or key in signals}
 
 
@@ -75,20 +75,20 @@ def _check_times(found: Recording) -> None:
     name, t = found.name, found.t
     if t.ndim != 1 or any(x.shape != t.shape for x in found.columns.values()) or not found.columns:
         raise InputError(f"{name}: expected a column t and signals of its length")
-    rises = np.append(np.diff(t) > 0, np.isfinite(t[-1:]))
-    if not rises.all():
-        pair = t[(i := int(rises.argmin())) : i + 2]
+    increasing = np.append(np.diff(t) > 0, np.isfinite(t[-1:]))
+    if not increasing.all():
+        pair = t[(i := int(increasing.argmin())) : i + 2]
         impact = ", as at an impact" if len(pair) == 2 and pair[0] == pair[1] else ""
-        raise InputError(f"{name}: times must rise, got {', then '.join(f'{x:.9g}' for x in pair)}{impact}")
+        raise InputError(f"{name}: times must increase, got {', then '.join(f'{x:.9g}' for x in pair)}{impact}")
 
 
 def _check_values(found: Recording) -> None:
     name, columns = found.name, found.columns
     for key, x in columns.items():
         if np.isinf(x).any():
-            raise InputError(f"{name}: column {key!r} has a value that is infinite")
-        if (np.abs(x) > LARGEST).any():
-            raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST:g}, of which no square is known")
+            raise InputError(f"{name}: column {key!r} has an infinite value")
+        if (np.abs(x) > LARGEST_VALUE).any():
+            raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST_VALUE:g}, whose square overflows")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")
 
@@ -126,5 +126,5 @@ def _read_csv(path: Path) -> dict[str, Any]:
 
 
 def _value(text: str) -> float:
-    """The number of a cell, nan where it is empty."""
+    """Return the number in a cell; nan for an empty one."""
     return float(text) if text.strip() else np.nan

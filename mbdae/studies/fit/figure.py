@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..figures import WIDTH, escaped, fixed_layout, sheet
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout
 from .result import Fit
 
 if TYPE_CHECKING:
@@ -15,16 +15,16 @@ HEIGHT = 2.2  # inches per signal
 
 @fixed_layout
 def compared(fit: Fit) -> "Figure":
-    """Draw each signal of each run, measured and computed, and its residuals in noise levels next to it."""
+    """Draw each signal of each run, measured and computed, and alongside its residuals in noise levels."""
     panels = [(i, name) for i, signals in enumerate(fit.measured) for name in signals]
-    figure = sheet(WIDTH, HEIGHT * len(panels) + 0.3)
+    figure = empty_figure(WIDTH, HEIGHT * len(panels) + 0.3)
     axes = figure.subplots(len(panels), 2, squeeze=False, width_ratios=(2, 1))
     for (left, right), (i, name) in zip(axes, panels, strict=True):
         t = fit.times[i]
         left.plot(t, fit.measured[i][name], ".", color=COLOURS[1], markersize=3, label="measured")
         left.plot(t, fit.computed[i][name], color=COLOURS[0], label="computed")
-        of = f", {Path(fit.names[i]).name}" if len(fit.names) > 1 else ""
-        left.set_ylabel(escaped(f"{name}{of} ({fit.units[name]})" if fit.units.get(name) else name + of))
+        source = f", {Path(fit.names[i]).name}" if len(fit.names) > 1 else ""
+        left.set_ylabel(escaped(f"{name}{source} ({fit.units[name]})" if fit.units.get(name) else name + source))
         left.set_xlabel("$t$ (s)")
         right.plot(t, fit.residuals[i][name], ".", color=COLOURS[0], markersize=3)
         right.axhline(0.0, color="0.4", linewidth=0.7)

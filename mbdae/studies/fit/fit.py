@@ -1,10 +1,10 @@
-"""Parameters of a mechanism from measured signals: least squares with exact derivatives, over growing spans.
+"""Parameters of a mechanism from measured signals: least squares with exact derivatives, over increasing time spans.
 
     minimise  sum_k r_k^2,   r_k = (signal(t_k; p) - data_k) / sigma,   low <= p <= high
 
 by a trust region with bounds (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999)), with the Jacobian of
-`mbdae.sensitivity`. Over long spans the sum has false minima: motions shifted by whole periods. So the first samples
-are fitted first, then more of them.
+`mbdae.sensitivity`. Over long spans the sum has false minima at motions that are shifted by whole periods. Therefore
+the first samples are fitted first, then more of them.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,7 +24,14 @@ from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE
-from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values, reals, scaled, teller
+from ..sensitivity.run_parameters import (
+    MechanismFactory,
+    mechanism_factory,
+    named_values,
+    progress_reporter,
+    reals,
+    scaled,
+)
 from ..sweep.sweep_run import check_settings
 from .data import records
 from .fit_residuals import FitResiduals
@@ -33,7 +40,7 @@ from .result import Attempt, Fit
 
 __all__ = ["fit"]
 
-SPANS = (0.16, 0.4, 1.0)  # of the samples
+SPANS = (0.16, 0.4, 1.0)  # fractions of the samples
 Parameters = Mapping[str, Any]
 
 
@@ -69,16 +76,16 @@ def fit(
 
     Args:
         model: argument of `mbdae.load`, a mechanism that was loaded, or a function that returns one.
-        parameters: dotted names, as of sweeps, with (low, high) or (start, low, high); the search starts from the
-            model's value if no start is given and it lies between the bounds, else from the middle.
+        parameters: dotted names, as of sweeps, with (low, high) or (start, low, high); without a start the search
+            begins at the model's value if it lies between the bounds, else in the middle.
         data: a table ``{"t": ..., "q.slider": ...}`` with columns named as the signals of `mbdae.Solution.signals`, a
             CSV or Parquet file, or a list of them: several runs with the same parameters.
-        signals: a column that counts; all when left out.
+        signals: columns to use; all when left out.
         sigma: noise level of all signals, or by name, in their units. Without, standard deviations follow from the
             residuals, and the fit cannot be refuted.
         scales: typical changes of the parameters; a tenth of the range when left out.
         t_span: start of the runs, and the latest time of data; 0 and the last of them when left out.
-        spans: shares of the samples that are fitted one after another; ``(1,)`` for all at once.
+        spans: fractions of the samples that are fitted successively; ``(1,)`` for all at once.
         known: other parameters of each run, for instance start values: a table for each, or one for all.
         starts: searches, from starts within the bounds. The first is from the given start; others are logarithmic
             if the bounds are positive. The best is returned, the others are in its ``searches``.
@@ -94,21 +101,21 @@ def fit(
         UnknownNameError: for invalid names.
     """
     _check_names(parameters, settings)
-    tell = teller(progress)
-    found = records(data, as_list(signals, "signals are names of columns"))
+    report_progress = progress_reporter(progress)
+    recordings = records(data, as_list(signals, "signals are names of columns"))
     loaded = model if isinstance(model, Mechanism) else None
     make = mechanism_factory(loaded, None if loaded else model)
-    tables = _known(known, len(found), parameters)
+    tables = _known_parameters(known, len(recordings), parameters)
     named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}
-    problem = FitResiduals(make, list(unknown), found, tables, sigma, t_span, settings)
+    problem = FitResiduals(make, list(unknown), recordings, tables, sigma, t_span, settings)
     low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
     scale = scaled(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
     first = np.clip([u.start for u in unknown.values()], low, high)
     _check_starts(starts, seed)
-    search = _Search(problem, low, high, scale, spans, tell)
+    search = _Search(problem, low, high, scale, spans, report_progress)
     attempts = []
-    for i, x in enumerate(_places(first, low, high, starts, seed)):
+    for i, x in enumerate(_starting_points(first, low, high, starts, seed)):
         try:
             attempts.append(search.attempt(x, f"start {i + 1}, " if starts > 1 else ""))
         except MbdaeError as e:
@@ -134,7 +141,7 @@ def _check_starts(starts: Any, seed: Any) -> None:
         raise InputError(f"seed is a whole number, at least 0, got {seed!r:.60}")
 
 
-def _known(given: Any, n: int, parameters: Parameters) -> list[dict[str, float]]:
+def _known_parameters(given: Any, n: int, parameters: Parameters) -> list[dict[str, float]]:
     """Return the known parameters of each of n runs.
 
     Raises:
@@ -142,58 +149,58 @@ def _known(given: Any, n: int, parameters: Parameters) -> list[dict[str, float]]
     """
     tables = [given] * n if isinstance(given, Mapping) else given if isinstance(given, Sequence) else [given]
     for table in tables:
-        require(table, Mapping, "what is known of runs are tables, name = value")
+        require(table, Mapping, "known parameters are tables, name = value")
         if nameless := [name for name in table if not isinstance(name, str)]:
-            raise InputError(f"what is known of runs has dotted names, got {nameless[0]!r:.60}")
+            raise InputError(f"known parameters have dotted names, got {nameless[0]!r:.60}")
         if both := [name for name in table if name in parameters]:
-            raise InputError(f"{both[0]!r} is known, and a parameter to be found")
+            raise InputError(f"{both[0]!r} is both known and to be identified")
     if tables and len(tables) != n:
         raise InputError(f"known has {len(tables)} tables for {n} runs")
     return [dict(table) for table in tables] or [{}] * n
 
 
-def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterator[Array]:
+def _starting_points(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterator[Array]:
     """Yield n starting points of searches, beginning with the given one."""
     yield first
     random = np.random.default_rng(seed)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.where(low > 0, np.log(low), low), np.where(low > 0, np.log(high), high)
+        limits = np.where(low > 0, np.log(low), low), np.where(low > 0, np.log(high), high)
     for _ in range(n - 1):
-        x = random.uniform(*ends)
+        x = random.uniform(*limits)
         yield np.clip(np.where(low > 0, np.exp(np.where(low > 0, x, 0.0)), x), low, high)
 
 
 @dataclass(frozen=True)
 class _Search:
-    """Least squares over growing shares of the samples, between bounds (k,), in scales (k,) of the parameters."""
+    """Least squares over increasing fractions of the samples, with bounds (k,) and scales (k,) of the parameters."""
 
     problem: FitResiduals
     low: Array
     high: Array
     scale: Array
     spans: Sequence[float]
-    tell: Callable[[str], None]
+    report_progress: Callable[[str], None]
 
-    @np.errstate(over="ignore", invalid="ignore")  # of runs that explode, which say so
-    def attempt(self, start: Array, where: str) -> Attempt:
+    @np.errstate(over="ignore", invalid="ignore")  # of diverging runs, which fail with a message
+    def attempt(self, start: Array, label: str) -> Attempt:
         """Search from a start.
 
         Raises:
-            MbdaeError: of a run that fails where a search begins.
+            MbdaeError: if a run fails at a starting point.
         """
         problem = self.problem
         x, message, converged, r = start, "", False, np.empty(0)
-        for share in problem.span_fractions(self.spans, len(start)):
-            problem.share, tolerance = share, SEARCH_TOLERANCE if share == 1 else COARSE
-            self.tell(f"{where}{share:.0%} of the samples")
-            problem.solved(x)
+        for fraction in problem.span_fractions(self.spans, len(start)):
+            problem.fraction, tolerance = fraction, SEARCH_TOLERANCE if fraction == 1 else COARSE
+            self.report_progress(f"{label}{fraction:.0%} of the samples")
+            problem.simulate(x)
             result = least_squares(
                 problem.residuals, x, problem.jacobian, (self.low, self.high), x_scale=self.scale,
                 ftol=tolerance, xtol=tolerance, gtol=tolerance,
             )  # fmt: skip
             x, message, converged, r = result.x, result.message, result.status > 0, result.fun
-        begun, ended = (dict(zip(problem.names, y.tolist(), strict=True)) for y in (start, x))
-        return Attempt(begun, ended, float(r @ r), converged, message)
+        initial, final = (dict(zip(problem.names, y.tolist(), strict=True)) for y in (start, x))
+        return Attempt(initial, final, float(r @ r), converged, message)
 
 
 def _unknown(make: MechanismFactory, name: str, given: Any) -> Unknown:
@@ -215,7 +222,7 @@ def _unknown(make: MechanismFactory, name: str, given: Any) -> Unknown:
 
 
 def _default_start(make: MechanismFactory, name: str, low: float, high: float) -> float:
-    """The number of the model where it has one between the bounds, else half way."""
+    """Return the model's value if it lies between the bounds, else their mean."""
     middle = (low + high) / 2
     if not isinstance(make, Template):
         return middle
@@ -231,27 +238,27 @@ def _default_start(make: MechanismFactory, name: str, low: float, high: float) -
 def _result(search: _Search, attempts: list[Attempt]) -> Fit:
     problem, low, high, scale = search.problem, search.low, search.high, search.scale
     best = min(attempts, key=lambda s: s.chi2)
-    x, problem.share = np.array(list(best.values.values())), 1.0
+    x, problem.fraction = np.array(list(best.values.values())), 1.0
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names
     chi2, dof = float(r @ r), len(r) - len(x)
-    variance = 1.0 if problem.given or dof <= 0 else chi2 / dof
+    variance = 1.0 if problem.noise_known or dof <= 0 else chi2 / dof
     found = precision(J, names, scale, high - low, variance)
     near = SEARCH_TOLERANCE * (high - low) + INPUT_DIGITS * scale
     at_bounds = list(members(names, (x - low < near) | (high - x < near)))
-    sols = problem.solved(x)
-    runs = list(zip(sols, problem.found, strict=True))
+    sols = problem.simulate(x)
+    runs = list(zip(sols, problem.recordings, strict=True))
     computed = [{name: computed_signals(sol, [name])[name] for name in record.columns} for sol, record in runs]
     residuals = [{name: (c[name] - record.columns[name]) / problem.sigma[name] for name in c}
-                 for c, record in zip(computed, problem.found, strict=True)]  # fmt: skip
-    probability = float(chi2_distribution.sf(chi2, dof)) if problem.given and dof > 0 else np.nan
+                 for c, record in zip(computed, problem.recordings, strict=True)]  # fmt: skip
+    probability = float(chi2_distribution.sf(chi2, dof)) if problem.noise_known and dof > 0 else np.nan
     mech = sols[0].mechanism
-    every = units(mech)
+    all_units = units(mech)
     return Fit(
         mech.title,
         dict(zip(names, x.tolist(), strict=True)),
         dict(zip(names, found.deviations.tolist(), strict=True)),
-        found.covariance, found.correlations, chi2, dof, probability, found.untold, at_bounds, residuals, computed,
-        [record.columns for record in problem.found], [record.t for record in problem.found],
-        [record.name for record in problem.found], problem.runs, problem.gradients, best.converged, best.message,
-        attempts, {name: every[name] for record in problem.found for name in record.columns},
+        found.covariance, found.correlations, chi2, dof, probability, found.unidentifiable, at_bounds, residuals,
+        computed, [record.columns for record in problem.recordings], [record.t for record in problem.recordings],
+        [record.name for record in problem.recordings], problem.runs, problem.gradients, best.converged, best.message,
+        attempts, {name: all_units[name] for record in problem.recordings for name in record.columns},
     )  # fmt: skip

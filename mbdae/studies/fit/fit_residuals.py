@@ -11,64 +11,68 @@ from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import values_text
 from ...solution.signals import signals as computed_signals
-from ...solution.solution import uninterrupted
+from ...solution.solution import Solution, uninterrupted
 from ...system import Array
 from ..sensitivity.run_parameters import MechanismFactory
 from ..sensitivity.sensitivity import sensitivity
 from ..sensitivity.signal_jacobian import differentiable
 from .data import Recording
 
-FEWEST = 3  # samples of a span per parameter
+SAMPLES_PER_PARAMETER = 3  # fewest samples of a span
 
 
 class FitResiduals:
-    """Residuals of all runs and their derivatives, for the first share of the samples."""
+    """Residuals of all runs and their derivatives, for the first ``fraction`` of the samples."""
 
     def __init__(
         self,
         make: MechanismFactory,
         names: list[str],
-        found: list[Recording],
+        recordings: list[Recording],
         known: list[dict[str, float]],
         sigma: float | Mapping[str, float] | None,
         t_span: Sequence[float] | None,
         settings: dict[str, Any],
     ) -> None:
-        self.make, self.names, self.found, self.known = make, names, found, known
-        self.given, self.share, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
+        self.make, self.names, self.recordings, self.known = make, names, recordings, known
+        self.noise_known, self.fraction, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
         self.settings = settings
-        latest = max(float(r.t[-1]) for r in found)
+        latest = max(float(r.t[-1]) for r in recordings)
         start, end = checked_span((0.0, latest) if t_span is None else t_span, pair=True)
         self.start = start
-        for r in found:
+        for r in recordings:
             outside = r.t[(r.t < start) | (r.t > end)]
             if len(outside):
                 raise InputError(f"{r.name}: t = {outside[0]:g} s is outside the span, {start:g} to {end:g} s")
-        every = [name for r in found for name in r.columns]
-        levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(every, 1.0 if sigma is None else sigma)
-        for name in every:
+        names_used = [name for r in recordings for name in r.columns]
+        levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names_used, 1.0 if sigma is None else sigma)
+        for name in names_used:
             level = levels.get(name)
             if not (is_number(level) and level > 0):
                 raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
-        self.sigma = {name: float(levels[name]) for name in every}
-        self._last: tuple[Any, list[Any]] = (None, [])
+        self.sigma = {name: float(levels[name]) for name in names_used}
+        self._cached: tuple[tuple[tuple[float, ...], float] | None, list[Solution]] = (None, [])
         self._size = 0
 
     def span_fractions(self, spans: Sequence[float], k: int) -> list[float]:
-        """Return the shares with enough samples, followed by all samples."""
-        n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
+        """Return the fractions with enough samples, then 1 for all of them."""
+        n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.recordings)
         if not isinstance(spans, Sequence) or not all(is_number(s) and 0 < s <= 1 for s in spans):
-            raise InputError(f"spans are shares of the samples between 0 and 1, got {spans!r:.60}")
-        return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= FEWEST * k), 1.0]
+            raise InputError(f"spans are fractions of the samples between 0 and 1, got {spans!r:.60}")
+        return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= SAMPLES_PER_PARAMETER * k), 1.0]
 
-    def solved(self, x: Array) -> list[Any]:
-        """Return the runs of all data with these parameters; failures raise."""
-        key = (tuple(x), self.share)
-        if self._last[0] != key:
+    def simulate(self, x: Array) -> list[Solution]:
+        """Return a run for each recording with parameters x (k,), cached for the last x.
+
+        Raises:
+            InputError, MbdaeError: for a run that fails.
+        """
+        key = (tuple(x), self.fraction)
+        if self._cached[0] != key:
             values, out = dict(zip(self.names, map(float, x), strict=True)), []
-            for record, known in zip(self.found, self.known, strict=True):
+            for record, known in zip(self.recordings, self.known, strict=True):
                 mech = self.make.make({**known, **values})
-                times = record.t[: max(1, round(self.share * len(record.t)))]
+                times = record.t[: max(1, round(self.fraction * len(record.t)))]
                 span = (self.start, float(times[-1]))
                 for name in record.columns:
                     differentiable(mech, name)
@@ -79,49 +83,49 @@ class FitResiduals:
                     raise InputError(f"{record.name}: {why}")
                 self.runs += 1
                 out.append(sol)
-            self._last = key, out
-        return self._last[1]
+            self._cached = key, out
+        return self._cached[1]
 
     def residuals(self, x: Array) -> Array:
         """Return (signal - data)/sigma of all measured values; inf if a run fails."""
         try:
-            parts = [self.left(record, computed_signals(sol, record.columns), len(sol.t))
-                     for record, sol in zip(self.found, self.solved(x), strict=True)]  # fmt: skip
+            parts = [self.run_residuals(record, computed_signals(sol, record.columns), len(sol.t))
+                     for record, sol in zip(self.recordings, self.simulate(x), strict=True)]  # fmt: skip
         except MbdaeError:
-            if self._last[0] is None:
+            if self._cached[0] is None:
                 raise
             return np.full(self._size, np.inf)
         out = np.concatenate(parts)
         self._size = len(out)
         return out
 
-    def left(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
-        """Return residuals of one run at its first n times, signals concatenated."""
+    def run_residuals(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
+        """Return residuals of one run at its first n times, signals concatenated, without missing values."""
         parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
-        left = np.concatenate(parts)
-        return left[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
+        out = np.concatenate(parts)
+        return out[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
 
     def jacobian(self, x: Array) -> Array:
         """Return derivatives of the residuals, (n, k)."""
         values, rows = dict(zip(self.names, map(float, x), strict=True)), []
-        for record, known, sol in zip(self.found, self.known, self.solved(x), strict=True):
-            found = sensitivity(sol, values, model=_With(self.make, known))
+        for record, known, sol in zip(self.recordings, self.known, self.simulate(x), strict=True):
+            found = sensitivity(sol, values, model=_WithFixed(self.make, known))
             self.gradients += 1
             n = len(sol.t)
             block = np.vstack([found.signal(name) / self.sigma[name] for name in record.columns])
             rows.append(block[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))])
         J = np.vstack(rows)
         if not np.isfinite(J).all():
-            raise InputError("derivatives of a run are not finite: it explodes; take a smaller step")
+            raise InputError("derivatives of a run are not finite: it diverges; use a smaller step")
         return J
 
 
-class _With:
+class _WithFixed:
     """Mechanism factory with some parameters fixed."""
 
     def __init__(self, make: MechanismFactory, known: Mapping[str, float]) -> None:
-        self.inner, self.known = make, known
+        self.base, self.known = make, known
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """Return the mechanism with these values and the fixed ones."""
-        return self.inner.make({**self.known, **values})
+        return self.base.make({**self.known, **values})

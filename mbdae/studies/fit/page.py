@@ -15,11 +15,11 @@ def page(fit: Fit) -> str:
     version = meta["versions"]["mbdae"]
     ratio = fit.chi2 / fit.dof if fit.dof else np.nan
     summary = f"{len(fit.names)} runs measured, {fit.runs} computed. mbdae {version}, {meta['date']}."
-    against = fit.warnings or ["no warnings"]
+    warnings = fit.warnings or ["no warnings"]
     quality = {
         "chi-squared": f"{fit.chi2:.6g} for {fit.dof} degrees of freedom, {ratio:.4g} each",
         "probability": "unknown without noise levels" if np.isnan(fit.probability) else f"{fit.probability:.3g}",
-        "warnings": "\n".join(against),
+        "warnings": "\n".join(warnings),
     }
     sections = {
         "Values": _values(fit) + elements().facts(quality),
@@ -42,7 +42,7 @@ def _values(fit: Fit) -> str:
 def _correlations(fit: Fit) -> str:
     names = list(fit.values)
     rows = [[n, *(f"{x:+.3f}" for x in row)] for n, row in zip(names, fit.correlations, strict=True)]
-    return elements().captioned("Correlations of the values", [["", *names], *rows])
+    return elements().captioned("Correlations of the parameters", [["", *names], *rows])
 
 
 def _searches(fit: Fit) -> str:

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-IMPROBABLE = VISIBLE  # of chi-squared: smaller probabilities exclude noise
-TIED = 0.999  # correlation above which only a combination of two parameters is identifiable
-
+IMPROBABLE = VISIBLE  # probability of chi-squared below which residuals are not noise
+MAX_CORRELATION = 0.999  # correlation above which only a combination of two parameters is identifiable
 
 
 
@@ -49,10 +48,10 @@ class Fit(Tabular):
         at_bounds: parameters at a bound.
         residuals: for each run, by signal, (computed - measured) / sigma, (n,).
         computed: for each run, by signal, (n,).
-        measured: the measured ones.
+        measured: for each run, by signal, (n,).
         times: for each run, (n,).
         names: of the runs.
-        runs: number of computed runs, including those with derivatives.
+        runs: number of simulated runs.
         gradients: number of runs with derivatives.
         converged: whether the search converged.
         message: termination message.
@@ -99,10 +98,10 @@ class Fit(Tabular):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""
-        plain = ("model", "values", "deviations", "chi2", "dof", "probability", "at_bounds", "runs", "gradients",
+        scalars = ("model", "values", "deviations", "chi2", "dof", "probability", "at_bounds", "runs", "gradients",
                  "converged", "message")  # fmt: skip
         return {
-            **{key: getattr(self, key) for key in plain},
+            **{key: getattr(self, key) for key in scalars},
             "refuted": self.refuted,
             "untold": [list(group) for group in self.untold],
             "units": self.units,
@@ -111,12 +110,12 @@ class Fit(Tabular):
             "searches": [s._asdict() for s in self.searches],
             "data": [
                 {"name": name, "t": t.tolist()}
-                | {key: {x: a.tolist() for x, a in part.items()} for key, part in parts.items()}
-                for name, t, parts in zip(self.names, self.times, self._parts(), strict=True)
+                | {key: {x: a.tolist() for x, a in series.items()} for key, series in table.items()}
+                for name, t, table in zip(self.names, self.times, self._series(), strict=True)
             ],
         }
 
-    def _parts(self) -> list[dict[str, dict[str, Array]]]:
+    def _series(self) -> list[dict[str, dict[str, Array]]]:
         both = zip(self.measured, self.computed, self.residuals, strict=True)
         return [{"measured": m, "computed": c, "residuals": r} for m, c, r in both]
 
@@ -152,7 +151,7 @@ class Fit(Tabular):
         from .. import figures
         from .figure import compared
 
-        return figures.given(compared(self), path)
+        return figures.save_if_path(compared(self), path)
 
     def __str__(self) -> str:
         lines = [f"fit of {self.model}: {self.runs} runs, {self.gradients} with derivatives"]
@@ -167,7 +166,7 @@ class Fit(Tabular):
             if np.isfinite(size) and size > 0.5:
                 lines.append(f"  correlation of {names[j]} and {names[i]}: {self.correlations[i, j]:+.3f}")
         if len(self.searches) > 1:
-            lines.append(f"  {self.agreeing} of {len(self.searches)} searches came to this minimum")
+            lines.append(f"  {self.agreeing} of {len(self.searches)} searches ended at this minimum")
         return "\n".join([*lines, *(f"  {text}" for text in self.warnings)])
 
     @property
@@ -175,10 +174,10 @@ class Fit(Tabular):
         """Return warnings about the values, in words."""
         lines = []
         for group in self.untold:
-            what = "the data do not tell" if len(group) == 1 else "the data tell a combination only of"
+            what = "the data do not determine" if len(group) == 1 else "the data determine only a combination of"
             lines.append(f"{what} {', '.join(group)}")
         if self.refuted:
-            lines.append("residuals are no noise: a false minimum, noise levels too low, or another mechanism")
+            lines.append("residuals are not noise: a false minimum, too low noise levels, or a wrong model")
         if not self.converged:
-            lines.append(f"the search did not end: {self.message}")
+            lines.append(f"the search did not converge: {self.message}")
         return lines

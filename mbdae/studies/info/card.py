@@ -39,8 +39,8 @@ class Card(Tabular):
             rows.
         forces: names of the forces.
         gravity: in m/s^2.
-        q: start configuration.
-        v: start velocity.
+        q: start configuration (nq,).
+        v: start velocity (nv,).
         g_loaded: max |g| of the file's start values, before assembly.
         g: max |g| at the assembled start.
         Gv: max |G v| at the assembled start.
@@ -77,14 +77,14 @@ class Card(Tabular):
     fixed: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, str]:
-        """The facts by headings; several lines for lists."""
+        """Return the facts by heading; lists have several lines."""
         closures = [
             f"{x['name']}: {x['kind']} {' - '.join(x['joins'])}, {x['rows']} rows"
             + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
             for x in self.closures
         ]
         sizes = f"nq = {self.nq}, nv = {self.nv}, {self.ng} closure rows of rank {self.rank}"
-        sizes += f", {self.switched} come and go" if self.switched else ""
+        sizes += f", {self.switched} switched" if self.switched else ""
         q, v = (", ".join(f"{x:.6g}" for x in values) for values in (self.q, self.v))
         return {
             "sizes": f"{sizes}; degrees of freedom: {self.dof}",
@@ -98,7 +98,7 @@ class Card(Tabular):
         }
 
     def cells(self) -> list[list[str]]:
-        """The facts as a table of two columns."""
+        """Return the facts as a table of two columns."""
         return [["", self.title], *([name, text.replace("\n", "; ")] for name, text in self.facts().items())]
 
     def to_dict(self) -> dict[str, Any]:
@@ -124,25 +124,25 @@ class Card(Tabular):
 
     @property
     def _dependent(self) -> int:
-        """How many rows depend on others."""
+        """Number of rows that depend on others."""
         return self.ng - self.switched - self.rank
 
     def _sizes(self) -> str:
         counts = [f"rank {self.rank}", f"{self._dependent} rows depend on others" if self._dependent else ""]
-        counts.append(f"{self.switched} come and go" if self.switched else "")
+        counts.append(f"{self.switched} switched" if self.switched else "")
         rows = f"closure rows {self.ng} ({', '.join(filter(None, counts))})"
         line = f"  nq {self.nq}, nv {self.nv}, {rows}, degrees of freedom {self.dof}"
         return line + (f", {self.position_dof} of positions" if self.position_dof != self.dof else "")
 
     def _closures(self) -> list[str]:
-        """A line for each closure, and one where their reactions are not unique."""
+        """Return a line for each closure, and one for reactions that are not unique."""
         lines = []
         for c in self.closures:
-            also = f", {c['dependent']} dependent" if c["dependent"] else ""
-            lines.append(f"  closure   {c['name']}: {c['kind']} {' - '.join(c['joins'])}, {c['rows']} rows{also}")
+            dependent = f", {c['dependent']} dependent" if c["dependent"] else ""
+            lines.append(f"  closure   {c['name']}: {c['kind']} {' - '.join(c['joins'])}, {c['rows']} rows{dependent}")
         if self._dependent:
             names = ", ".join(c["name"] for c in self.closures if c["dependent"])
-            lines.append(f"            reactions of {names} are not unique: lam is the one of minimum norm")
+            lines.append(f"            reactions of {names} are not unique: lam has minimum norm")
         return lines
 
 
@@ -157,14 +157,14 @@ def card(mech: Mechanism) -> Card:
 
     Raises:
         AssemblyError: if the start cannot be assembled.
-        UnknownNameError: for a method of its file that there is not.
+        UnknownNameError: for an unknown method in its file.
     """
     complete_settings(mech, {})
     q, v = mech.start
     system = mech.system()
     system.derivative(0.0, mech.point())
     rows = system.rows if system.rows is not None else np.empty(0, int)
-    shared = redundant(mech, 0.0, q)
+    dependent = redundant(mech, 0.0, q)
     positions = rank(scaled(system, 0.0, q)[mech.positional])
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
@@ -177,7 +177,7 @@ def card(mech: Mechanism) -> Card:
                 "kind": c.kind if isinstance(c, Closure) else type(c).__name__.lower(),
                 "joins": list(c.between),
                 "rows": c.m,
-                "dependent": 0 if mech.rows_of(c.name)[0] in switching else shared.get(c.name, 0),
+                "dependent": 0 if mech.rows_of(c.name)[0] in switching else dependent.get(c.name, 0),
             }
         )
     return Card(

@@ -18,7 +18,7 @@ from ...discovery import model_names
 def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
     """Show versions and the back end, or a model's card.
 
-    The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled; of a textbook problem
+    The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled; for a textbook problem
     its equations.
     """
     from .info import info as study

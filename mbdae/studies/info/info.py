@@ -1,4 +1,4 @@
-"""Versions and the back end, the card of a mechanism, sizes and equations of a textbook problem."""
+"""Versions and the back end; the card of a mechanism; sizes and equations of a textbook problem."""
 
 from dataclasses import asdict, dataclass
 from inspect import getdoc
@@ -22,7 +22,7 @@ class Installation:
     """Result of `info` without a model.
 
     Attributes:
-        versions: of mbdae and of the packages that compute, by name.
+        versions: of mbdae and of its numerical packages, by name.
         backend: ``native`` or ``python``, with the reason.
     """
 
@@ -30,7 +30,7 @@ class Installation:
     backend: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -58,7 +58,7 @@ class TextbookCard:
     equations: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON, without the equations."""
+        """Return JSON data, without the equations."""
         data = asdict(self)
         del data["equations"]
         return data

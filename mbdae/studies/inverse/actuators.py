@@ -14,11 +14,11 @@ from ...mechanism.forces.joint_torque import JointTorque
 from ...mechanism.frames import find_joint
 from ...system import Array
 
-ACTING = (JointPID, JointTorque, DCMotor)  # forces that actuators replace
+REPLACED_FORCES = (JointPID, JointTorque, DCMotor)  # by actuators
 
 
 class Actuators(NamedTuple):
-    """Actuators with m efforts in total.
+    """Actuators with m efforts.
 
     Attributes:
         mechanism: without the forces that actuators replace; drivers are its last rows.
@@ -26,7 +26,7 @@ class Actuators(NamedTuple):
         units: ``"N m"`` or ``"N"``.
         fixed: rows of joints, (m, nv); zero for drivers.
         rows: for each effort the row of G of its driver, -1 for joints.
-        carrying: indices of the rows that are not drivers, (c,).
+        undriven: indices of the rows that are not drivers, (c,).
     """
 
     mechanism: Mechanism
@@ -34,10 +34,10 @@ class Actuators(NamedTuple):
     units: list[str]
     fixed: Array
     rows: list[int]
-    carrying: Array
+    undriven: Array
 
-    def at(self, G: Array) -> Array:
-        """Return the rows S of all efforts, (m, nv), with generalised force S^T effort; G (ng, nv) has all rows."""
+    def rows_at(self, G: Array) -> Array:
+        """Return S (m, nv), whose generalised force is S^T effort, for G (ng, nv) of all rows."""
         out = self.fixed.copy()
         for i, row in enumerate(self.rows):
             if row >= 0:
@@ -61,32 +61,32 @@ class _Candidates:
         self.mech = mech
         self.drivers = {d.name: d for d in mech.drivers}
         self.driven = {d.joint: d for d in reversed(mech.drivers)}
-        forces = {f.name: f.joint for f in mech.forces if isinstance(f, ACTING)}
+        forces = {f.name: f.joint for f in mech.forces if isinstance(f, REPLACED_FORCES)}
         motors = {m.name: m.joint for m in mech.motors}
         self.joints = motors | forces
         self.default = list(self.drivers) or list(dict.fromkeys([*forces.values(), *motors.values()]))
         self.names = dict.fromkeys([*self.drivers, *forces, *motors, *mech.joint_names])
 
     def chosen(self, names: str | Sequence[str] | None, drive: str) -> list[str]:
-        """The names of actuators that are meant.
+        """Return the names of the requested actuators, or the default ones.
 
         Raises:
-            InputError: where none are given, and the mechanism has none.
+            InputError: if none are given and the mechanism has none.
         """
         if names is not None:
             return as_list(names, "actuators is a list of joints and drivers")
         chosen = [drive] if drive else self.default
         if not chosen:
-            raise InputError(f"{self.mech.title!r} has no drivers and motors: name the joints that are actuated")
+            raise InputError(f"{self.mech.title!r} has no drivers or motors: name the joints that are actuated")
         return chosen
 
     def driver(self, name: str) -> Driver | None:
-        """The driver of that name, unless it acts along one joint."""
+        """Return the driver with this name, unless it drives one joint."""
         driver = self.drivers.get(name)
         return None if driver is None or driver.joint else driver
 
     def joint(self, name: str) -> str:
-        """The joint on which the actuator of that name acts.
+        """Return the joint on which the actuator with this name acts.
 
         Raises:
             UnknownNameError: for a name that does not exist.
@@ -112,46 +112,46 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
     joints: set[str] = set()
     for name in chosen:
         if driver := candidates.driver(name):
-            found.append(_of_driver(mech, driver, name))
+            found.append(_driver_effort(mech, driver, name))
             continue
         joint = candidates.joint(name)
         joints.add(joint)
-        found += _of_joint(mech, joint, name)
+        found += _joint_efforts(mech, joint, name)
     if len({effort.name for effort in found}) < len(found) or not found:
         raise InputError(f"actuators are named once each, got {', '.join(chosen) or 'none'}")
-    labels, kinds, rows, numbers = zip(*found, strict=True)
+    labels, units, rows, driver_rows = zip(*found, strict=True)
     driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
-    carrying = np.setdiff1d(np.arange(mech.ng), driven)
+    undriven = np.setdiff1d(np.arange(mech.ng), driven)
     bound = _without_forces(mech, joints)
-    return Actuators(bound, list(labels), list(kinds), np.array(rows), list(numbers), carrying)
+    return Actuators(bound, list(labels), list(units), np.array(rows), list(driver_rows), undriven)
 
 
 def _without_forces(mech: Mechanism, joints: set[str]) -> Mechanism:
-    """The mechanism without the forces that actuators of these joints replace."""
-    kept = [f for f in mech.forces if not (isinstance(f, ACTING) and f.joint in joints)]
+    """Return the mechanism without the forces that actuators of these joints replace."""
+    forces = [f for f in mech.forces if not (isinstance(f, REPLACED_FORCES) and f.joint in joints)]
     return Mechanism(
-        mech.model, mech.closures, kept, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
+        mech.model, mech.closures, forces, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
         title=mech.title, start=mech.start_values,
     )  # fmt: skip
 
 
-def _of_driver(mech: Mechanism, driver: Driver, name: str) -> _Effort:
+def _driver_effort(mech: Mechanism, driver: Driver, name: str) -> _Effort:
     unit = "N" if driver.frames else effort_unit(coordinate_units(mech), driver.between[0])
     return _Effort(name, unit, np.zeros(mech.nv), mech.rows_of(driver.name)[0])
 
 
-def _of_joint(mech: Mechanism, joint: str, name: str) -> list[_Effort]:
+def _joint_efforts(mech: Mechanism, joint: str, name: str) -> list[_Effort]:
     j, units = find_joint(mech.model, joint), coordinate_units(mech)
     columns = [n for n in units if n == f"v.{joint}" or n.startswith(f"v.{joint}.")]
     out = []
     for i in range(j.nv):
-        part = columns[i][2 + len(joint) :] if j.nv > 1 else ""
+        axis = columns[i][2 + len(joint) :] if j.nv > 1 else ""
         unit = "N" if len(columns) == j.nv and units[columns[i]] == "m/s" else "N m"
-        out.append(_Effort(name + part, unit, np.eye(mech.nv)[j.idx_v + i], -1))
+        out.append(_Effort(name + axis, unit, np.eye(mech.nv)[j.idx_v + i], -1))
     return out
 
 
-def weights_of(names: Sequence[str], weights: Mapping[str, float] | None) -> Array:
+def effort_weights(names: Sequence[str], weights: Mapping[str, float] | None) -> Array:
     """Return weights of the squares of efforts, (m,), 1 by default.
 
     Raises:

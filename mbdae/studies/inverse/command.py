@@ -12,15 +12,17 @@ from ...errors import InputError
 
 MOTION = (
     click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv]"),
-    click.option("--drive", help="Instead of a motion: a joint that turns at constant speed, through one turn."),
-    click.option("--points", type=click.IntRange(min=3), default=361, show_default=True, help="Poses of the drive."),
+    click.option("--drive", help="Instead of a motion: a joint driven at constant speed through one revolution."),
+    click.option(
+        "--points", type=click.IntRange(min=3), default=361, show_default=True, help="Number of poses over the drive."
+    ),
     *options_of("mbdae.studies.kinematics", "kinematics", "hold", {}),
 )
 
 
 @study_command("speed actuator weight", TABLE, PLOT, shared="from to", more=MOTION)
 def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive: str | None, **options: Any) -> Result:
-    """Tell what actuators must give for a motion: a saved run, a table of q(t), or a drive at constant speed."""
+    """Compute actuator efforts for a motion: a saved run, a table of q(t), or a drive at constant speed."""
     from ..kinematics.kinematics import kinematics
 
     curve = {name: options.pop(name) for name in ("span", "hold", "points")}
@@ -28,10 +30,10 @@ def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive
     if (motion is None) == (drive is None):
         raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")
     if motion and (speed is not None or curve["span"] or curve["hold"]):
-        raise InputError("--speed, --from, --to and --hold go with --drive")
+        raise InputError("--speed, --from, --to and --hold need --drive")
     mech = model.load()
     if drive is None:
         return study(mech, motion, **options)
     if speed is None:
-        raise InputError(f"give --speed, at which {drive!r} turns")
+        raise InputError(f"give --speed, the constant speed of {drive!r}")
     return study(mech, kinematics(mech, drive, **curve), **options)

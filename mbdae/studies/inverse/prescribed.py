@@ -58,23 +58,23 @@ def prescribed(mech: Mechanism, motion: Any, speed: float | None) -> Prescribed:
         UnknownNameError: for a column that is not a joint of one coordinate.
     """
     if speed is not None and not isinstance(motion, Kinematics):
-        raise InputError("speed goes with a curve of mbdae.kinematics: other motions have times")
+        raise InputError("speed needs a curve of mbdae.kinematics: other motions have times")
     if isinstance(motion, Kinematics):
-        return _of_curve(mech, motion, speed)
+        return _from_curve(mech, motion, speed)
     if isinstance(motion, Solution):
-        return _of_run(mech, motion)
+        return _from_run(mech, motion)
     if isinstance(motion, Mapping):
-        return _of_table(mech, motion)
+        return _from_table(mech, motion)
     if isinstance(motion, Sequence) and len(motion) == 4:
-        return _of_numbers(mech, motion)
+        return _from_arrays(mech, motion)
     what = "a Solution, a Kinematics, a table of columns, the path of one of them, or (t, q, v, a)"
     raise InputError(f"a motion is {what}, got {motion!r:.60}")
 
 
-def _of_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Prescribed:
-    _same(mech, found.mechanism)
+def _from_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Prescribed:
+    _require_same_joints(mech, found.mechanism)
     if speed is None:
-        raise InputError(f"give the speed at which {found.drive!r} turns, in {found.unit}/s")
+        raise InputError(f"give the constant speed of {found.drive!r}, in {found.unit}/s")
     last = found.stretches[0].last
     unknown = ~np.isfinite(found.curvature[:last]).all(axis=1)
     if unknown.any():
@@ -87,26 +87,26 @@ def _of_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Prescr
     return Prescribed(run.t, run.q, run.v, rates[:, mech.nv : 2 * mech.nv], {}, (over, name))
 
 
-def _of_run(mech: Mechanism, sol: Solution) -> Prescribed:
-    _same(mech, sol.mechanism)
-    kept = np.isfinite(sol.vdot).all(axis=1)
-    states = {name: sol.s[kept, i] for i, name in enumerate(sol.mechanism.states)}
-    t = np.asarray(sol.t)[kept]
+def _from_run(mech: Mechanism, sol: Solution) -> Prescribed:
+    _require_same_joints(mech, sol.mechanism)
+    valid = np.isfinite(sol.vdot).all(axis=1)
+    states = {name: sol.s[valid, i] for i, name in enumerate(sol.mechanism.states)}
+    t = np.asarray(sol.t)[valid]
     if not len(t):
         raise InputError("the run has no times with finite accelerations")
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
-    found = np.array([sol.mode(int(i)) for i in nodes[kept]]) if sol.modes else np.empty((len(t), 0), int)
+    found = np.array([sol.mode(int(i)) for i in nodes[valid]]) if sol.modes else np.empty((len(t), 0), int)
     modes = {switch.name: found[:, switch.at] for switch in sol.mechanism.switches} if sol.modes else {}
     impacts = tuple(x.t for x in sol.impacts)
-    return Prescribed(t, sol.q[kept], sol.v[kept], sol.vdot[kept], states, (t, "t (s)"), modes, impacts)
+    return Prescribed(t, sol.q[valid], sol.v[valid], sol.vdot[valid], states, (t, "t (s)"), modes, impacts)
 
 
-def _same(mech: Mechanism, other: Mechanism) -> None:
+def _require_same_joints(mech: Mechanism, other: Mechanism) -> None:
     if mech.joint_names != other.joint_names or mech.nq != other.nq:
         raise InputError(f"the motion is of {other.title!r}, whose joints are not those of {mech.title!r}")
 
 
-def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
+def _from_arrays(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
     t = np.atleast_1d(np.asarray(motion[0], float))
     q, v, a = (np.atleast_2d(np.asarray(x, float)) for x in motion[1:])
     for name, x, width in (("q", q, mech.nq), ("v", v, mech.nv), ("a", a, mech.nv)):
@@ -117,14 +117,16 @@ def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
     speed, acceleration = (float(np.abs(x / free.coordinate_scales).max()) for x in (v, a))
     sizes = 1.0, speed, acceleration + speed**2
     for i in range(len(t)) if free.ng else ():
-        for values, size, what in zip(_misses(system, q[i], v[i], a[i]), sizes, ("", "/s", "/s^2"), strict=True):
+        for values, size, what in zip(
+            _constraint_violations(system, q[i], v[i], a[i]), sizes, ("", "/s", "/s^2"), strict=True
+        ):
             gap = largest_error(free, values, what)
             if gap.relative > COARSE * size:
-                raise InputError(f"the motion opens closure {gap.name!r} by {gap.text} at t = {t[i]:.9g}")
+                raise InputError(f"the motion violates closure {gap.name!r} by {gap.text} at t = {t[i]:.9g}")
     return Prescribed(t, q, v, a, {}, (t, "t (s)"))
 
 
-def _misses(system: "Index2System", q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+def _constraint_violations(system: "Index2System", q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
     g, G = system.closures(q, 0.0)
     return g, G @ v, G @ a + system.gamma(q, v, 0.0)
 
@@ -152,26 +154,26 @@ def read_table(path: str | Path) -> dict[str, Array]:
         values = np.array([[float(x) for x in row] for row in rows if row]).T
         return dict(zip([n.strip() for n in names], values, strict=True))
     except (OSError, ValueError) as e:
-        raise InputError(f"{path} is no table of numbers with a line of names above: {e}") from None
+        raise InputError(f"{path} is not a table of numbers with a line of names above: {e}") from None
 
 
-def _of_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
-    """A spline of degree 5 through each column, and the motion of all joints that follows from the closures."""
+def _from_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
+    """Return the motion of all joints from splines of degree 5 through the columns, and the closures."""
     single = {n: j for n in mech.joint_names if (j := find_joint(mech.model, n)).nv == 1}
     t, given = _joint_columns(columns, single)
     _check_columns(t, given)
     degree = next(k for k in (DEGREE, 3, 2) if k < len(t))
     curves = make_interp_spline(t, np.array(list(given.values())).T, k=degree)
     targets = np.stack([curves(t, k) for k in range(3)])
-    return Prescribed(t, *_followed(mech, [single[n] for n in given], targets), {}, (t, "t (s)"))
+    return Prescribed(t, *_close_motion(mech, [single[n] for n in given], targets), {}, (t, "t (s)"))
 
 
 def _joint_columns(columns: Mapping[str, Any], single: Mapping[str, Any]) -> tuple[Array, dict[str, Array]]:
-    """The times of a table, and its columns by the names of joints: those with ``q.`` where there are such.
+    """Return the times of a table, and its columns by joint name: those with the prefix ``q.`` if there are any.
 
     Raises:
-        UnknownNameError: for a column that is no joint of one coordinate.
-        InputError: where times or joints are missing.
+        UnknownNameError: for a column that is not a joint of one coordinate.
+        InputError: for missing times or joints.
     """
     known = {n: np.asarray(x, float) for n, x in columns.items()}
     if "t" not in known:
@@ -189,14 +191,14 @@ def _joint_columns(columns: Mapping[str, Any], single: Mapping[str, Any]) -> tup
 def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
     if len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
         raise InputError("columns of a motion are finite, of one length, with at least three times")
-    if not (rises := np.diff(t) > 0).all():
-        first, then = t[(i := int(np.argmin(rises)))], t[i + 1]
+    if not (increasing := np.diff(t) > 0).all():
+        first, then = t[(i := int(np.argmin(increasing)))], t[i + 1]
         impact = " (a run has the time of an impact twice: give its .npz)" if first == then else ""
-        raise InputError(f"the times of a motion must rise, got {first:.9g} and then {then:.9g}{impact}")
+        raise InputError(f"the times of a motion must increase, got {first:.9g} and then {then:.9g}{impact}")
 
 
-def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array, Array, Array]:
-    """Return q, v and v' for joint values u, u', u'', (3, n, k): closures exactly, the values by least squares."""
+def _close_motion(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array, Array, Array]:
+    """Return q, v and v' that satisfy the closures, and fit joint values u, u', u'' (3, n, k) by least squares."""
     free = Mechanism(mech.model, mech.closures, start=mech.start_values)
     system, n = free.system(), targets.shape[1]
     at = [j.idx_v for j in joints]
@@ -207,9 +209,9 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
         q, G = found.q, found.G
         if i == 0:
             _check_dof(free, G, at)
-        if not (found.missed < COARSE and np.abs(found.g / free.row_scales).max(initial=0.0) < COARSE):
-            raise InputError(f"the closures do not let the joints follow the table at point {i + 1}: they miss it by "
-                             f"{found.missed:.3g} rad or characteristic lengths")  # fmt: skip
+        if not (found.miss < COARSE and np.abs(found.g / free.row_scales).max(initial=0.0) < COARSE):
+            raise InputError(f"the joints cannot follow the table at point {i + 1} with closed loops: they miss it by "
+                             f"{found.miss:.3g} rad or characteristic lengths")  # fmt: skip
         v = _solve(G, np.zeros(len(G)), at, targets[1, i])
         gamma = system.gamma(q, v, 0.0)
         G = system.jacobian(q)
@@ -217,17 +219,17 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
     return out
 
 
-class _Posed(NamedTuple):
-    """A configuration (nq,), g and G of the last iterate before it, and by how much the joints missed their targets."""
+class _TargetPose(NamedTuple):
+    """A configuration (nq,), g and G of the iterate before it, and the distance of the joints from their targets."""
 
     q: Array
     g: Array
     G: Array
-    missed: float
+    miss: float
 
 
-def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Array) -> _Posed:
-    """The configuration with g = 0 and joints next to their targets (k,), by Gauss-Newton steps from q."""
+def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Array) -> _TargetPose:
+    """Return the configuration with g = 0 and joints closest to their targets (k,), by Gauss-Newton steps from q."""
     at, circles = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
     scales = system.mechanism.coordinate_scales
     for _ in range(ITERATIONS):
@@ -239,32 +241,32 @@ def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Arr
         q = system.manifold.integrate(q, x / max(1.0, 2.0 * size))
         if size < SEARCH_TOLERANCE:
             break
-    return _Posed(q, g, G, float(np.abs(miss / scales[at]).max()))
+    return _TargetPose(q, g, G, float(np.abs(miss / scales[at]).max()))
 
 
 def _coordinate(q: Array, joint: Any) -> float:
-    """The coordinate of a joint: an angle for one that is stored as its cosine and sine."""
+    """Return the coordinate of a joint: the angle if it is stored as cosine and sine."""
     k = joint.idx_q
     return float(q[k] if joint.nq == 1 else np.arctan2(q[k + 1], q[k]))
 
 
 def _check_dof(free: Mechanism, G: Array, at: list[int]) -> None:
-    """Raise where the coordinates at these places do not determine the motion.
+    """Require that these velocity components determine the motion.
 
     Raises:
-        InputError: for nonholonomic rows, and degrees of freedom that are left.
+        InputError: for nonholonomic rows, or undetermined degrees of freedom.
     """
     names = ", ".join(free.coordinate_joint(k) for k in at)
     if not free.positional.all() and _remaining_dof(G[free.positional], at):
-        rolls = free.row_names[int(np.argmin(free.positional))]
-        raise InputError(f"{rolls!r} has rows of velocity: where it goes depends on the way, not on {names} alone: "
-                         "give a run, or (t, q, v, a)")  # fmt: skip
+        nonholonomic = free.row_names[int(np.argmin(free.positional))]
+        raise InputError(f"{nonholonomic!r} has nonholonomic rows: its position depends on the path, not on {names} "
+                         "alone: give a run, or (t, q, v, a)")  # fmt: skip
     if left := _remaining_dof(G, at):
-        raise InputError(f"degrees of freedom left when {names} move as in the table: {left}; name more joints")
+        raise InputError(f"{left} degrees of freedom are undetermined when {names} follow the table: name more joints")
 
 
 def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:
-    """Return the x with G x = rate and x[at] closest to a target."""
+    """Return x with G x = rate and x[at] closest to a target (k,)."""
     if not len(G):
         Z, x = np.eye(G.shape[1]), np.zeros(G.shape[1])
     else:

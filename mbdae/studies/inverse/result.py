@@ -15,7 +15,7 @@ from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import LOCAL_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..kinematics.passing import Passed, lines_of
+from ..kinematics.violations import Violation, violation_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,7 +88,7 @@ class InverseDynamics(Tabular):
     over: Array
     over_name: str
     impacts: tuple[float, ...] = ()
-    passed: tuple[Passed, ...] = ()
+    passed: tuple[Violation, ...] = ()
     held: dict[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -104,21 +104,21 @@ class InverseDynamics(Tabular):
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
         """Requirements on each actuator."""
-        kept = np.isfinite(self.efforts).all(axis=1)
-        t = self.t[kept]
-        pieces = [k for k in np.split(np.arange(len(t)), 1 + np.flatnonzero(np.diff(t) == 0)) if len(k) > 1]
+        valid = np.isfinite(self.efforts).all(axis=1)
+        t = self.t[valid]
+        intervals = [k for k in np.split(np.arange(len(t)), 1 + np.flatnonzero(np.diff(t) == 0)) if len(k) > 1]
         out = []
         for i, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
-            tau, speed, power = self.efforts[kept, i], self.speeds[kept, i], self.power[kept, i]
+            tau, speed, power = self.efforts[valid, i], self.speeds[valid, i], self.power[valid, i]
             length = float(t[-1] - t[0])
-            rms = np.sqrt(_integral(tau, t, pieces, 2) / length) if length > 0 else np.abs(tau).max()
+            rms = np.sqrt(_integral(tau, t, intervals, 2) / length) if length > 0 else np.abs(tau).max()
             given, taken = (float(trapezoid(np.maximum(sign * power, 0), t)) for sign in (1, -1))
             peak = int(np.abs(tau).argmax())
             out.append(
                 Demand(
-                    name, unit, float(abs(tau[peak])), float(self.over[kept][peak]), float(rms),
+                    name, unit, float(abs(tau[peak])), float(self.over[valid][peak]), float(rms),
                     float(np.abs(speed).max()), float(max(power.max(), 0)), float(max(-power.min(), 0)),
-                    _integral(power, t, pieces), given, taken,
+                    _integral(power, t, intervals), given, taken,
                 )
             )  # fmt: skip
         return tuple(out)
@@ -195,13 +195,13 @@ class InverseDynamics(Tabular):
         lines = [f"  largest forces in joints (N): {loads}"]
         if len(self.undetermined):
             times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
-            lines.append(f"  closures lose rank, and nothing is determined, at t = {times} s")
+            lines.append(f"  closures lose rank, and efforts are undetermined, at t = {times} s")
         if self.impacts:
             times = ", ".join(f"{t:.6g}" for t in self.impacts[:5]) + (", ..." if len(self.impacts) > 5 else "")
-            lines.append(f"  impulses of impacts are in no effort: t = {times} s")
+            lines.append(f"  impulses of impacts are not included in efforts: t = {times} s")
         name, unit = self.over_name.rsplit(" (", 1)
-        lines += lines_of(self.passed, name, unit.rstrip(")"))
-        lines += [f"  {name!r} stands still: its friction may hold up to {x:.4g} {unit} more or less"
+        lines += violation_lines(self.passed, name, unit.rstrip(")"))
+        lines += [f"  {name!r} is at rest: its static friction can balance up to {x:.4g} {unit}"
                   for name, x, unit in self._friction()]  # fmt: skip
         return lines
 
@@ -231,7 +231,7 @@ class InverseDynamics(Tabular):
         from .. import figures
         from .figure import demands
 
-        return figures.given(demands(self), path)
+        return figures.save_if_path(demands(self), path)
 
     def __str__(self) -> str:
         span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"
@@ -244,20 +244,20 @@ class InverseDynamics(Tabular):
                 f"RMS {d.rms:.5g} {d.unit}, up to {d.speed:.4g} {per}"
             )
             lines.append(
-                f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {d.energy:.5g} J, given {d.given:.5g}, "
-                f"taken back {d.taken:.5g}"
+                f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {d.energy:.5g} J, delivered {d.given:.5g}, "
+                f"absorbed {d.taken:.5g}"
             )
         return "\n".join([*lines, *self.remarks()])
 
 
-def _integral(values: Array, t: Array, pieces: list[Array], power: int = 1) -> float:
-    """Integrate values**power over time (n,), between jumps: by monotone cubics, which keep squares nonnegative.
+def _integral(values: Array, t: Array, intervals: list[Array], power: int = 1) -> float:
+    """Integrate values**power over time (n,), between discontinuities, by monotone cubics.
 
     Source: F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984), for the cubics.
     """
     x, w = np.polynomial.legendre.leggauss(4)  # exact to degree 7
     out = 0.0
-    for k in pieces:
+    for k in intervals:
         at = t[k][:-1, None] + np.diff(t[k])[:, None] * (x + 1) / 2
         out += float(np.diff(t[k]) @ (PchipInterpolator(t[k], values[k])(at) ** power @ w) / 2)
     return out

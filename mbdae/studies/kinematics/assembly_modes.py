@@ -1,6 +1,6 @@
 """Assembly modes: all poses of a mechanism with one degree of freedom at one value of its input.
 
-They are searched from random starts. Modes that the mechanism reaches from each other by moving belong to one circuit
+They are searched from random starts. Modes between which the mechanism can move belong to one circuit
 (Chase, Mirth, J. Mech. Design 115 (1993)), which is followed from each new mode.
 """
 
@@ -19,7 +19,7 @@ from ...mechanism.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular
-from .driven_mechanism import Hold, driven_mechanism, input_at, left_open, require_one_dof, start_pose
+from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof, start_pose
 from .mode_search import ModeSearch
 
 __all__ = ["assembly_modes"]
@@ -27,15 +27,15 @@ __all__ = ["assembly_modes"]
 
 @dataclass(frozen=True)
 class AssemblyMode:
-    """One way to put a mechanism together.
+    """An assembly mode.
 
     Attributes:
-        label: the circuit's number and a letter, ``"1a"``: a is the model's own start on circuit 1 if it is there.
-        circuit: modes with one number move into each other.
+        label: the circuit's number and a letter, ``"1a"``: if it is among the modes, the model's start.
+        circuit: number of its circuit: a mechanism can move between modes of one circuit.
         q: configuration, (nq,).
-        rising: whether the input rises along the circuit here, seen from its first mode.
+        rising: whether the input increases along the circuit here, in the direction of its first mode.
         margin: smallest singular value of all rows over the largest: zero where two modes coincide.
-        hits: how many random starts led to it.
+        hits: number of random starts that led to it.
     """
 
     label: str
@@ -55,9 +55,9 @@ class AssemblyModes(Tabular):
         drive: name of the input.
         u: its value in rad or m.
         modes: sorted by circuit.
-        starts: from how many random starts.
-        closed: how many of them led to a mode.
-        warnings: why there may be more.
+        starts: number of random starts.
+        closed: number of starts that led to a mode.
+        warnings: reasons why modes may be missing.
     """
 
     mechanism: Mechanism
@@ -69,7 +69,7 @@ class AssemblyModes(Tabular):
     warnings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         modes = [{**vars(m), "q": m.q.tolist()} for m in self.modes]
         found = {"starts": self.starts, "closed": self.closed, "warnings": list(self.warnings), "modes": modes}
         return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, **found}
@@ -81,11 +81,15 @@ class AssemblyModes(Tabular):
         lines = [f"{text}, from {self.starts} starts of which {self.closed} closed"]
         if self.closed:
             rarest = min(m.hits for m in self.modes)
-            lines[0] += f"; the rarest came up {rarest} times; a mode that fewer than 1 in {max(1, self.closed // 3)} "
+            lines[0] += (
+                f"; the rarest was found {rarest} times; a mode that fewer than 1 in {max(1, self.closed // 3)} "
+            )
             lines[0] += "of the closed starts lead to may be missing"
         for m in self.modes:
-            sense = "rises" if m.rising else "falls"
-            lines.append(f"  {m.label}: {_words(self.mechanism, m.q)}; {self.drive} {sense}, margin {m.margin:.2g}")
+            sense = "increases" if m.rising else "decreases"
+            lines.append(
+                f"  {m.label}: {_coordinates_text(self.mechanism, m.q)}; {self.drive} {sense}, margin {m.margin:.2g}"
+            )
         lines += [f"  doubtful: {warning}" for warning in self.warnings]
         return "\n".join(lines)
 
@@ -101,58 +105,58 @@ def assembly_modes(
 ) -> AssemblyModes:
     """Find all poses of a mechanism with one degree of freedom at an input u: the solutions of g(q) = 0, q_drive = u.
 
-    They are searched from random starts, and along the circuits of those found, until each has come up three times and
-    one more that is as easy to reach would be missed once in a hundred times. Modes that move into each other belong to
-    one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
+    They are searched from random starts, and along the circuits of the modes found, until each has been found three
+    times and another mode as likely as these would be missed with a probability of 1 %. Modes between which the
+    mechanism can move belong to one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
+        mech: the mechanism, or an argument of `mbdae.load`.
         drive: the input: a joint of one coordinate, or a driver of the mechanism.
         at: value of the input, in rad or m; the start when left out.
-        hold: joints to lock where they are, or at values by name: joint=value. See `mbdae.kinematics`.
-        apart: joints that distinguish the modes; all when left out. Legs that may be assembled flipped double the
-            number of modes each without moving the platform.
-        most: random starts at most.
+        hold: joints to lock in place, or at given values: joint=value. See `mbdae.kinematics`.
+        apart: joints that distinguish the modes; all when left out. Each leg that can be assembled in
+            two ways doubles the number of modes without moving the platform.
+        most: largest number of random starts.
 
     Raises:
         UnknownNameError: for a joint that does not exist.
-        InputError: as `mbdae.kinematics`, or where no pose is found.
+        InputError: as `mbdae.kinematics`, or if no pose is found.
     """
     mech = mechanism_of(mech, "assembly_modes")
     q0 = start_pose(mech)
-    moved = driven_mechanism(mech, drive, hold, q0)
-    system = moved.system()
-    require_one_dof(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]], left_open(mech))
-    here = input_at(moved, system, q0)
+    driven = driven_mechanism(mech, drive, hold, q0)
+    system = driven.system()
+    require_one_dof(driven, system, q0, drive, [d.joint or d.name for d in driven.drivers[:-1]], omitted_elements(mech))
+    u_start = input_at(driven, system, q0)
     if at is not None and not np.isfinite(at):
         raise InputError(f"the input must be a number, got {at!r}")
-    u = here if at is None else float(at)
+    u = u_start if at is None else float(at)
     names = as_list(apart, "apart is a list of joints") or mech.joint_names
-    counts = np.zeros(mech.nv, bool)
+    distinguishing = np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
-        counts[joint.idx_v : joint.idx_v + joint.nv] = True
-    search = ModeSearch(moved, q0, u, counts).run(most)
+        distinguishing[joint.idx_v : joint.idx_v + joint.nv] = True
+    search = ModeSearch(driven, q0, u, distinguishing).run(most)
     if not search.modes:
-        text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: it may not reach there"
+        text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: the input may not reach it"
         raise InputError(text)
     return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.warnings))
 
 
 def _labelled(search: ModeSearch) -> tuple[AssemblyMode, ...]:
     modes = []
-    for number, of_it in groupby(search.modes, key=lambda m: m.circuit):
-        for letter, m in zip(_letters(), of_it, strict=False):
+    for number, members in groupby(search.modes, key=lambda m: m.circuit):
+        for letter, m in zip(_letters(), members, strict=False):
             modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, search.margin(m.q), m.hits))
     return tuple(modes)
 
 
 def _letters() -> list[str]:
-    small = [chr(ord("a") + i) for i in range(26)]
-    return small + [a + b for a in small for b in small]
+    letters = [chr(ord("a") + i) for i in range(26)]
+    return letters + [a + b for a in letters for b in letters]
 
 
-def _words(mech: Mechanism, q: Array) -> str:
-    """The coordinates of a pose."""
+def _coordinates_text(mech: Mechanism, q: Array) -> str:
+    """Return the coordinates of a pose as text."""
     out = []
     for name, joint in zip(mech.joint_names, find_joints(mech.model, mech.joint_names), strict=True):
         values = q[joint.idx_q : joint.idx_q + joint.nq]

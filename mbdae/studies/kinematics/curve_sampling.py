@@ -1,4 +1,4 @@
-"""Points of a curve at even values of the input, from dead point to dead point."""
+"""Points of a curve at equidistant inputs between dead points."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,51 +11,53 @@ from ...tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STAT
 from .branch_points import BranchPoint
 from .pose_curve import CurvePoint, PoseCurve
 
-SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are searched for zeros
-CLOSE = INTERPOLATION  # of the input: a value so near a branch point is the branch point
+SMALL, TANGENCY = 0.5, 1.5  # of the largest sigma, of its change over a step: smaller minima may be double roots
+AT_BRANCH_POINT = INTERPOLATION  # distance of the input from a branch point that is negligible
 
 
 class OnCurve(NamedTuple):
-    """A point of a curve: behind which node it lies, how far, and what it is."""
+    """A point of a curve: the node before it, its arclength from there, and its data."""
 
     node: int
-    sigma: float
+    ds: float
     point: CurvePoint
 
 
 class Events(NamedTuple):
     """Special points of a curve: dead points of the drive, and branch points by the node before them."""
 
-    dead: list[OnCurve]
-    branches: dict[int, BranchPoint]
-    hidden: list[float]  # inputs where G loses rank in another way
+    dead_points: list[OnCurve]
+    branch_points: dict[int, BranchPoint]
+    hidden: list[float]  # inputs at rank losses that are not simple branch points
 
 
 def events(curve: PoseCurve) -> Events:
     """Locate the dead points and branch points of a curve."""
     dead: list[OnCurve] = []
     branches: dict[int, BranchPoint] = {}
-    hidden = _touching(curve)
+    hidden = _tangencies(curve)
     nodes = curve.nodes
-    still = STILL * curve.unit
-    if abs(nodes[0].speed) < still:
+    speed_tolerance = STILL * curve.unit
+    if abs(nodes[0].speed) < speed_tolerance:
         dead.append(OnCurve(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):
         if a.sigma * b.sigma < 0:
-            found = curve.crossings.get(i)
+            found = curve.branch_points.get(i)
             if found:
                 branches[i] = found
             else:
                 hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), roughly=True).u)
-        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < still) or abs(a.speed) < still
+        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < speed_tolerance) or abs(
+            a.speed
+        ) < speed_tolerance
         if a.speed * b.speed < 0 and i not in branches and not at_start:
-            sigma = curve.zero(i, lambda p: p.speed)
-            dead.append(OnCurve(i, sigma, curve.at(i, sigma)))
+            ds = curve.root(i, lambda p: p.speed)
+            dead.append(OnCurve(i, ds, curve.at(i, ds)))
     return Events(dead, branches, hidden)
 
 
-def _touching(curve: PoseCurve) -> list[float]:
-    """Inputs where sigma comes to zero without a change of its sign: several branches cross at once."""
+def _tangencies(curve: PoseCurve) -> list[float]:
+    """Return inputs at double roots of sigma, where more than two branches intersect."""
     out = []
     size = max(abs(p.sigma) for p in curve.nodes)
     for i, (a, b, c) in enumerate(zip(curve.nodes, curve.nodes[1:], curve.nodes[2:], strict=False)):
@@ -63,20 +65,20 @@ def _touching(curve: PoseCurve) -> list[float]:
             continue
         if abs(b.sigma) > min(abs(a.sigma), abs(c.sigma)):
             continue
-        before, behind = (abs(x.sigma - b.sigma) / abs(x.s - b.s) for x in (a, c))
-        if abs(b.sigma) < TOUCH * max(before * (b.s - a.s), behind * (c.s - b.s)):
-            side = i if abs(a.sigma) < abs(c.sigma) else i + 1
-            out.append(_lowest(curve, side, size))
+        before, after = (abs(x.sigma - b.sigma) / abs(x.s - b.s) for x in (a, c))
+        if abs(b.sigma) < TANGENCY * max(before * (b.s - a.s), after * (c.s - b.s)):
+            step = i if abs(a.sigma) < abs(c.sigma) else i + 1
+            out.append(_minimum(curve, step, size))
     return [u for u in out if np.isfinite(u)]
 
 
-def _lowest(curve: PoseCurve, i: int, size: float) -> float:
-    """The input where |sigma| is least behind node i; nan where it is not zero."""
+def _minimum(curve: PoseCurve, i: int, size: float) -> float:
+    """Return the input at the minimum of |sigma| after node i; nan if that is not zero."""
     h = curve.nodes[i + 1].s - curve.nodes[i].s
 
-    def value(sigma: float) -> float:
+    def value(ds: float) -> float:
         try:
-            return abs(curve.at(i, sigma).sigma)
+            return abs(curve.at(i, ds).sigma)
         except (StepError, ValueError, np.linalg.LinAlgError):
             return 0.0
 
@@ -85,14 +87,14 @@ def _lowest(curve: PoseCurve, i: int, size: float) -> float:
 
 
 def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
-    """About n points of a curve: even in the input between the start, dead points and the end, which are among them."""
+    """Return about n points of a curve: its ends, dead points, and equidistant inputs between these."""
     nodes = curve.nodes
-    inside = [d for d in found.dead if d.point is not nodes[0]]
+    inside = [d for d in found.dead_points if d.point is not nodes[0]]
     ends = [OnCurve(0, 0.0, nodes[0]), *inside, OnCurve(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
-    travel = sum(abs(b.point.u - a.point.u) for a, b in pairwise(ends))
+    total = sum(abs(b.point.u - a.point.u) for a, b in pairwise(ends))
     out: list[CurvePoint] = []
     for a, b in pairwise(ends):
-        m = max(1, round((n - 1) * abs(b.point.u - a.point.u) / travel)) if travel else 1
+        m = max(1, round((n - 1) * abs(b.point.u - a.point.u) / total)) if total else 1
         values = np.linspace(a.point.u, b.point.u, m + 1)[1:-1]
         sign = np.sign(b.point.u - a.point.u)
         between = sign * np.array([a.point.u, *(p.u for p in nodes[a.node + 1 : b.node + 1])])
@@ -103,21 +105,21 @@ def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
 
 
 def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: int, u: float) -> CurvePoint:
-    """The point behind node i with the input u, between two places."""
+    """Return the point after node i with the input u, between two points of the curve."""
     a, b = curve.nodes[i : i + 2]
-    crossing = found.branches.get(i)
-    if crossing is not None and abs(crossing.u - u) < CLOSE * curve.unit:
-        return at_crossing(curve, crossing, a)
-    low = start.sigma if start.node == i else 0.0
-    high = end.sigma if end.node == i else b.s - a.s
-    if low or high < b.s - a.s:  # beside a dead point
-        sigma = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=COINCIDENT)
+    crossing = found.branch_points.get(i)
+    if crossing is not None and abs(crossing.u - u) < AT_BRANCH_POINT * curve.unit:
+        return branch_point_on_curve(curve, crossing, a)
+    low = start.ds if start.node == i else 0.0
+    high = end.ds if end.node == i else b.s - a.s
+    if low or high < b.s - a.s:  # next to a dead point
+        ds = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=COINCIDENT)
     else:
-        sigma = _inverse(a, b, u, SOLUTION_ROUNDING * curve.unit)
-    for aside in (0.0, CLOSE, -CLOSE):  # a singular pose has no tangent: one beside it
-        near = curve.at(i, min(max(sigma + aside * (b.s - a.s), low), high), roughly=True)
-        if (found_there := curve.at_input(near, near.u if aside else u)) is not None:
-            return found_there
+        ds = _inverse(a, b, u, SOLUTION_ROUNDING * curve.unit)
+    for offset in (0.0, AT_BRANCH_POINT, -AT_BRANCH_POINT):  # next to a singular pose, which has no tangent
+        near = curve.at(i, min(max(ds + offset * (b.s - a.s), low), high), roughly=True)
+        if (point := curve.at_input(near, near.u if offset else u)) is not None:
+            return point
     return _by_arclength(curve, i, low, high, u)
 
 
@@ -128,21 +130,26 @@ def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -
         raise StepError("newton", f"the loops cannot be closed at {u:.9g}") from None
 
 
-def at_crossing(curve: PoseCurve, crossing: BranchPoint, beside: CurvePoint, *, behind: bool = False) -> CurvePoint:
-    """A branch point on the branch of a node beside it; kappa, which takes third derivatives, is not known."""
-    along = crossing.directions @ beside.tau
+def branch_point_on_curve(
+    curve: PoseCurve, point: BranchPoint, neighbour: CurvePoint, *, before: bool = False
+) -> CurvePoint:
+    """Return a branch point as a point on the branch of a neighbour, after or before it; kappa is nan.
+
+    The curvature there would need third derivatives of the closures.
+    """
+    along = point.directions @ neighbour.tau
     k = int(np.abs(along).argmax())
-    tau = crossing.directions[k] * np.sign(along[k])
-    e = curve.closures(crossing.q, crossing.u)[1][-1]
-    away = float(np.linalg.norm(curve.difference(beside.q, crossing.q)))
-    s, unknown = beside.s + (-away if behind else away), np.full_like(tau, np.nan)
-    return beside._replace(
-        s=s, q=crossing.q, u=crossing.u, tau=tau, kappa=unknown, speed=float(e @ tau), bend=np.nan, sigma=0.0
+    tau = point.directions[k] * np.sign(along[k])
+    e = curve.closures(point.q, point.u)[1][-1]
+    distance = float(np.linalg.norm(curve.difference(neighbour.q, point.q)))
+    s, unknown = neighbour.s + (-distance if before else distance), np.full_like(tau, np.nan)
+    return neighbour._replace(
+        s=s, q=point.q, u=point.u, tau=tau, kappa=unknown, speed=float(e @ tau), bend=np.nan, sigma=0.0
     )
 
 
 def _inverse(a: CurvePoint, b: CurvePoint, u: float, near: float) -> float:
-    """The arclength behind a where the input, a cubic between a and b, has the value u."""
+    """Return the arclength after a at which the cubic interpolant of the input between a and b is u."""
     h, low, high = b.s - a.s, 0.0, 1.0
     d, x = b.u - a.u, (u - a.u) / (b.u - a.u)
     m0, m1 = h * a.speed, h * b.speed

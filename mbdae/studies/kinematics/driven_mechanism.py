@@ -1,6 +1,6 @@
-"""A mechanism whose input is its time: one row more says that a coordinate has the value u, others are held.
+"""A mechanism whose time is the input u of a driven coordinate.
 
-Its rows are those of the closures, one for each coordinate that is held and, last, 0 = c(q) - u of the drive.
+Its rows are those of the closures, one for each locked coordinate and, last, 0 = c(q) - u of the drive.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,31 +25,33 @@ Hold = str | Iterable[str] | Mapping[str, float | None]
 
 
 def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
-    """Return the mechanism with ``drive`` as its last driver, u(t) = t, behind what is held.
+    """Return the mechanism with ``drive`` as its last driver, u(t) = t, after drivers that lock joints.
 
     Args:
-        mech: the mechanism; its other drivers stay where they are at t = 0.
+        mech: the mechanism; its other drivers are constant at their values at t = 0.
         drive: a joint of one coordinate, or a driver of the mechanism.
-        hold: joints of one coordinate, and the values where they are held; those of q when left out.
+        hold: joints of one coordinate to lock, with values; those of q when left out.
         q: configuration, (nq,).
 
     Raises:
         UnknownNameError: for a joint that does not exist.
-        InputError: for a joint of several coordinates, or one that is both driven and held.
+        InputError: for a joint of several coordinates, or one that is both driven and locked.
     """
     _check_closures(mech)
-    own = {d.name: d for d in mech.drivers}
-    if drive not in own and drive not in mech.joint_names:
-        raise UnknownNameError("drive", drive, [*own, *single(mech)])
+    drivers = {d.name: d for d in mech.drivers}
+    if drive not in drivers and drive not in mech.joint_names:
+        raise UnknownNameError("drive", drive, [*drivers, *single_coordinate_joints(mech)])
     values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(as_list(hold, "hold is a list of joints"))
-    if drive in own:
-        target, moved = _target(own[drive]), own[drive].between
+    if drive in drivers:
+        target, driven = _target(drivers[drive]), drivers[drive].between
     else:
-        target, moved = {"joint": drive}, (drive,)
+        target, driven = {"joint": drive}, (drive,)
         _coordinate(mech, drive, q)
     others = [d for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]
-    rows = [Driver.model_validate({**_target(d), "motion": _standing(mech, d, q), "name": d.name}) for d in others]
-    rows += [_locked(mech, name, value, q, moved) for name, value in values.items()]
+    rows = [
+        Driver.model_validate({**_target(d), "motion": _constant_position(mech, d, q), "name": d.name}) for d in others
+    ]
+    rows += [_locking_driver(mech, name, value, q, driven) for name, value in values.items()]
     clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
     rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
     closures = [c for c in mech.closures if not c.opens]
@@ -59,21 +61,25 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
 
 
 def _check_closures(mech: Mechanism) -> None:
-    """Raise InputError for a closure that is active in ranges only, or whose rows have no g."""
+    """Require closures that are always active and have a position level.
+
+    Raises:
+        InputError: for a closure that is active in ranges only, or has nonholonomic rows.
+    """
     for closure in mech.closures:
         if closure.within:
             within = f"{closure.name!r} is active only in ranges of {closure.within.joint!r}"
-            raise InputError(f"{within}: poses are those of closures that stay")
+            raise InputError(f"{within}: kinematics needs closures that are always active")
         if not (closure.opens or mech.positional[mech.rows_of(closure.name)].all()):
             raise InputError(
-                f"{closure.name!r} has rows of velocity: where it goes depends on the way, not on the input alone"
+                f"{closure.name!r} has nonholonomic rows: its position depends on the path, not on the input alone"
             )
 
 
-def _locked(mech: Mechanism, name: str, value: float | None, q: Array, moved: tuple[str, ...]) -> Driver:
+def _locking_driver(mech: Mechanism, name: str, value: float | None, q: Array, driven: tuple[str, ...]) -> Driver:
     """Return the driver that locks a joint at a value, None for that of q, (nq,)."""
-    if name in moved:
-        raise InputError(f"{name!r} is driven: it cannot be held too")
+    if name in driven:
+        raise InputError(f"{name!r} is driven: it cannot be locked, too")
     here = _coordinate(mech, name, q)
     return Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}")
 
@@ -82,8 +88,8 @@ def _without_friction(mech: Mechanism) -> list[Any]:
     return [f for f in mech.forces if not (isinstance(f, CoulombFriction) or stiction_joints(mech.model, [f]))]
 
 
-def left_open(mech: Mechanism) -> list[str]:
-    """Names of closures that press on one side, and of clutches: `driven` leaves them out."""
+def omitted_elements(mech: Mechanism) -> list[str]:
+    """Return the names of unilateral closures and of clutches, which `driven_mechanism` omits."""
     return [c.name for c in mech.closures if c.opens] + [c.name for c in mech.clutches]
 
 
@@ -92,8 +98,8 @@ def _target(d: Driver) -> dict[str, Any]:
     return {k: v for k, v in d.model_dump().items() if k not in ("motion", "speed", "name") and v is not None}
 
 
-def _standing(mech: Mechanism, d: Driver, q: Array) -> float:
-    """The position of a driver at t = 0; for one of speed, which has none, that of q (nq,)."""
+def _constant_position(mech: Mechanism, d: Driver, q: Array) -> float:
+    """Return the position of a driver at t = 0; for a speed driver, which has none, that of q (nq,)."""
     if d.speed is None:
         return d.follow(0.0)[0]
     alone = Mechanism(mech.model, drivers=[Driver.model_validate({**_target(d), "motion": 1.0})])
@@ -101,7 +107,7 @@ def _standing(mech: Mechanism, d: Driver, q: Array) -> float:
 
 
 def start_pose(mech: Mechanism) -> Array:
-    """The configuration (nq,) of the model's start; velocities there do not matter.
+    """Return the configuration (nq,) of the model's start, without assembling velocities.
 
     Raises:
         AssemblyError: if its loops cannot be closed.
@@ -109,37 +115,39 @@ def start_pose(mech: Mechanism) -> Array:
     values, driven_joints = mech.start_values, {d.joint for d in mech.drivers}
     if not values.assemble:
         return mech.given[0]
-    held = {name: x for name, x in values.q.items() if name not in driven_joints}
+    start_values = {name: x for name, x in values.q.items() if name not in driven_joints}
     q = mech.coordinates({**values.guess, **values.q})[0]
-    return close_position(mech.system(), q, mech.coordinates(held)[1], 0.0)
+    return close_position(mech.system(), q, mech.coordinates(start_values)[1], 0.0)
 
 
-def input_at(moved: Mechanism, system: "Index2System", q: Array) -> float:
-    """The input of a driven mechanism at a configuration."""
-    any_value = 1.0 if moved.drivers[-1].frames else 0.0  # lengths are positive
-    given = moved.drivers[-1].follow(any_value)[0]
+def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:
+    """Return the input of a driven mechanism at a configuration."""
+    any_value = 1.0 if driven.drivers[-1].frames else 0.0  # lengths are positive
+    given = driven.drivers[-1].follow(any_value)[0]
     return given + float(system.closures(q, any_value)[0][-1])
 
 
-def single(mech: Mechanism) -> list[str]:
-    """Names of the joints of one coordinate."""
+def single_coordinate_joints(mech: Mechanism) -> list[str]:
+    """Return the names of the joints of one coordinate."""
     return [name for name in mech.joint_names if find_joint(mech.model, name).nv == 1]
 
 
 def _coordinate(mech: Mechanism, name: str, q: Array) -> float:
     joint = find_joint(mech.model, name)
     if joint.nv != 1:
-        raise InputError(f"joint {name!r} has {joint.nv} coordinates: what is driven or held has one")
+        raise InputError(
+            f"joint {name!r} has {joint.nv} coordinates: only joints of one coordinate can be driven or locked"
+        )
     x = q[joint.idx_q : joint.idx_q + joint.nq]
     return float(x[0]) if joint.nq == 1 else float(np.arctan2(x[1], x[0]))
 
 
 def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str],
                   opens: Sequence[str] = ()) -> None:  # fmt: skip
-    """Reject a mechanism without one degree of freedom at a closed configuration q; names locked and open joints.
+    """Require one degree of freedom at a closed configuration q; messages name locked joints and omitted elements.
 
     Raises:
-        InputError: no degree of freedom is left, or too many (names joints to hold); q is singular; the drive does not
+        InputError: for no degree of freedom, too many (names joints to lock), a singular q, or a drive that cannot
             move.
     """
     u = input_at(mech, system, q)
@@ -150,26 +158,26 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
     r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
     Z = right[r:].T
     if r < min(rows.shape) and _is_singular(system, G, left[:, r:], Z):
-        raise InputError("the closures lose rank in this pose, from which several branches lead: start beside it")
-    held = ", ".join(hold)
+        raise InputError("the closures lose rank in this pose, in which several branches intersect: start next to it")
+    locked = ", ".join(hold)
     if not Z.shape[1]:
-        raise InputError(f"no degree of freedom is left for {drive!r} to move{f' (held: {held})' if held else ''}")
+        raise InputError(f"no degree of freedom is left for {drive!r}{f' (locked: {locked})' if locked else ''}")
     if Z.shape[1] > 1:
         n = Z.shape[1] - 1
         names = joints_to_lock(mech, Z, e, n)
         which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
-        listed_open = f" (open: {', '.join(opens)})" if opens else ""
-        raise InputError(f"{n + 1} degrees of freedom are left{listed_open}: {which}")
+        inactive = f" (inactive: {', '.join(opens)})" if opens else ""
+        raise InputError(f"{n + 1} degrees of freedom are left{inactive}: {which}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
         gamma = system.gamma(q, columns * tau, u) / mech.row_scales
         kappa = -np.linalg.lstsq(rows, gamma[:-1], rcond=RANK)[0]
         if abs(gamma[-1] + e @ kappa) < RANK * (1 + np.abs(kappa).max()):
-            raise InputError(f"{drive!r} cannot move: the closures and what is held keep it where it is")
+            raise InputError(f"{drive!r} cannot move: the closures and locked joints fix it")
 
 
 def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> bool:
-    """Whether dependent rows depend on each other in this pose only: then they bend along the null space Z (nv, k)."""
+    """Return whether rows depend on each other in this pose only: their second derivative along Z (nv, k) is not 0."""
     columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
     for u in left.T:
         K = columns[:, None] * system.constraints.partials(np.zeros(system.nv), np.append(u, 0.0) / rows)[0] * columns
@@ -179,15 +187,15 @@ def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> boo
 
 
 def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
-    """Joints of one coordinate that leave nothing but the drive to move, n of them; sliding and driven ones first."""
+    """Return n joints of one coordinate to lock so that only the drive can move; prismatic and actuated ones first."""
     along = Z.T @ e
     if not np.abs(along).max() > RANK:
         return []
     Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # motions while the drive is fixed
-    names = single(mech)
-    acting = {str(getattr(f, "joint", "")) for f in mech.forces}
-    liking = [1.0 + (mech.joint_kind(j).startswith("P") or j in acting) for j in names]
-    columns = Q[:, [find_joint(mech.model, j).idx_v for j in names]] * np.array(liking)
+    names = single_coordinate_joints(mech)
+    actuated = {str(getattr(f, "joint", "")) for f in mech.forces}
+    preference = [1.0 + (mech.joint_kind(j).startswith("P") or j in actuated) for j in names]
+    columns = Q[:, [find_joint(mech.model, j).idx_v for j in names]] * np.array(preference)
     diagonal, order = qr(columns, mode="r", pivoting=True)
     if len(names) < n or abs(diagonal[n - 1, n - 1]) < VISIBLE:
         return []

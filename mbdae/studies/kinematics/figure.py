@@ -1,4 +1,4 @@
-"""Poses, rates and transmission angle over the input."""
+"""Figure of poses, rates and the transmission angle over the input."""
 
 from typing import TYPE_CHECKING
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from ...mechanism.coordinate_units import coordinate_units
 from ...tolerances import COINCIDENT
-from ..figures import COLOURS, NAMES, WIDTH, beside, escaped, fixed_layout, own_style, sheet
-from .result import Kinematics, neighbours
+from ..figures import COLOURS, QUANTITY_NAMES, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
+from .result import Kinematics, monotonic_segments
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STEEP = 50.0  # times the median rate: more, beside dead points, is cut off
+CUTOFF = 50.0  # times the median rate: larger values near dead points are not drawn
 PARTS = ("q.", "v.", "a.")
 
 
@@ -21,7 +21,7 @@ PARTS = ("q.", "v.", "a.")
 def curves(found: Kinematics) -> "Figure":
     """Draw coordinates, velocities and accelerations per unit of the drive, and the transmission angle over the input.
 
-    Curves are cut at dead points, where rates grow without bound; dotted lines show these, dashed ones branch points.
+    Curves are cut at dead points, where rates are unbounded; dotted lines mark dead points, dashed ones branch points.
     """
     signals = found.signals()
     unit = {n: u for n, u in coordinate_units(found.mechanism).items() if n.startswith("q.") and u != "1"}
@@ -29,7 +29,7 @@ def curves(found: Kinematics) -> "Figure":
     kinds = list(dict.fromkeys(unit[n] for n in moving))
     rows = [(part, kind) for part in PARTS for kind in kinds]
     extra = bool(found.output)
-    figure = sheet(WIDTH, 1.35 * (len(rows) + extra) + 0.6)
+    figure = empty_figure(WIDTH, 1.35 * (len(rows) + extra) + 0.6)
     axes = np.atleast_1d(figure.subplots(len(rows) + extra, 1, sharex=True))
     for ax, (part, kind) in zip(axes, rows, strict=False):
         names = [n for n in moving if unit[n] == kind]
@@ -50,13 +50,13 @@ def curves(found: Kinematics) -> "Figure":
 def _label(ax: "Axes", part: str, kind: str, unit: str) -> None:
     """Label coordinates, rates or accelerations of a kind, over an input with a unit."""
     words, per = {
-        "q.": (NAMES[kind], kind),
+        "q.": (QUANTITY_NAMES[kind], kind),
         "v.": ("rates", f"{kind}/{unit}"),
         "a.": ("accelerations", f"{kind}/{unit}$^2$"),
     }[part]
     ax.set_ylabel(f"{words} ({per})")
     if part == "q.":
-        beside(ax, labelspacing=0.3)
+        legend_right(ax, labelspacing=0.3)
 
 
 def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
@@ -69,9 +69,9 @@ def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
 
 
 def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int) -> None:
-    """One signal, with a gap at each dead point."""
-    steep = STEEP * float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
-    shown = np.where(np.abs(values) > steep, np.nan, values) if steep and found.dead_points else values
-    style = own_style(i) | {"color": COLOURS[i % len(COLOURS)]}
-    for k, part in enumerate(neighbours(found)):
+    """Draw one signal, with a gap at each dead point."""
+    limit = CUTOFF * float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
+    shown = np.where(np.abs(values) > limit, np.nan, values) if limit and found.dead_points else values
+    style = curve_style(i) | {"color": COLOURS[i % len(COLOURS)]}
+    for k, part in enumerate(monotonic_segments(found)):
         ax.plot(found.u[part], shown[part], label=label if k == 0 else None, **style)

@@ -1,8 +1,8 @@
-"""The search for assembly modes: random starts, and all poses on the circuits of the modes that they lead to.
+"""Search for assembly modes from random starts, and along the circuits of the modes found.
 
-Only whole circuits can be missed. The search ends when each mode has come up three times, and c closed starts have led
-to m modes with c >= (m + 1) ln((m + 1)/0.01): one more that is as easy to reach would be missed once in a hundred
-times.
+Only whole circuits can be missed. The search ends when each mode has been found three times, and c closed starts have
+led to m modes with c >= (m + 1) ln((m + 1)/0.01): another mode as likely as these would be missed with a probability
+of 1 %.
 """
 
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ from .circuits import circuit
 from .pose_curve import PoseCurve
 
 HITS = 3  # of each mode, by random starts
-MISSED = 0.01  # how often a mode as easy as the others may be missed
-NONE = 200  # starts of which none closes: then it is given up
-SAME = 100 * SAME_POSE  # poses so near are one mode
-ON_CURVE = 8  # as many singular poses lie on a curve of them: modes are points, and seldom double
+MISS_PROBABILITY = 0.01  # of a mode that is as likely as the others
+MAX_OPEN_STARTS = 200  # after which the search is abandoned if none closes
+MODE_TOLERANCE = 100 * SAME_POSE  # distance of poses of one mode
+MAX_SINGULAR = 8  # as many singular modes are a continuum of poses: modes are points, and rarely double
 
 
 @dataclass
 class FoundMode:
-    """A mode.
+    """An assembly mode during the search.
 
     Attributes:
         q: configuration, (nq,).
         circuit: the number of its circuit, from 1.
-        rising: whether the input rises along the circuit.
-        hits: how many random starts led to it.
+        rising: whether the input increases along the circuit.
+        hits: number of random starts that led to it.
     """
 
     q: Array
@@ -47,95 +47,101 @@ class ModeSearch:
     """All poses of a mechanism at one value of its input.
 
     Args:
-        moved: the mechanism with its drive, see `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
+        driven: the mechanism with its drive, see `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         q0: a closed configuration (nq,), at any input.
         u: the input.
-        counts: by which coordinates modes are distinguished, (nv,).
+        distinguishing: mask of the coordinates by which modes are distinguished, (nv,).
 
     Attributes:
-        modes: those found, by circuit.
-        starts: random ones.
-        closed: how many of them led to a mode.
-        warnings: why there may be more.
+        modes: found modes, by circuit.
+        starts: number of random starts.
+        closed: number of starts that led to a mode.
+        warnings: reasons why modes may be missing.
     """
 
-    def __init__(self, moved: Mechanism, q0: Array, u: float, counts: Array) -> None:
-        self.system, self.q0, self.u, self.counts = moved.system(), q0, u, counts
-        self.curve = PoseCurve(self.system, angle_components(moved.model))
+    def __init__(self, driven: Mechanism, q0: Array, u: float, distinguishing: Array) -> None:
+        self.system, self.q0, self.u, self.distinguishing = driven.system(), q0, u, distinguishing
+        self.curve = PoseCurve(self.system, angle_components(driven.model))
         self.modes: list[FoundMode] = []
         self.starts = self.closed = 0
         self.warnings: list[str] = []
-        drive, self.period = moved.drivers[-1], 0.0
-        if drive.joint and self.curve.angular[find_joint(moved.model, drive.joint).idx_v]:
+        drive, self.period = driven.drivers[-1], 0.0
+        if drive.joint and self.curve.angular[find_joint(driven.model, drive.joint).idx_v]:
             self.period = 2 * np.pi
-        self.kept = {d.joint: d.follow(u)[0] for d in moved.drivers if d.joint and d.motion is not None}
-        sliding = [abs(d.follow(u)[0]) for d in moved.drivers if moved.row_units[moved.rows_of(d.name)[0]] == "m"]
-        reach = sum(linkage_lengths(moved)) + sum(sliding) or moved.characteristic_length
-        self.widths = np.where(lengths(moved.model), reach, np.pi)
+        self.locked_values = {d.joint: d.follow(u)[0] for d in driven.drivers if d.joint and d.motion is not None}
+        sliding = [abs(d.follow(u)[0]) for d in driven.drivers if driven.row_units[driven.rows_of(d.name)[0]] == "m"]
+        reach = sum(linkage_lengths(driven)) + sum(sliding) or driven.characteristic_length
+        self.widths = np.where(lengths(driven.model), reach, np.pi)
 
     def run(self, most: int) -> "ModeSearch":
-        """ModeSearch from the given configuration, and from random ones, at most so many."""
-        found = self._closed(self.q0)
+        """Search from the given configuration, and from at most ``most`` random ones."""
+        found = self._close(self.q0)
         if found is not None:
-            self._known(found)
+            self._register(found)
         rng = np.random.default_rng(0)
-        while self.starts < most and not self._enough() and not self._on_curve():
+        while self.starts < most and not self._is_complete() and not self._is_continuum():
             self.starts += 1
-            found = self._closed(self._start(rng))
+            found = self._close(self._start(rng))
             if found is not None:
                 self.closed += 1
-                self._known(found).hits += 1
-        if self._on_curve():
-            self.warnings = ["poses are not isolated: with the input held, something still moves"]
-        elif self.modes and not self._enough():
-            self.warnings.append(f"{most} starts are too few: some modes came up less than {HITS} times, or all rarely")
+                self._register(found).hits += 1
+        if self._is_continuum():
+            self.warnings = ["poses are not isolated: the mechanism can move while the input is locked"]
+        elif self.modes and not self._is_complete():
+            self.warnings.append(
+                f"{most} starts are too few: some modes were found less than {HITS} times, or all rarely"
+            )
         self.modes.sort(key=lambda m: m.circuit)
         return self
 
-    def _on_curve(self) -> bool:
-        return sum(self.margin(m.q) < RANK for m in self.modes[: 2 * ON_CURVE]) >= ON_CURVE
+    def _is_continuum(self) -> bool:
+        return sum(self.margin(m.q) < RANK for m in self.modes[: 2 * MAX_SINGULAR]) >= MAX_SINGULAR
 
     def margin(self, q: Array) -> float:
-        """Smallest singular value of all rows over the largest: 0 where two modes coincide."""
+        """Return the smallest over the largest singular value of all rows: 0 where two modes coincide."""
         G = self.curve.closures(q, self.u)[1]
         G[-1] /= self.curve.unit
         sizes = np.linalg.svd(G, compute_uv=False)[: self.system.nv]
         return float(sizes[-1] / sizes[0])
 
-    def _enough(self) -> bool:
+    def _is_complete(self) -> bool:
         if not self.modes:
-            return self.starts >= NONE
+            return self.starts >= MAX_OPEN_STARTS
         m = len(self.modes) + 1
-        return min(x.hits for x in self.modes) >= HITS and self.closed >= m * np.log(m / MISSED)
+        return min(x.hits for x in self.modes) >= HITS and self.closed >= m * np.log(m / MISS_PROBABILITY)
 
     def _start(self, rng: np.random.Generator) -> Array:
-        """A random configuration: angles from half a turn to both sides, slides as far as all lengths together reach.
+        """Return a random configuration: angles in [-pi, pi], prismatic coordinates within the sum of all lengths.
 
-        No slide of a closed loop is longer than the sum of all other lengths.
+        No prismatic coordinate of a closed loop exceeds the sum of all other lengths.
         """
         mech = self.system.mechanism
         neutral, _ = mech.coordinates({})
         q = mech.manifold.integrate(neutral, rng.uniform(-1, 1, mech.nv) * self.widths)
-        at_value, _ = mech.coordinates(self.kept)
-        for name in self.kept:
+        at_value, _ = mech.coordinates(self.locked_values)
+        for name in self.locked_values:
             joint = find_joint(mech.model, name)
             q[joint.idx_q : joint.idx_q + joint.nq] = at_value[joint.idx_q : joint.idx_q + joint.nq]
         return q
 
-    def _closed(self, q: Array) -> Array | None:
-        """The closed pose that a start leads to, its angles within half a turn of the given configuration's."""
+    def _close(self, q: Array) -> Array | None:
+        """Return the closed pose from a start, with angles within pi of those of q0; None if it does not close."""
         q = gauss_newton(self.system, q, np.arange(self.system.nv), self.u)
         if not is_closed(self.system, q, self.u):
             return None
-        near = self._turned_back(q)
-        return q if near is None else near
+        unwrapped = self._unwrapped(q)
+        return q if unwrapped is None else unwrapped
 
     def _find(self, q: Array) -> FoundMode | None:
-        same = (m for m in self.modes if np.abs(self.curve.wrapped(m.q, q)[self.counts]).max() < SAME)
+        same = (
+            m
+            for m in self.modes
+            if np.abs(self.curve.wrapped_difference(m.q, q)[self.distinguishing]).max() < MODE_TOLERANCE
+        )
         return next(same, None)
 
-    def _known(self, q: Array) -> FoundMode:
-        """The mode with this pose; where it is new, all others on its circuit are found with it."""
+    def _register(self, q: Array) -> FoundMode:
+        """Return the mode with this pose; for a new one, also add all other modes on its circuit."""
         found = self._find(q)
         if found is not None:
             return found
@@ -144,20 +150,23 @@ class ModeSearch:
             self.warnings.append(f"circuit {number}: its first pose is singular")
             self.modes.append(FoundMode(q, number, True))
             return self.modes[-1]
-        passed, warning = circuit(self.system, self.curve.angular, self.period, q, self.u)
+        crossings, warning = circuit(self.system, self.curve.angular, self.period, q, self.u)
         if warning:
             self.warnings.append(f"circuit {number}: {warning}")
-        new = FoundMode(q, number, passed[0][1])
+        new = FoundMode(q, number, crossings[0][1])
         self.modes.append(new)
-        for other, rising in passed[1:]:
-            pose = self._turned_back(other)
+        for other, rising in crossings[1:]:
+            pose = self._unwrapped(other)
             if pose is not None and self._find(pose) is None:
                 self.modes.append(FoundMode(pose, number, rising))
         return new
 
-    def _turned_back(self, q: Array) -> Array | None:
-        """A pose on a circuit with its full turns taken off; None where couplings do not let go of them."""
-        near = self.curve.integrate(self.q0, self.curve.wrapped(self.q0, q))
+    def _unwrapped(self, q: Array) -> Array | None:
+        """Return a pose with its full turns removed; None if couplings between joints do not allow that."""
+        near = self.curve.integrate(self.q0, self.curve.wrapped_difference(self.q0, q))
         near = gauss_newton(self.system, near, np.arange(self.system.nv), self.u)
-        same = is_closed(self.system, near, self.u) and np.abs(self.curve.wrapped(near, q)).max() < SAME
+        same = (
+            is_closed(self.system, near, self.u)
+            and np.abs(self.curve.wrapped_difference(near, q)).max() < MODE_TOLERANCE
+        )
         return near if same else None

@@ -1,12 +1,12 @@
-"""The curve of closed configurations of a mechanism with one degree of freedom, followed over its arclength s.
+"""The curve of closed configurations of a mechanism with one degree of freedom, by continuation in its arclength s.
 
     q' = tau, G tau = 0, |tau| = 1;   tau' = kappa, G kappa = -gamma(q, tau), kappa . tau = 0
     predictor q (+) (h tau + h^2/2 kappa);   corrector x = -G^+ g of minimum norm (Gauss-Newton), to rounding
 
 Angles are in rad, lengths of rows and coordinates in characteristic lengths of the mechanism; the input u is in its own
 unit. G has all rows except the driver's, redundant ones included; its pseudoinverse is truncated to rank nv - 1.
-sigma, the smallest of its singular values, gets the sign of det [B^T G; tau^T] with a basis B of range(G) that is
-continued along the curve: it changes at branch points, and tau_in = e_in . tau at dead points of the drive.
+sigma, its smallest singular value, has the sign of det [B^T G; tau^T] with a basis B of range(G) that is continued
+along the curve: sigma changes sign at branch points, and tau_in = e_in . tau at dead points of the drive.
 
 Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003), chapters 3, 7 and 8.
 """
@@ -26,13 +26,13 @@ from .branch_points import BranchPoint, branch_point
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-FIRST, LARGEST, SMALLEST = 0.02, 0.4, tol.SMALLEST_PART  # steps of the arclength
-JUMP = tol.INTERPOLATION  # a longer step over which branches do not meet is taken back
+FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.4, tol.SMALLEST_PART  # of the arclength
+JUMP = tol.INTERPOLATION  # longer steps between branches that do not intersect are rejected
 MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spaces, at both ends of a step
-PREDICTOR_ERROR = 0.02  # of a step: larger errors of the predictor shorten the next step
+PREDICTOR_ERROR = 0.02  # of a step: target for the error of the predictor
 ITERATIONS = 12
-CONVERGED = tol.COINCIDENT  # of a correction that converges quadratically: the next would be rounding
-LONGEST = 100.0  # rad and characteristic lengths: how far the input and prismatic coordinates are followed
+CONVERGED = tol.COINCIDENT  # of a correction: by quadratic convergence the next one would be rounding
+MAX_TRAVEL = 100.0  # rad or characteristic lengths: of the input and of prismatic coordinates
 MAX_NODES = 5000  # nodes of a curve
 
 
@@ -44,12 +44,12 @@ class CurvePoint(NamedTuple):
         q: configuration, (nq,).
         u: the input, in rad or m.
         tau: the tangent, (nv,), in rad and characteristic lengths.
-        kappa: its rate, (nv,).
-        speed: tau_in, the rate of the input, in rad or m.
-        bend: its rate, e_in . kappa + gamma_in.
+        kappa: the curvature dtau/ds, (nv,).
+        speed: tau_in = du/ds, in rad or m.
+        bend: d2u/ds2 = e_in . kappa + gamma_in.
         sigma: the smallest singular value of G, with a sign.
-        left: the left null space of G, (ng - 1, k).
-        turn: +1, or -1 where ``left`` is turned over against the start's.
+        left_null: the left null space of G, (ng - 1, k).
+        orientation: +1, or -1 if ``left_null`` is reversed relative to its continuation from the start.
     """
 
     s: float
@@ -60,8 +60,8 @@ class CurvePoint(NamedTuple):
     speed: float
     bend: float
     sigma: float
-    left: Array
-    turn: float
+    left_null: Array
+    orientation: float
 
 
 class PoseCurve:
@@ -69,16 +69,16 @@ class PoseCurve:
 
     Args:
         system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
-        angular: which coordinates are 2 pi-periodic angles, (nv,).
-        period: of the input: the curve is closed when the pose of the start comes again after a multiple of it; 0 where
-            the input must come back, too.
+        angular: mask of the coordinates that are 2 pi-periodic angles, (nv,).
+        period: of the input: the curve is closed if the start pose recurs after a multiple of it; 0 if the input must
+            have its start value, too.
 
     Attributes:
         unit: scale of the input, in rad or m.
         columns: scale of each tangent component, in rad or m, (nv,).
         nodes: points in the order of the arclength.
-        crossings: by the node before them; None where more than two branches cross.
-        ended: ``"range"``, ``"closed"`` (the pose of the start comes again), ``"stuck"``, or ``"long"`` (without end).
+        branch_points: by the node before them; None where more than two branches intersect.
+        ended: ``"range"``, ``"closed"`` (the start pose recurs), ``"stuck"``, or ``"long"`` (too long).
     """
 
     def __init__(self, system: "Index2System", angular: Array, period: float = 0.0) -> None:
@@ -87,7 +87,7 @@ class PoseCurve:
         self.unit, self.rows = float(rows[-1]), np.append(rows[:-1], 1.0)
         self.r = system.nv - 1
         self.nodes: list[CurvePoint] = []
-        self.crossings: dict[int, BranchPoint | None] = {}
+        self.branch_points: dict[int, BranchPoint | None] = {}
         self.ended = ""
 
     def closures(self, q: Array, u: float) -> tuple[Array, Array]:
@@ -95,8 +95,8 @@ class PoseCurve:
         g, G = self.system.closures(q, u)
         return g / self.rows, G * self.columns / self.rows[:, None]
 
-    def bending(self, left: Array) -> Array:
-        """Return d(G^T left)/dq, (nv, nv), for left (ng,) where `closures` stands."""
+    def constraint_hessian(self, left: Array) -> Array:
+        """Return d(G^T left)/dq, (nv, nv), for left (ng,) at the configuration of the last call of `closures`."""
         K = self.system.constraints.partials(np.zeros(self.system.nv), left / self.rows)[0]
         return np.asarray(self.columns[:, None] * K * self.columns)
 
@@ -108,11 +108,11 @@ class PoseCurve:
         """Return q1 (-) q0, (nv,)."""
         return self.system.manifold.difference(q0, q1) / self.columns
 
-    def begin(self, q: Array, u: float, along: Array | None = None) -> CurvePoint:
-        """Make the first point of a closed configuration; along a tangent, or with a rising input.
+    def set_start(self, q: Array, u: float, along: Array | None = None) -> CurvePoint:
+        """Set the first point from an approximate configuration, directed along a tangent or with increasing input.
 
         Raises:
-            StepError: where no closed configuration is near.
+            StepError: if no closed configuration is near.
         """
         if (found := self._correct(q, u)) is None:
             raise StepError("newton", f"the loops cannot be closed at {u:.6g}")
@@ -122,104 +122,104 @@ class PoseCurve:
         forward = tau @ along if along is not None else along_e
         tau = tau if forward > 0 else -tau
         first = CurvePoint(0.0, q, u, tau, tau, 0.0, 0.0, 1.0, left[:, self.r :], 1.0)
-        self.nodes, self.crossings = [self._point(found, first, 0.0)], {}
+        self.nodes, self.branch_points = [self._point(found, first, 0.0)], {}
         return self.nodes[0]
 
     def follow(self, low: float, high: float) -> "PoseCurve":
-        """Follow the curve until the input leaves a range, or the pose of the start comes again."""
-        h, start = FIRST, self.nodes[0]
+        """Trace the curve until the input leaves a range, or the start pose recurs."""
+        h, start = FIRST_STEP, self.nodes[0]
         while len(self.nodes) < MAX_NODES:
             here = self.nodes[-1]
             new, missed = self._step(here, h)
             if new is None:
-                if (h := h / 2) < SMALLEST:
+                if (h := h / 2) < MIN_STEP:
                     self.ended = "stuck"
                     return self
                 continue
             self.nodes.append(new)
-            if here.sigma * new.sigma < 0 and not self._crosses() and h > JUMP:
+            if here.sigma * new.sigma < 0 and not self._find_branch_point() and h > JUMP:
                 del self.nodes[-1]
                 h /= 4
                 continue
             change = (PREDICTOR_ERROR * h / max(missed, tol.SOLUTION_ROUNDING)) ** (1 / 3)
-            h = min(LARGEST, h * float(np.clip(change, 0.4, 2.0)))
-            again = self.passing(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
-            if again is not None and self.comes_back(again.u - start.u):
-                self.nodes[-1], self.ended = again, "closed"
+            h = min(MAX_STEP, h * float(np.clip(change, 0.4, 2.0)))
+            closing = self.point_at_pose(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
+            if closing is not None and self.is_full_period(closing.u - start.u):
+                self.nodes[-1], self.ended = closing, "closed"
                 return self
             if not low <= new.u <= high:
-                return self._end(low if new.u < low else high)
-            if self.travelled().max() > LONGEST:
+                return self._end_at(low if new.u < low else high)
+            if self.travel().max() > MAX_TRAVEL:
                 break
         self.ended = "long"
         return self
 
-    def travelled(self) -> Array:
-        """Return how far the last node lies from the first in each coordinate that is no angle, (nv,), 0 in angles."""
+    def travel(self) -> Array:
+        """Return |q_last - q_first| of the coordinates that are not angles, (nv,), 0 for angles."""
         return np.abs(self.difference(self.nodes[0].q, self.nodes[-1].q)) * ~self.angular
 
-    def comes_back(self, change: float) -> bool:
-        """Whether a change of the input is none, or a multiple of its period."""
+    def is_full_period(self, change: float) -> bool:
+        """Return whether a change of the input is zero or a multiple of its period."""
         rest = change - self.period * round(change / self.period) if self.period else change
         return abs(rest) < tol.SAME_POSE * self.unit
 
-    def _crosses(self) -> bool:
-        """Look for the branch point in the last step; False where it jumped from one branch to another."""
+    def _find_branch_point(self) -> bool:
+        """Locate the branch point in the last step; return False if the step jumped to another branch."""
         i = len(self.nodes) - 2
-        self.crossings[i] = None
+        self.branch_points[i] = None
         try:
-            self.crossings[i] = branch_point(self, i)
+            self.branch_points[i] = branch_point(self, i)
         except StepError:
             return False
         return True
 
-    def _end(self, u: float) -> "PoseCurve":
-        """Put the last node where the input leaves its range at u."""
+    def _end_at(self, u: float) -> "PoseCurve":
+        """Move the last node to the end u of the range of the input."""
         i = len(self.nodes) - 2
-        at = self.at(i, self.zero(i, lambda p: p.u - u))
+        at = self.at(i, self.root(i, lambda p: p.u - u))
         self.nodes[-1], self.ended = self.at_input(at, u) or at, "range"
         return self
 
-    def passing(self, i: int, pose: CurvePoint) -> CurvePoint | None:
-        """The point behind node i, before node i + 1, where the curve comes to another one's pose in its direction."""
+    def point_at_pose(self, i: int, pose: CurvePoint) -> CurvePoint | None:
+        """Return the point between nodes i and i + 1 that has a given pose and direction; None if there is none."""
         a, b = self.nodes[i : i + 2]
-        h, at, rest = b.s - a.s, a, self.wrapped(a.q, pose.q)
+        h, at, rest = b.s - a.s, a, self.wrapped_difference(a.q, pose.q)
         if not (np.abs(rest).max() < 2 * h and b.tau @ pose.tau > 0):
             return None
-        for _ in range(4):  # the nearest point of the step: the way along a tangent is not the arclength
+        for _ in range(4):  # the nearest point of the step: length along a tangent is not arclength
             along = at.s - a.s + float(rest @ at.tau)
             if not -tol.SAME_POSE <= along <= 1.5 * h:
                 return None
             at = self.at(i, min(max(along, 0.0), h))
-            rest = self.wrapped(at.q, pose.q)
+            rest = self.wrapped_difference(at.q, pose.q)
             if abs(rest @ at.tau) < tol.SAME_POSE:
                 break
         if not (np.abs(rest).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > MIN_COSINE):
             return None
         found = self._correct(self.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
-        again = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
-        return again if again is not None and np.abs(self.wrapped(again.q, pose.q)).max() < tol.SAME_POSE else None
+        point = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
+        return point if point and np.abs(self.wrapped_difference(point.q, pose.q)).max() < tol.SAME_POSE else None
 
-    def wrapped(self, q0: Array, q1: Array) -> Array:
-        """q1 (-) q0 up to full turns of its angles, (nv,)."""
+    def wrapped_difference(self, q0: Array, q1: Array) -> Array:
+        """Return q1 (-) q0 up to full turns of its angles, (nv,)."""
         x = self.difference(q0, q1)
         return np.where(self.angular, x - 2 * np.pi * np.round(x / (2 * np.pi)), x)
 
-    def at(self, i: int, sigma: float, *, roughly: bool = False) -> CurvePoint:
-        """The point at the arclength sigma behind node i, before node i + 1; roughly, loops are not closed exactly.
+    def at(self, i: int, ds: float, *, roughly: bool = False) -> CurvePoint:
+        """Return the point at arclength ds after node i, before node i + 1; without a corrector if ``roughly``.
 
-        Its predictor blends those of both ends; with weights of third order their errors cancel to fourth.
+        Its predictor is a weighted mean of those from both ends: with weights of third order the error is of fourth.
 
         Raises:
-            StepError: where the corrector does not converge.
+            StepError: if the corrector does not converge.
         """
         a, b = self.nodes[i], self.nodes[i + 1]
         h = b.s - a.s
-        if sigma in (0.0, h):
-            return b if sigma else a
-        q0, q1 = (self._predict(p, x) for p, x in ((a, sigma), (b, sigma - h)))
-        weight = sigma**3 / (sigma**3 + (h - sigma) ** 3)
-        near, s = (a if sigma < h / 2 else b), a.s + sigma
+        if ds in (0.0, h):
+            return b if ds else a
+        q0, q1 = (self._predict(p, x) for p, x in ((a, ds), (b, ds - h)))
+        weight = ds**3 / (ds**3 + (h - ds) ** 3)
+        near, s = (a if ds < h / 2 else b), a.s + ds
         q = self.integrate(q0, weight * self.difference(q0, q1))
         u = near.u + near.speed * (s - near.s)
         if roughly:
@@ -229,14 +229,14 @@ class PoseCurve:
             raise StepError("newton", f"the loops cannot be closed between {a.u:.9g} and {b.u:.9g}")
         return self._point(found, near, s)
 
-    def zero(self, i: int, value: Callable[[CurvePoint], float]) -> float:
-        """The arclength behind node i where a value is zero that has another sign at node i + 1."""
+    def root(self, i: int, value: Callable[[CurvePoint], float]) -> float:
+        """Return the arclength after node i of the root of a value that has opposite signs at nodes i and i + 1."""
         h = self.nodes[i + 1].s - self.nodes[i].s
-        return float(brentq(lambda sigma: value(self.at(i, sigma)), 0.0, h, xtol=tol.ROUNDING, rtol=tol.SUM_ROUNDING))
+        return float(brentq(lambda ds: value(self.at(i, ds)), 0.0, h, xtol=tol.ROUNDING, rtol=tol.SUM_ROUNDING))
 
     def at_input(self, near: CurvePoint, u: float) -> CurvePoint | None:
-        """The point with the input u near another one; None where it is not found: [G; e_in] x = -[g; c - u]."""
-        found = self._correct(near.q, u, land=True)
+        """Return the point with the input u near another one, by [G; e_in] x = -[g; c - u]; None if it is not found."""
+        found = self._correct(near.q, u, fixed_input=True)
         return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))
 
     def _step(self, p: CurvePoint, h: float) -> tuple[CurvePoint | None, float]:
@@ -247,15 +247,15 @@ class PoseCurve:
         missed = float(np.abs(self.difference(predicted, found[0])).max())
         if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < MIN_COSINE:
             return None, missed
-        if p.left.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left)) < MIN_COSINE**2:
+        if p.left_null.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left_null)) < MIN_COSINE**2:
             return None, missed
         return self._point(found, p, p.s + h), missed
 
     def _predict(self, p: CurvePoint, h: float) -> Array:
         return self.integrate(p.q, h * (p.tau + 0.5 * h * p.kappa))
 
-    def _correct(self, q: Array, u: float, *, land: bool = False) -> "Corrected | None":
-        """Close the loops near q: at the input u, or at least |x|; None also where G loses its rank."""
+    def _correct(self, q: Array, u: float, *, fixed_input: bool = False) -> "Corrected | None":
+        """Close the loops near q, at the input u or with minimum |x|; None on failure, or where G loses rank."""
         last = np.inf
         for _ in range(ITERATIONS):
             g, G = self.closures(q, u)
@@ -263,9 +263,9 @@ class PoseCurve:
             if self.r and not sizes[self.r - 1] > tol.EPS * sizes[0]:
                 return None
             if last <= CONVERGED:
-                return q, u if land else u + float(g[-1]), (left, sizes, right), G[-1]
+                return q, u if fixed_input else u + float(g[-1]), (left, sizes, right), G[-1]
             x = -(left[:, : self.r].T @ g[:-1] / sizes[: self.r]) @ right[: self.r]
-            if land:
+            if fixed_input:
                 tau = right[self.r]
                 if not (speed := G[-1] @ tau):
                     return None
@@ -283,10 +283,11 @@ class PoseCurve:
         tau, null = sign * right[r], left[:, r:]
         gamma = self.system.gamma(q, self.columns * tau, u) / self.rows
         kappa = -(left[:, :r].T @ gamma[:-1] / sizes[:r]) @ right[:r] if r else np.zeros(1)
-        turn = near.turn * (np.sign(np.linalg.det(null.T @ near.left)) if null.shape[1] else 1.0)
-        orientation = sign * turn * np.sign(np.linalg.det(right) * np.linalg.det(left))
-        sigma = float(sizes[r - 1] * orientation) if r else 1.0
-        return CurvePoint(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, turn)
+        reversal = np.sign(np.linalg.det(null.T @ near.left_null)) if null.shape[1] else 1.0
+        orientation = near.orientation * reversal
+        det_sign = sign * orientation * np.sign(np.linalg.det(right) * np.linalg.det(left))
+        sigma = float(sizes[r - 1] * det_sign) if r else 1.0
+        return CurvePoint(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, orientation)
 
 
 Corrected = tuple[Array, float, tuple[Array, Array, Array], Array]

@@ -18,7 +18,7 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import SOLUTION_ROUNDING
 from .branch_points import BranchPoint
-from .passing import Passed, lines_of
+from .violations import Violation, violation_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 ENDS = {
     "range": "to the end of the range",
     "closed": "back to its first pose",
-    "stuck": "to a pose from which it cannot be followed",
-    "branch": "to a curve above",
+    "stuck": "to a pose beyond which it cannot be continued",
+    "branch": "to an earlier curve",
 }
 
 
 class CurveSegment(NamedTuple):
-    """A curve: where its poses begin and end, the range of the input in which it can be assembled, how it ends."""
+    """A curve: indices of its first and after its last pose, the range of its input, and how it ends."""
 
     first: int
     last: int
@@ -48,22 +48,22 @@ class Kinematics(Tabular):
     Attributes:
         mechanism: the mechanism.
         drive: name of the input u.
-        held: locked joints.
+        held: names of the locked joints.
         output: joint of the transmission angle; empty for none.
         unit: of the input, ``"rad"`` or ``"m"``.
         u: input, (n,).
         s: arclength along each curve in rad and characteristic lengths, (n,), see `Mechanism.characteristic_length`.
         q: configurations, (n, nq).
-        tangent: tangents dq/ds, (n, nv), in rad and m, finite at dead points too.
-        curvature: their rates, (n, nv); nan at branch points.
+        tangent: tangents dq/ds, (n, nv), in rad and m, also finite at dead points.
+        curvature: d2q/ds2, (n, nv); nan at branch points.
         speed: du/ds, (n,): zero at dead points.
-        bend: gamma_in + e_in . curvature, by which du/ds changes, (n,).
+        bend: d2u/ds2 = gamma_in + e_in . curvature, (n,).
         transmission: angle at the output in rad, 0 to pi/2, (n,).
-        dead_points: input and configuration where the drive turns back.
-        branch_points: poses from which several branches lead.
-        stretches: the curves one after another; without ``branches`` there is one.
-        hidden: inputs near which more than two branches cross, and the curve went on straight.
-        passed: stops, ropes, contacts and clutches, which do not act, where the poses pass them, over the input.
+        dead_points: input and configuration where the drive reverses.
+        branch_points: poses in which several branches intersect.
+        stretches: segments of the curves in order; one without ``branches``.
+        hidden: inputs near which more than two branches intersect, and the curve continues straight.
+        passed: violations of stops, ropes, contacts and clutches, which do not act, over the input.
     """
 
     mechanism: Mechanism
@@ -83,11 +83,11 @@ class Kinematics(Tabular):
     branch_points: tuple[BranchPoint, ...]
     stretches: tuple[CurveSegment, ...]
     hidden: tuple[float, ...] = ()
-    passed: tuple[Passed, ...] = ()
+    passed: tuple[Violation, ...] = ()
 
     @cached_property
     def moving(self) -> Array:
-        """Where the drive is at no dead point, (n,)."""
+        """Mask of the poses that are not dead points, (n,)."""
         return np.abs(self.speed) > SOLUTION_ROUNDING
 
     @cached_property
@@ -104,7 +104,7 @@ class Kinematics(Tabular):
             return np.where(self.moving[:, None], along / (self.speed**2)[:, None], np.nan)
 
     def ratio(self, joint: str) -> Array:
-        """Velocity of a joint of one coordinate per unit speed of the drive, (n,); nan at dead points."""
+        """Return the velocity of a joint of one coordinate per unit speed of the drive, (n,); nan at dead points."""
         if f"v.{joint}" not in self.velocity_names:
             raise UnknownNameError("joint", joint, [n[2:] for n in self.velocity_names])
         return self.rates[:, self.velocity_names.index(f"v.{joint}")]
@@ -115,7 +115,7 @@ class Kinematics(Tabular):
         return [name for name in coordinate_units(self.mechanism) if name.startswith("v.")]
 
     def frames(self, names: list[str] | None = None) -> tuple[Array, Array, Array]:
-        """Positions of the origins of frames, their velocities and accelerations at unit speed, (k, n, 3) each.
+        """Return positions, and velocities and accelerations at unit speed, of the origins of frames, (k, n, 3) each.
 
         Raises:
             UnknownNameError: for a frame that does not exist.
@@ -125,19 +125,19 @@ class Kinematics(Tabular):
 
     @cached_property
     def frame_names(self) -> list[str]:
-        """Names of all frames that may move."""
+        """Names of all frames except the world."""
         return [name for name in frame_names(self.mechanism.model) if name != WORLD]
 
     def run(self, stretch: int = 0, *, speed: float | None = None) -> Solution:
-        """One of the curves as a motion in time, for the replay or `mbdae.inverse_dynamics`.
+        """Return one of the curves as a motion in time, for a replay or `mbdae.inverse_dynamics`.
 
         Args:
-            stretch: which curve.
-            speed: constant speed of the drive in rad/s or m/s, from the first pose on; when left out, the arclength
-                grows by one in a second, through dead points.
+            stretch: index of the curve.
+            speed: constant speed of the drive in rad/s or m/s, from the first pose; when left out, the arclength
+                increases by one per second, also through dead points.
 
         Raises:
-            InputError: for a speed that is zero, or a curve with dead points, which no drive passes at its speed.
+            InputError: for zero speed, or a curve with dead points, where the speed cannot be constant.
         """
         part = slice(self.stretches[stretch].first, self.stretches[stretch].last)
         q, v, a, t = self.q[part], self.tangent[part], self.curvature[part], self.s[part]
@@ -146,7 +146,7 @@ class Kinematics(Tabular):
                 raise InputError(f"speed must be a number other than zero, got {speed!r}")
             t = (self.u[part] - self.u[part.start]) / speed
             if not (self.moving[part].all() and (np.diff(t) > 0).all() | (np.diff(t) < 0).all()):
-                raise InputError(f"{self.drive!r} turns back at dead points, which it does not pass at constant speed")
+                raise InputError(f"{self.drive!r} reverses at dead points, where its speed cannot be constant")
             v, a = speed * self.rates[part], speed**2 * self.accelerations[part]
             if t[-1] < t[0]:
                 q, v, a, t = q[::-1], v[::-1], a[::-1], t[::-1]
@@ -162,7 +162,7 @@ class Kinematics(Tabular):
         return sol
 
     def signals(self) -> dict[str, Array]:
-        """Named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
+        """Return named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
 
         ``curve`` counts from 1; ``u`` and ``s``, the input and the arclength; ``q.<joint>``, ``v.<joint>`` and
         ``a.<joint>`` as in `Solution.signals`, velocities and accelerations at unit speed of the drive;
@@ -183,7 +183,7 @@ class Kinematics(Tabular):
         return out
 
     def tabulated(self) -> Columns:
-        """The columns of `signals` over the input; rates and accelerations are per unit of it."""
+        """Return the columns of `signals` over the input; rates and accelerations are per unit of it."""
         columns, known, per = self.signals(), coordinate_units(self.mechanism), self.unit
         rates = {f"a.{n[2:]}": f"{u}/{per}^2" for n, u in known.items() if n.startswith("q.")}
         rates |= {f"v.{n[2:]}": f"{u}/{per}" for n, u in known.items() if n.startswith("q.")}
@@ -192,7 +192,7 @@ class Kinematics(Tabular):
         return Columns(columns, {name: unit for name, unit in found.items() if unit}, "u")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {
             "title": self.mechanism.title,
             "drive": self.drive,
@@ -208,7 +208,7 @@ class Kinematics(Tabular):
         }
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw coordinates, rates and the transmission angle over the input; written where a path is given.
+        """Draw coordinates, rates and the transmission angle over the input; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
@@ -216,36 +216,38 @@ class Kinematics(Tabular):
         from .. import figures
         from .figure import curves
 
-        return figures.given(curves(self), path)
+        return figures.save_if_path(curves(self), path)
 
     def summary(self) -> dict[str, Any]:
-        """`to_dict` without the table."""
+        """Return `to_dict` without the table."""
         return {key: value for key, value in self.to_dict().items() if key != "table"}
 
     def __str__(self) -> str:
         lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({self.unit})"]
         if self.held:
-            lines.append(f"  held: {', '.join(self.held)}")
+            lines.append(f"  locked: {', '.join(self.held)}")
         for i, x in enumerate(self.stretches, 1):
             poses = x.last - x.first
             lines.append(f"  curve {i}: {poses} poses, input {x.low:.6g} to {x.high:.6g}, {ENDS[x.ended]}")
         if self.dead_points:
             lines.append(f"  dead points at {', '.join(f'{u:.12g}' for u, _ in self.dead_points)}")
         for b in self.branch_points:
-            lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} ways to go on")
+            lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} branch directions")
         for u in self.hidden:
-            lines.append(f"  several branches cross at once near {round(u, 6) + 0.0:.6g}: the curve goes on straight")
-        lines += lines_of(self.passed, self.drive, self.unit)
+            lines.append(
+                f"  more than two branches intersect near {round(u, 6) + 0.0:.6g}: the curve continues straight"
+            )
+        lines += violation_lines(self.passed, self.drive, self.unit)
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")
         return "\n".join(lines)
 
 
-def neighbours(found: Kinematics) -> list[slice]:
-    """Slices of poses between which nothing turns back: curves cut at dead points."""
+def monotonic_segments(found: Kinematics) -> list[slice]:
+    """Return slices of poses between dead points, over which the input is monotonic."""
     out = []
     for x in found.stretches:
-        turns = [x.first, *(x.first + 1 + np.flatnonzero(~found.moving[x.first + 1 : x.last - 1])).tolist(), x.last - 1]
-        out += [slice(a, b + 1) for a, b in pairwise(turns)]
+        ends = [x.first, *(x.first + 1 + np.flatnonzero(~found.moving[x.first + 1 : x.last - 1])).tolist(), x.last - 1]
+        out += [slice(a, b + 1) for a, b in pairwise(ends)]
     return out

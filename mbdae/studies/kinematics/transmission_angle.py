@@ -1,8 +1,8 @@
-"""The transmission angle of any mechanism: how much of the force on the output link moves it.
+"""Transmission angle of any mechanism: the angle that determines how much of the coupler force moves the output link.
 
-A unit load on the output, balanced at the input, neglecting gravity: G^T lam = -e_out - c e_in. The reaction at the pin
-of the output link is then a force F, and the pin moves with v_P: sin mu = |F . v_P| / (|F| |v_P|). Of a four-bar
-linkage that is the angle between coupler and rocker.
+A unit load on the output is balanced at the input, without gravity: G^T lam = -e_out - c e_in. With the reaction force
+F at the moving pin of the output link and the velocity v_P of that pin, sin mu = |F . v_P| / (|F| |v_P|). In a four-bar
+linkage mu is the angle between coupler and rocker.
 """
 
 import numpy as np
@@ -17,16 +17,16 @@ from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING, STILL
 
 
-def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
-    """Return the only ground joint of one coordinate that is neither driven nor held; None if there are several."""
+def default_output(mech: Mechanism, drive: str, locked: list[str]) -> str | None:
+    """Return the only ground joint of one coordinate that is neither driven nor locked; None if there are several."""
     found = [
-        n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *held)
+        n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *locked)
     ]
     return found[0] if len(found) == 1 and find_joint(mech.model, found[0]).nv == 1 else None
 
 
 def transmission(
-    mech: Mechanism, system: Index2System, q: Array, tangent: Array, crossing: Array, output: str
+    mech: Mechanism, system: Index2System, q: Array, tangent: Array, at_branch_point: Array, output: str
 ) -> Array:
     """Return the transmission angle at an output joint in rad, from 0 to pi/2, (n,); nan where no force is transmitted.
 
@@ -35,7 +35,7 @@ def transmission(
         system: a workspace of it with the driver as the last row.
         q: configurations, (n, nq).
         tangent: tangents of the curve, (n, nv).
-        crossing: branch points, which get nan, (n,).
+        at_branch_point: mask of the branch points, for which the angle is nan, (n,).
         output: a joint of one coordinate.
 
     Raises:
@@ -45,20 +45,20 @@ def transmission(
     joint = find_joint(mech.model, output)
     if joint.nv != 1:
         raise InputError(f"the output {output!r} has {joint.nv} coordinates: a transmission angle needs one")
-    body, load, still = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
+    body, load, zero = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
     columns, units = mech.coordinate_scales, system.mechanism.row_scales
     load[joint.idx_v] = 1.0
     pairs = {name: part.pair for name, part in system.constraints.frame_parts.items()}
     ends = [(n, p, 1.0 if p.b.joint == body else -1.0) for n, p in pairs.items() if body in (p.a.joint, p.b.joint)]
-    behind = [j for j in range(1, mech.model.njoints) if mech.model.parents[j] == body]
+    children = [j for j in range(1, mech.model.njoints) if mech.model.parents[j] == body]
     out, moving = np.full(len(q), np.nan), support(mech.model, body)
-    if len(ends) + len(behind) != 1:
+    if len(ends) + len(children) != 1:
         return out
     for i, (pose, tau) in enumerate(zip(q, tangent, strict=True)):
         G = system.jacobian(pose) * columns / units[:, None]
-        if crossing[i]:
+        if at_branch_point[i]:
             continue
-        if abs(G[-1] @ (tau / columns)) < STILL:  # a dead point: the output's load is nothing beside the input's
+        if abs(G[-1] @ (tau / columns)) < STILL:  # a dead point: the load on the output is negligible
             lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
         else:
             lam = minimum_norm(G, mech.nv, -load)
@@ -68,12 +68,12 @@ def transmission(
             rows = system.constraints.spans[name]
             force, point = sign * (system.constraints.W[:, rows] @ lam[rows])[:3], pair.pb
         else:
-            wrench = joint_wrenches(system, 0.0, pose, still, still, lam, laws=False)
-            place = system.workspace.oMi[behind[0]]
-            force, point = -place.rotation @ wrench[behind[0] - 1, :3], place.translation.copy()
+            wrench = joint_wrenches(system, 0.0, pose, zero, zero, lam, laws=False)
+            placement = system.workspace.oMi[children[0]]
+            force, point = -placement.rotation @ wrench[children[0] - 1, :3], placement.translation.copy()
         V = system.workspace.J.reshape(6, -1) @ (tau * moving)
-        moves = V[:3] + np.cross(V[3:], point)
-        sizes = np.linalg.norm(force) * np.linalg.norm(moves)
+        v_pin = V[:3] + np.cross(V[3:], point)
+        sizes = np.linalg.norm(force) * np.linalg.norm(v_pin)
         if sizes > SOLUTION_ROUNDING:
-            out[i] = np.arcsin(min(1.0, abs(force @ moves) / sizes))
+            out[i] = np.arcsin(min(1.0, abs(force @ v_pin) / sizes))
     return out

@@ -19,17 +19,16 @@ PAGE = output_file(
 
 @study_command("", PAGE, PLOT, shared=STATE, exit_code=lambda found: HOLDS if found.stable else FAILED)
 def modes(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Find eigenvalues, damping and shapes of small motions around an equilibrium or a steady motion.
+    """Compute eigenvalues, damping and mode shapes of vibrations around an equilibrium or a steady motion.
 
-    The start of the model is taken where it is steady, else the equilibrium that is found from there. Exit 1 where a
-    motion grows.
+    The point is the model's start if that is steady, else the equilibrium found from there. Exit 1 if a mode grows.
     """
     return study(model.load(), **options)
 
 
 @study_command("", PLOT, shared=STATE, more=[click.argument("over", metavar="NAME=FIRST:LAST:NUMBER")])
 def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
-    """Follow eigenvalues over a parameter of a model, or over a speed v.JOINT: spin=150:250:21, v.shaft=4:8:9."""
+    """Track eigenvalues over a parameter of a model, or over a speed v.JOINT: spin=150:250:21, v.shaft=4:8:9."""
     from .root_locus import read_range
 
     return study(model.name, *read_range(over), start=model.start, **options)
@@ -37,7 +36,7 @@ def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> R
 
 @command("inputs outputs", PLOT, shared=STATE)
 def linearize(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
-    """Linearise a model with inputs and outputs: gain and phase over the frequency; with --json A, B, C and D, too."""
+    """Linearise a model with inputs and outputs: gain and phase over the frequency; with --json also A, B, C and D."""
     import numpy as np
 
     system = study(model.load(), **options)

@@ -4,7 +4,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import COLOURS, WIDTH, beside, escaped, fixed_layout, logarithmic, own_style, positive, sheet
+from ..figures import (
+    COLOURS,
+    WIDTH,
+    curve_style,
+    empty_figure,
+    escaped,
+    fixed_layout,
+    legend_right,
+    logarithmic,
+    positive,
+)
 from .linear_system import LinearSystem
 from .modes import Modes
 from .root_locus import RootLocus
@@ -19,15 +29,15 @@ ORDERS = (1, 2, 3)  # multiples of the speed in a Campbell diagram
 @fixed_layout
 def roots(modes: Modes) -> "Figure":
     """Draw the eigenvalues in the complex plane, and the shape of each mode."""
-    figure = sheet(WIDTH, 3.2)
+    figure = empty_figure(WIDTH, 3.2)
     left, right = figure.subplots(1, 2)
     _plane(left, modes.eigenvalues)
     for i, shape in enumerate(modes.shapes[:6]):
         if shape.any():
-            style = own_style(i) | {"linestyle": "-"}
+            style = curve_style(i) | {"linestyle": "-"}
             right.plot(shape.real / np.abs(shape).max(), marker="o", label=escaped(modes.describe(i)), **style)
     right.set_xlabel("velocity component")
-    right.set_ylabel("shape (largest part 1)")
+    right.set_ylabel("shape (largest component 1)")
     right.legend(loc="best", fontsize=6)
     figure.suptitle(escaped(modes.mechanism.title), fontsize=9)
     return figure
@@ -36,7 +46,7 @@ def roots(modes: Modes) -> "Figure":
 @fixed_layout
 def locus(found: RootLocus, campbell: bool) -> "Figure":
     """Draw real parts and frequencies over the parameter, and the roots in the complex plane."""
-    figure = sheet(WIDTH, 5.2)
+    figure = empty_figure(WIDTH, 5.2)
     axes = figure.subplots(2, 2)
     (real, plane), (hertz, unused) = axes
     unused.set_visible(False)
@@ -67,22 +77,22 @@ def locus(found: RootLocus, campbell: bool) -> "Figure":
 @fixed_layout
 def frequency_response(system: LinearSystem, hertz: np.ndarray) -> "Figure":
     """Draw gain and phase of each output over the frequency, for each input."""
-    figure = sheet(WIDTH, 4.4)
+    figure = empty_figure(WIDTH, 4.4)
     gain, phase = figure.subplots(2, 1, sharex=True)
     H = system.response(2 * np.pi * hertz)
     k = 0
     for i, output in enumerate(system.outputs):
         for j, name in enumerate(system.inputs):
             label = escaped(f"{output} / {name}")
-            gain.plot(hertz, positive(np.abs(H[:, i, j])), label=label, **own_style(k))
-            phase.plot(hertz, np.degrees(np.unwrap(np.angle(H[:, i, j]))), **own_style(k))
+            gain.plot(hertz, positive(np.abs(H[:, i, j])), label=label, **curve_style(k))
+            phase.plot(hertz, np.degrees(np.unwrap(np.angle(H[:, i, j]))), **curve_style(k))
             k += 1
     for axis in (gain.xaxis, gain.yaxis):
         logarithmic(axis)
     gain.set_ylabel("gain")
     phase.set_ylabel("phase (degrees)")
     phase.set_xlabel("frequency (Hz)")
-    beside(gain)
+    legend_right(gain)
     figure.suptitle(escaped(system.title), fontsize=9)
     return figure
 

@@ -19,7 +19,7 @@ from ...mechanism.frames import WORLD, Pair, anchor, frame_names
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..statics.equilibrium import labels
+from ..statics.equilibrium import velocity_labels
 from .operating_point import operating_point
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ BAND = 400  # frequencies of a frequency response
 
 @dataclass(frozen=True)
 class LinearSystem(Tabular):
-    """Result of `linearize`: z' = A z + B u, y = C z + D u, in small changes from the point.
+    """Result of `linearize`: z' = A z + B u, y = C z + D u, in perturbations of the operating point.
 
     Attributes:
         title: of the mechanism.
@@ -84,7 +84,9 @@ class LinearSystem(Tabular):
         from .. import figures
         from .figure import frequency_response
 
-        return figures.given(frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path)
+        return figures.save_if_path(
+            frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path
+        )
 
     def tabulated(self) -> Columns:
         """Return gain and phase in rad of each output for each input, over the frequencies of `band`."""
@@ -123,15 +125,15 @@ def linearize(
 
         z' = A z + B u,   y = C z + D u
 
-    in small changes from it, with exact partial derivatives of all forces; z are changes of (q, v, s) that the closures
-    allow.
+    in perturbations of that point, with exact partial derivatives of all forces; z are perturbations of (q, v, s)
+    compatible with the closures.
 
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
     joint_torque; "(force)" is appended to a name shared with a joint, closure or driver), or ``frame.x``, a force in N
     on a frame's origin along an axis of the world. An output is named as a signal of runs: ``q.joint`` or ``v.joint``
-    (in the tangent), ``s.state``, or ``position.frame.x``, the position of a frame's origin in m. If the rate of a
-    reference acts, too (kd), the states are z minus the effect of its jump, which contributes to D.
+    (in the tangent), ``s.state``, or ``position.frame.x``, the position of a frame's origin in m. If also the rate of a
+    reference acts (kd), the states are z minus the effect of its jump, which contributes to D.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
@@ -151,37 +153,42 @@ def linearize(
     """
     mech = mechanism_of(mech, "linearize")
     statics, here, motion, _ = operating_point(mech, q, v, t, hold)
-    into = as_list(inputs, "inputs is a list of names")
-    joints = labels(mech, np.arange(mech.nv))
-    out = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
-    back, Z, k = motion.state_matrix, motion.speeds, motion.positions.shape[1]
+    chosen_inputs = as_list(inputs, "inputs is a list of names")
+    joints = velocity_labels(mech, np.arange(mech.nv))
+    chosen_outputs = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
+    state_matrix, Z, k = motion.state_matrix, motion.speeds, motion.positions.shape[1]
     ns, n = len(here.s), len(motion.A)
-    pushes = _pushes(statics, here.q, joints)
-    columns, jumps = np.zeros((n, len(into))), np.zeros((n, len(into)))
-    for j, name in enumerate(into):
-        if name not in pushes:
-            raise UnknownNameError("input", name, pushes)
-        (tau, rates), (dtau, drates) = pushes[name]
+    partials = _input_partials(statics, here.q, joints)
+    columns, jumps = np.zeros((n, len(chosen_inputs))), np.zeros((n, len(chosen_inputs)))
+    for j, name in enumerate(chosen_inputs):
+        if name not in partials:
+            raise UnknownNameError("input", name, partials)
+        (tau, rates), (dtau, drates) = partials[name]
         columns[k : n - ns, j], columns[n - ns :, j] = Z.T @ tau, rates
         jumps[k : n - ns, j], jumps[n - ns :, j] = Z.T @ dtau, drates
-    seen = _seen(statics, here.q, joints)
-    for name in out:
-        if name not in seen:
-            raise UnknownNameError("output", name, seen)
-    C = np.array([seen[name] for name in out]).reshape(len(out), 2 * mech.nv + ns) @ back
+    output_rows = _output_rows(statics, here.q, joints)
+    for name in chosen_outputs:
+        if name not in output_rows:
+            raise UnknownNameError("output", name, output_rows)
+    C = (
+        np.array([output_rows[name] for name in chosen_outputs]).reshape(len(chosen_outputs), 2 * mech.nv + ns)
+        @ state_matrix
+    )
     B, D = columns + motion.A @ jumps, C @ jumps
-    return LinearSystem(mech.title, motion.A, B, C, D, tuple(into), tuple(out), motion)
+    return LinearSystem(mech.title, motion.A, B, C, D, tuple(chosen_inputs), tuple(chosen_outputs), motion)
 
 
-Push = tuple[tuple[Array, Array], tuple[Array, Array]]
+InputPartials = tuple[tuple[Array, Array], tuple[Array, Array]]
 
 
-def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push]:
+def _input_partials(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, InputPartials]:
     """Return for each input the partial derivatives of (f, h), and those with respect to its rate."""
     system = statics.system
     nv, ns = system.nv, system.ns
     none = np.zeros(ns)
-    out: dict[str, Push] = {n: ((e, none), (np.zeros(nv), none)) for n, e in zip(joints, np.eye(nv), strict=True)}
+    out: dict[str, InputPartials] = {
+        n: ((e, none), (np.zeros(nv), none)) for n, e in zip(joints, np.eye(nv), strict=True)
+    }
     states = {id(law): at for law, at in system.laws.bound}
     for force, law in named_laws(statics.mech, system.laws).items():
         if not isinstance(law, LinearElement):
@@ -194,25 +201,25 @@ def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push
                     parts[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
             name = force if len(law.u) == 1 else f"{force}.{i + 1}"
             out[name] = ((parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:]))
-    for name, derivative in _places(statics, q).items():
+    for name, derivative in _position_partials(statics, q).items():
         out.setdefault(name, ((derivative, none), (np.zeros(nv), none)))
     return out
 
 
-def _seen(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]:
+def _output_rows(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]:
     """Return for each output its partial derivatives with respect to (q, v, s), (2 nv + ns,)."""
     nv, names = statics.system.nv, list(statics.mech.states)
     one = np.eye(2 * nv + len(names))
     out = {f"q.{n}": one[i] for i, n in enumerate(joints)} | {f"v.{n}": one[nv + i] for i, n in enumerate(joints)}
     out |= {f"s.{n}": one[2 * nv + i] for i, n in enumerate(names)}
-    places = {f"position.{n}": derivative for n, derivative in _places(statics, q).items()}
-    return out | {n: np.pad(derivative, (0, nv + len(names))) for n, derivative in places.items()}
+    positions = {f"position.{n}": derivative for n, derivative in _position_partials(statics, q).items()}
+    return out | {n: np.pad(derivative, (0, nv + len(names))) for n, derivative in positions.items()}
 
 
-def _places(statics: Statics, q: Array) -> dict[str, Array]:
+def _position_partials(statics: Statics, q: Array) -> dict[str, Array]:
     """Return the partial derivatives (nv,) of the positions ``frame.x`` of all frames."""
     system, out = statics.system, {}
-    statics.force(q, np.zeros(system.ns))  # makes kinematics current at q
+    statics.force(q, np.zeros(system.ns))  # updates kinematics at q
     for name in frame_names(system.model)[1:]:
         at = anchor(system.model, name)
         if at.joint == 0:

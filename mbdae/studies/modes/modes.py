@@ -1,4 +1,4 @@
-"""Vibration modes of a mechanism, and growth or decay of disturbances."""
+"""Vibration modes of a mechanism, and growth or decay of perturbations."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular, align_columns
-from ..statics.equilibrium import labels
+from ..statics.equilibrium import velocity_labels
 from .operating_point import operating_point
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ __all__ = ["modes"]
 
 DIGITS = 9  # for sorting eigenvalues by size; conjugate ones stay together
 FRAMES, SECONDS = 121, 2.0  # of one cycle in a replay
-SWING = 0.25  # rad or m: default amplitude of a replay
-PARTS = 3  # coordinates of a shape shown as text
+AMPLITUDE = 0.25  # rad or m: default of a replay
+LARGEST_COMPONENTS = 3  # of a shape shown as text
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Modes(Tabular):
         t: time in s.
         motion: the linearised motion: A, and its point q, v, s.
         around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
-        spectrum: eigenvalues of A, by their size, with their vectors and rounding errors.
+        spectrum: eigenvalues of A by magnitude, with eigenvectors and rounding errors.
     """
 
     mechanism: Mechanism
@@ -53,7 +53,7 @@ class Modes(Tabular):
 
     @property
     def eigenvalues(self) -> Array:
-        """Eigenvalues of A, (n,), by their size; those of symmetries are exactly 0."""
+        """Eigenvalues of A, (n,), by magnitude; those of symmetries are exactly 0."""
         return self.spectrum.values
 
     @cached_property
@@ -76,18 +76,18 @@ class Modes(Tabular):
     def shapes(self) -> Array:
         """Shape dq of each mode, (k, nv), complex, with dq^H M dq = 1 and its largest component real.
 
-        A mode of states alone, for instance of a current, has a shape of zeros; so has the speed of a free motion.
+        A mode of states alone, for instance of a current, has the shape 0, as has the speed of a free motion.
         """
         n = self.motion.positions.shape[1]
-        ways = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
-        return np.array([self._normalised(dq) for dq in ways.T]).reshape(-1, self.mechanism.nv)
+        shapes = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
+        return np.array([self._normalised(dq) for dq in shapes.T]).reshape(-1, self.mechanism.nv)
 
     def _normalised(self, dq: Array) -> Array:
         size = np.linalg.norm(self.motion.free.U @ dq)
         if not size:
             return np.zeros(len(dq), complex)
-        turn = dq[np.abs(dq).argmax()]
-        return dq * (abs(turn) / (turn * size))
+        largest = dq[np.abs(dq).argmax()]
+        return dq * (abs(largest) / (largest * size))
 
     @property
     def stable(self) -> bool:
@@ -96,7 +96,7 @@ class Modes(Tabular):
 
     @property
     def free_below(self) -> float:
-        """The frequency in rad/s below which modes cannot be distinguished from free motions; 0 if none is free."""
+        """Frequency in rad/s below which modes cannot be distinguished from free motions; 0 if there are none."""
         (k, m), zeros = (self.motion.positions.shape[1], self.motion.speeds.shape[1]), self.eigenvalues == 0
         x = np.abs(self.spectrum.vectors[:k, zeros])
         size = np.linalg.norm(x, axis=0)
@@ -114,11 +114,11 @@ class Modes(Tabular):
         largest = np.abs(shape).max() or 1.0
         out = np.empty((FRAMES, self.mechanism.nq))
         for k, phi in enumerate(np.linspace(0, 2 * np.pi, FRAMES)):
-            x = (amplitude or SWING) / largest * (np.exp(1j * phi) * shape).real
+            x = (amplitude or AMPLITUDE) / largest * (np.exp(1j * phi) * shape).real
             out[k] = system.manifold.integrate(self.motion.q, x)
             try:
                 out[k] = close_loops(system, self.t, out[k])
-            except StepError:  # the replay shows open loops if the amplitude is larger than they allow
+            except StepError:  # the replay shows violated closures if the amplitude is too large for them
                 continue
         return out
 
@@ -155,11 +155,11 @@ class Modes(Tabular):
             return "free"
         if root.imag:
             return f"{self.frequencies[i]:.4g} Hz, damping {self.damping[i]:.3g}"
-        return f"{'grows' if root.real > 0 else 'dies out'}, {abs(root.real):.4g} 1/s"
+        return f"{'grows' if root.real > 0 else 'decays'}, {abs(root.real):.4g} 1/s"
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data; eigenvalues as pairs [re, im]."""
-        names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
         rows = zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)
         return {
             "title": self.mechanism.title,
@@ -189,7 +189,7 @@ class Modes(Tabular):
         from .. import figures
         from .figure import roots
 
-        return figures.given(roots(self), path)
+        return figures.save_if_path(roots(self), path)
 
     def tabulated(self) -> Columns:
         """Return eigenvalue, frequency and damping of each mode."""
@@ -199,19 +199,19 @@ class Modes(Tabular):
 
     def cells(self) -> list[list[str]]:
         """Return eigenvalues, frequencies, damping ratios, and dominant coordinates."""
-        names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
         heads = ["mode", "eigenvalue in 1/s", "", "Hz", "damping", "moves most"]
         body = []
         for i, root in enumerate(self.roots):
             size = np.abs(self.shapes[i])
-            order = [j for j in np.argsort(-size, kind="stable")[:PARTS] if size[j] > 0.01 * size.max()]
-            moves = ", ".join(f"{names[j]} {size[j] / size.max():.2g}" for j in order) or (
+            order = [j for j in np.argsort(-size, kind="stable")[:LARGEST_COMPONENTS] if size[j] > 0.01 * size.max()]
+            dominant = ", ".join(f"{names[j]} {size[j] / size.max():.2g}" for j in order) or (
                 "states" if root else "its speed"
             )
             pair = f"+- {root.imag:.10g} i" if root.imag else ""
-            ratio = f"{self.damping[i]:.4g}" if root else "-"
+            damping = f"{self.damping[i]:.4g}" if root else "-"
             hertz = f"{self.frequencies[i]:.6g}"
-            body.append([str(i + 1), f"{root.real:.10g}", pair, hertz, ratio, moves])
+            body.append([str(i + 1), f"{root.real:.10g}", pair, hertz, damping, dominant])
         return [heads, *body]
 
     def __str__(self) -> str:
@@ -220,8 +220,8 @@ class Modes(Tabular):
         lines = [title, "", *align_columns(self.cells())]
         if self.free_below:
             largest = np.abs(self.eigenvalues).max()
-            beside = f" beside {largest:.2g} rad/s" if largest else ""
-            lines.append(f"motions slower than {self.free_below:.1g} rad/s cannot be told from free ones{beside}")
+            scale = f" (largest |lambda| {largest:.2g} rad/s)" if largest else ""
+            lines.append(f"modes below {self.free_below:.1g} rad/s cannot be distinguished from free ones{scale}")
         return "\n".join(lines)
 
 
@@ -240,7 +240,7 @@ def modes(
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
-        q: a full configuration (nq,), used as it is; or joint values by name from which the equilibrium is searched.
+        q: a full configuration (nq,), used unchanged; or joint values by name from which the equilibrium is searched.
             When left out, the start if it is steady, else the equilibrium found from there.
         v: constant speeds by joint, or a full velocity (nv,), of a steady motion.
         t: time in s, at which drivers and functions of time are frozen.
@@ -250,8 +250,8 @@ def modes(
         Eigenvalues, frequencies, damping ratios and shapes.
 
     Raises:
-        InputError: for a configuration that is neither an equilibrium nor a steady motion, where closures lose rank, or
-            without degrees of freedom.
+        InputError: for a configuration that is neither an equilibrium nor a steady motion, for a loss of rank of the
+            closures, or without degrees of freedom.
         EquilibriumError: if no equilibrium is found.
     """
     mech = mechanism_of(mech, "modes")

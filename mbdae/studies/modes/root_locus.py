@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["root_locus"]
 
 SPEED = "v."
-ACROSS = 1e-2  # of an interval: distance on either side of a crossing
+CROSSING_WIDTH = 1e-2  # of an interval: distance on either side of a crossing
 Model = str | Path | Callable[..., Mechanism]
 
 
@@ -36,7 +36,7 @@ class RootLocus(Tabular):
         model: as given.
         name: name of the parameter.
         values: its values, (n,).
-        eigenvalues: tracked from value to value, (n, m); nan where they were not found.
+        eigenvalues: tracked over the values, (n, m); nan where they could not be computed.
         messages: reasons for missing eigenvalues, by index of the value.
         changes: values at which the number of growing modes changes.
     """
@@ -61,7 +61,7 @@ class RootLocus(Tabular):
         from .. import figures
         from .figure import locus
 
-        return figures.given(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
+        return figures.save_if_path(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
 
     def tabulated(self) -> Columns:
         """Return real and imaginary parts over the parameter."""
@@ -87,7 +87,7 @@ class RootLocus(Tabular):
         lines = [f"root locus of {self.model} over {self.name}, {span}: {n} values, {m} eigenvalues"]
         growth = np.nanmax(self.eigenvalues.real, axis=1) if m else np.zeros(n)
         lines.append(f"  largest real part {growth.min():.6g} to {growth.max():.6g} 1/s")
-        lines += [f"  the number of growing motions changes at {self.name} = {x:.9g}" for x in self.changes]
+        lines += [f"  the number of growing modes changes at {self.name} = {x:.9g}" for x in self.changes]
         lines += [f"  {self.name} = {self.values[i]:g}: {text}" for i, text in self.messages.items()]
         return "\n".join(lines)
 
@@ -143,7 +143,7 @@ def root_locus(
 def _roots(
     model: Model, name: str, first: float, v: Mapping[str, float], start: dict[str, Any], options: dict[str, Any]
 ) -> Callable[[float], Spectrum]:
-    """The spectrum as a function of a parameter or a constant speed; first is one of its values.
+    """Return the spectrum as a function of a parameter or a constant speed; ``first`` is one of its values.
 
     Raises:
         UnknownNameError, InputError: for a model or parameter that does not exist.
@@ -164,24 +164,24 @@ def _roots(
 
 
 def _branches(rows: Sequence[Spectrum | None]) -> Array:
-    """Eigenvalues followed from value to value, (n, m); nan where there are none, or fewer than elsewhere."""
+    """Return eigenvalues tracked over the values, (n, m); nan where there are none, or fewer than elsewhere."""
     size = max(len(row.values) for row in rows if row is not None)
     out = np.full((len(rows), size), np.nan + 0j)
     last: Array | None = None
     for i, row in enumerate(rows):
         if row is not None and len(row.values) == size:
-            last = out[i] = row.values if last is None else row.values[_followed(last, row.values)]
+            last = out[i] = row.values if last is None else row.values[_matching_order(last, row.values)]
     return out
 
 
 def _differ(a: Spectrum | None, b: Spectrum | None) -> bool:
-    """Whether the number of growing motions differs; not where one of the spectra is unknown."""
+    """Return whether the number of growing modes differs; False if a spectrum is unknown."""
     return a is not None and b is not None and bool(a.growing.sum() != b.growing.sum())
 
 
 def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> float:
-    """Return where between two values the number of growing eigenvalues changes, by bisection."""
-    before, reach = roots(low).growing.sum(), ACROSS * (high - low)
+    """Return the value at which the number of growing eigenvalues changes, by bisection or root finding."""
+    before, reach = roots(low).growing.sum(), CROSSING_WIDTH * (high - low)
     crossed = None
     while abs(high - low) > ITERATION_ROUNDING * max(abs(low), abs(high)):
         if crossed is None and abs(high - low) < abs(reach):
@@ -198,7 +198,7 @@ def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> floa
 
 
 def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) -> float:
-    """Return where the crossing root has zero real part; nan if a root only leaves the imaginary axis."""
+    """Return the value at which a root crosses the imaginary axis; nan if one only leaves it."""
 
     def growth(x: float) -> float:
         found = roots(x).values
@@ -206,12 +206,12 @@ def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) ->
 
     try:
         a, b = roots(value - reach), roots(value + reach)
-        across = b.sorted(_followed(a.values, b.values))
-        clear = [np.abs(x.values.real) > CERTAIN * x.noise for x in (a, across)]
-        crossing = np.flatnonzero(clear[0] & clear[1] & (a.values.real * across.values.real < 0))
+        matched = b.sorted(_matching_order(a.values, b.values))
+        clear = [np.abs(x.values.real) > CERTAIN * x.noise for x in (a, matched)]
+        crossing = np.flatnonzero(clear[0] & clear[1] & (a.values.real * matched.values.real < 0))
         if not len(crossing):
             return np.nan
-        root = (a.values + across.values)[crossing[0]] / 2
+        root = (a.values + matched.values)[crossing[0]] / 2
         ends = growth(value - reach), growth(value + reach)
         exact = ROUNDING * max(abs(value), abs(reach))
         return float(brentq(growth, value - reach, value + reach, xtol=exact)) if ends[0] * ends[1] < 0 else np.nan
@@ -219,8 +219,8 @@ def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) ->
         return np.nan
 
 
-def _followed(before: Array, after: Array) -> Array:
-    """Return the order in which eigenvalues are closest to the previous ones, all together."""
+def _matching_order(before: Array, after: Array) -> Array:
+    """Return the permutation of eigenvalues with the smallest total distance to the previous ones."""
     return linear_sum_assignment(np.abs(before[:, None] - after))[1]
 
 

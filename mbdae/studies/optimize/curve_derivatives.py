@@ -1,4 +1,4 @@
-"""Derivatives of the poses of a mechanism with one degree of freedom by its parameters, at fixed inputs u.
+"""Derivatives of the poses of a mechanism with one degree of freedom with respect to its parameters, at fixed inputs u.
 
 The closures, locked joints and the driver are rows g(p, u, q) = 0 of full rank. By the implicit function theorem, with
 v = dq/du,
@@ -6,7 +6,7 @@ v = dq/du,
     G dq = -g_p dp,    G dv = -(B dq + Q dp),    B = d(G v)/dq,  Q = d(G v)/dp
 
 and a frame's origin moves with q and with the placements of the joints that carry it. By virtual work, the driver
-effort that holds a pose at rest is -f(q) . v with the forces f.
+effort that balances a pose at rest is -f(q) . v with the forces f.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -33,18 +33,18 @@ class CurveSignals(Mapping[str, Array]):
 
     Args:
         found: a curve without dead points.
-        numbers: returns the parameters of its mechanism with the input as last driver, for derivatives.
+        make_parameters: returns the parameters of its mechanism, with the input as last driver.
     """
 
-    def __init__(self, found: Kinematics, numbers: Callable[[], Parameters]) -> None:
-        self.found, self._numbers, self.system = found, numbers, found.mechanism.system()
+    def __init__(self, found: Kinematics, make_parameters: Callable[[], Parameters]) -> None:
+        self.found, self._make_parameters, self.system = found, make_parameters, found.mechanism.system()
         self.known = {n: x for n, x in signal_values(found.mechanism).items() if n[:2] in ("q.", "v.")}
         self.states = np.array(list(found.mechanism.states.values()))
 
     @cached_property
     def parameters(self) -> Parameters:
-        """The parameters."""
-        return self._numbers()
+        """Parameters of the mechanism."""
+        return self._make_parameters()
 
     def __iter__(self) -> Iterator[str]:
         frames = [name for name in frame_names(self.found.mechanism.model) if name != WORLD]
@@ -70,14 +70,14 @@ class CurveSignals(Mapping[str, Array]):
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:
-        """Return the signals ``q.*`` and ``v.*``."""
+        """Signals ``q.*`` and ``v.*``."""
         found = self.found
         rates = {name: row for name, row in zip(found.velocity_names, found.rates.T, strict=True)}
         return coordinates(found.run()) | rates
 
     @cached_property
     def holding(self) -> Array:
-        """Return the holding torque or force of the driver at rest in each pose, in N m or N, (n,)."""
+        """Holding torque or force of the driver at rest in each pose, in N m or N, (n,)."""
         return np.array([-self._at_rest(q) @ v for q, v in zip(self.found.q, self.found.rates, strict=True)])
 
     def _at_rest(self, q: Array) -> Array:
@@ -86,7 +86,7 @@ class CurveSignals(Mapping[str, Array]):
 
     @cached_property
     def derivatives(self) -> tuple[Array, Array]:
-        """Return derivatives of q in the tangent and of v = dq/du at fixed inputs, (n, nv, k) each."""
+        """Derivatives of q in the tangent and of v = dq/du at fixed inputs, (n, nv, k) each."""
         return tuple(np.array(x) for x in zip(*self._poses(), strict=True))  # type: ignore[return-value]
 
     def _poses(self) -> Iterator[tuple[Array, Array]]:
@@ -114,19 +114,19 @@ class CurveSignals(Mapping[str, Array]):
             by_q = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.found.q]
             return np.einsum("ni,nik->nk", np.reshape(by_q, (-1, nv)), dq)
         frame, axis = _point(name)
-        parts = [frame_partials(self.parameters, q, [frame]) for q in self.found.q]
+        partials = [frame_partials(self.parameters, q, [frame]) for q in self.found.q]
         row = AXES.index(axis)
-        return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(parts, dq, strict=True)])
+        return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(partials, dq, strict=True)])
 
     def _holding_derivatives(self, dq: Array, dv: Array) -> Array:
         s, nv, out = self.parameters.system, self.system.nv, []
-        still, rest = np.zeros(nv), np.zeros(s.ng)
-        u = np.concatenate([still, self.states, [0.0]])
-        for q, v, by_p, turn in zip(self.found.q, self.found.rates, dq, dv, strict=True):
+        zero_v, zero_lam = np.zeros(nv), np.zeros(s.ng)
+        u = np.concatenate([zero_v, self.states, [0.0]])
+        for q, v, q_p, v_p in zip(self.found.q, self.found.rates, dq, dv, strict=True):
             self.parameters.refuse_lost(0.0, q)
-            K = s.partials(0.0, q, u, still, rest, np.arange(s.ng)).K[:nv]
-            P = self.parameters.of_forces(0.0, q, still, self.states, still, rest)[:nv]
-            out.append(-v @ (K @ by_p + P) - self._at_rest(q) @ turn)
+            K = s.partials(0.0, q, u, zero_v, zero_lam, np.arange(s.ng)).K[:nv]
+            P = self.parameters.of_forces(0.0, q, zero_v, self.states, zero_v, zero_lam)[:nv]
+            out.append(-v @ (K @ q_p + P) - self._at_rest(q) @ v_p)
         return np.array(out)
 
 
@@ -136,7 +136,7 @@ def _point(name: str) -> tuple[str, str]:
     return frame, axis
 
 
-def check_whole(found: Kinematics, span: Sequence[float]) -> None:
+def require_monotonic(found: Kinematics, span: Sequence[float]) -> None:
     """Reject a curve that does not cover a range of its input from one end to the other.
 
     Raises:
@@ -145,7 +145,7 @@ def check_whole(found: Kinematics, span: Sequence[float]) -> None:
     what = "dead point" if found.dead_points else "branch point" if found.branch_points else ""
     if what or not found.moving.all():
         at = [*(u for u, _ in found.dead_points), *(b.u for b in found.branch_points)]
-        raise InputError(f"{found.drive!r} meets a {what or 'dead point'} at {min(at, default=found.u[0]):.6g}: "
+        raise InputError(f"{found.drive!r} reaches a {what or 'dead point'} at {min(at, default=found.u[0]):.6g}: "
                          "poses at equal inputs have no derivatives there")  # fmt: skip
     if abs(found.u[-1] - span[1]) > COINCIDENT * (1 + abs(span[1])):
-        raise InputError(f"{found.drive!r} comes from {span[0]:.6g} to {found.u[-1]:.6g} only, not to {span[1]:.6g}")
+        raise InputError(f"{found.drive!r} moves from {span[0]:.6g} only to {found.u[-1]:.6g}, not to {span[1]:.6g}")

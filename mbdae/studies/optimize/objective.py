@@ -18,14 +18,14 @@ from ...system import Array
 from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.cost import Cost, NamedCost, evaluated, named
+from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
 from ..sensitivity.gradient import gradient
 from ..sensitivity.run_parameters import MechanismFactory
 from ..sweep.sweep_run import check_settings
-from .curve_derivatives import CurveSignals, check_whole
+from .curve_derivatives import CurveSignals, require_monotonic
 
 
-class Measured(NamedTuple):
+class CostEvaluation(NamedTuple):
     """A cost, and a function that computes its derivatives with respect to the parameters, (k,)."""
 
     value: float
@@ -48,23 +48,23 @@ class SignalsAndParameters(Mapping[str, Any]):
         return len(self.values_of) + len(self.signals)
 
 
-class _OfSignals(NamedCost):
-    """A cost whose derivatives by the parameters are stored separately."""
+class _CostOfParameters(NamedCost):
+    """A cost that stores its explicit derivatives with respect to the parameters separately."""
 
     def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
-        self.cost, self.values, self.own, self.what = cost, values, np.zeros(len(values)), what or named(cost)
+        self.cost, self.values, self.explicit, self.what = cost, values, np.zeros(len(values)), what or cost_name(cost)
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
         known = SignalsAndParameters(signals, self.values)
         found = attempted(self.what, lambda: self.cost(known), lambda: values_text(self.values))
         if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
             return found
-        own = {name: x for name, x in found[1].items() if name in self.values}
-        for name, x in own.items():
+        explicit = {name: x for name, x in found[1].items() if name in self.values}
+        for name, x in explicit.items():
             if not is_number(x):
                 raise InputError(f"{self.what}: its derivative with respect to {name!r} is a number, got {x!r:.60}")
-        self.own = np.array([float(own.get(name, 0.0)) for name in self.values])
-        return found[0], {name: x for name, x in found[1].items() if name not in own}
+        self.explicit = np.array([float(explicit.get(name, 0.0)) for name in self.values])
+        return found[0], {name: x for name, x in found[1].items() if name not in explicit}
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,11 @@ class RunMotion:
     make: MechanismFactory
     values: dict[str, float]
 
-    def measure(self, cost: Cost, what: str = "") -> Measured:
+    def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
-        own = _OfSignals(cost, self.values, what)
-        found = gradient(self.result, own, self.values, model=self.make)
-        return Measured(found.value, lambda: own.own + np.array(list(found.gradient.values())))
+        function = _CostOfParameters(cost, self.values, what)
+        found = gradient(self.result, function, self.values, model=self.make)
+        return CostEvaluation(found.value, lambda: function.explicit + np.array(list(found.gradient.values())))
 
 
 @dataclass(frozen=True)
@@ -105,30 +105,32 @@ class CurveMotion:
     @cached_property
     def signals(self) -> CurveSignals:
         """Signals with their derivatives."""
-        return CurveSignals(self.result, self._numbers)
+        return CurveSignals(self.result, self._make_parameters)
 
-    def _numbers(self) -> Parameters:
+    def _make_parameters(self) -> Parameters:
         found = Parameters(self.make, self.values, backend.load())
         found.require_consistent(float(self.result.u[0]), self.result.q[0])
         return found
 
-    def measure(self, cost: Cost, what: str = "") -> Measured:
+    def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
-        own = _OfSignals(cost, self.values, what)
-        value, derivatives = evaluated(own, self.signals, len(self.result.u))
-        return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in derivatives.items()))
+        function = _CostOfParameters(cost, self.values, what)
+        value, derivatives = evaluated(function, self.signals, len(self.result.u))
+        return CostEvaluation(
+            value, lambda: function.explicit + sum(x @ self.signals.derivative(n) for n, x in derivatives.items())
+        )
 
 
 Motion = RunMotion | CurveMotion
-Moves = Callable[[dict[str, float]], Motion]
+ComputeMotion = Callable[[dict[str, float]], Motion]
 
 
-def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> Moves:
+def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> ComputeMotion:
     """Return a function that runs a mechanism with given parameters.
 
     Raises:
         UnknownNameError: for an unknown setting.
-        InputError: for a run that does not come to its end; KeyboardInterrupt for one that was stopped.
+        InputError: for an incomplete run; KeyboardInterrupt for an interrupted one.
     """
     check_settings(settings, others=("problem", "t_span", "progress"))
 
@@ -143,28 +145,28 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
     return run
 
 
-def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mapping[str, Any]) -> Moves:
-    """Return a function that follows the poses of a mechanism with given parameters, as on the first curve.
+def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mapping[str, Any]) -> ComputeMotion:
+    """Return a function that traces the poses of a mechanism with given parameters over the inputs of the first curve.
 
     Raises:
         UnknownNameError: for an unknown setting.
-        InputError: for an input that turns back, and a parameter that violates redundant rows.
+        InputError: for an input that reverses, or a parameter that violates redundant rows.
     """
     check_settings(options, kinematics, ("mech", "drive"))
-    begin = kinematics(first, drive, **options)
-    span = options.get("span") or (float(begin.u[0]), float(begin.u[-1]))
-    check_whole(begin, span)
-    columns = begin.signals()
-    hold = {name: float(columns[f"q.{name}"][0]) for name in begin.held if f"q.{name}" in columns}
+    first_curve = kinematics(first, drive, **options)
+    span = options.get("span") or (float(first_curve.u[0]), float(first_curve.u[-1]))
+    require_monotonic(first_curve, span)
+    columns = first_curve.signals()
+    hold = {name: float(columns[f"q.{name}"][0]) for name in first_curve.held if f"q.{name}" in columns}
     fixed = {**options, "span": span, "hold": hold}
 
     def follow(values: dict[str, float]) -> CurveMotion:
         found = kinematics(make.make(values), drive, **fixed)
-        check_whole(found, span)
+        require_monotonic(found, span)
 
-        def moved(other: Mapping[str, float]) -> Mechanism:
+        def driven(other: Mapping[str, float]) -> Mechanism:
             return driven_mechanism(make.make(other), drive, hold, found.q[0])
 
-        return CurveMotion(found, moved, values)
+        return CurveMotion(found, driven, values)
 
     return follow

@@ -18,15 +18,22 @@ from ...mechanism import Mechanism
 from ...system import Array
 from ...tolerances import VISIBLE
 from ..sensitivity.cost import Cost
-from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, teller
-from .objective import Measured, Motion, Moves, curves, runs
+from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, progress_reporter
+from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
 from .result import Evaluation, Optimum
-from .search_range import check_inside, limits_of, ranges, scales_of, table_by_name, within_range
+from .search_range import (
+    constraint_limits,
+    effective_bounds,
+    parameter_scales,
+    ranges,
+    require_within_bounds,
+    table_by_name,
+)
 
 __all__ = ["optimize"]
 
 SEARCHES = ("SLSQP", "L-BFGS-B")  # of scipy
-ROUNDED = 8  # of SLSQP: no step along its direction reduces the cost
+NO_DESCENT = 8  # status of SLSQP: no step along its direction reduces the cost
 Pair = tuple[float | None, float | None]
 
 
@@ -88,34 +95,36 @@ def optimize(
     make = mechanism_factory(loaded, None if loaded else model)
     start = _start(make, parameters)
     box = ranges("parameter", start, table_by_name("bounds", bounds))
-    limits = {name: limits_of(name, given) for name, given in table_by_name("constraints", constraints).items()}
-    check_inside(start, box)
-    box = {name: within_range(make, start, name, pair) for name, pair in box.items()}
-    moves = curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
+    limits = {name: constraint_limits(name, given) for name, given in table_by_name("constraints", constraints).items()}
+    require_within_bounds(start, box)
+    box = {name: effective_bounds(make, start, name, pair) for name, pair in box.items()}
+    compute_motion = (
+        curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
+    )
     functions = {name: x[0] for name, x in (constraints or {}).items()}
-    problem = Problem(moves, cost, functions, start, limits, teller(progress))
-    return problem.solve(box, scales_of(start, box, scales), search, tolerance, iterations)
+    problem = Problem(compute_motion, cost, functions, start, limits, progress_reporter(progress))
+    return problem.solve(box, parameter_scales(start, box, scales), search, tolerance, iterations)
 
 
 class Problem:
-    """Cost and constraints as functions of coordinates z, p = p_0 + scale z, in units of their sizes."""
+    """Scaled problem: cost and constraints over z, p = p_0 + scale z, divided by their sizes."""
 
     def __init__(
         self,
-        moves: Moves,
+        compute_motion: ComputeMotion,
         cost: Cost,
         functions: Mapping[str, Cost],
         start: dict[str, float],
         limits: dict[str, tuple[float, float]],
         progress: Callable[[str], None],
     ) -> None:
-        self.moves, self.functions, self.limits = moves, {"": cost, **functions}, limits
-        self.start, self.tell, self.scale = start, progress, np.ones(len(start))
+        self.compute_motion, self.functions, self.limits = compute_motion, {"": cost, **functions}, limits
+        self.start, self.report_progress, self.scale = start, progress, np.ones(len(start))
         self.history: list[Evaluation] = []
-        self.last: tuple[Array, dict[str, Measured]] | None = None
-        self.best: tuple[Evaluation, Motion, dict[str, Measured]] | None = None
+        self.last: tuple[Array, dict[str, CostEvaluation]] | None = None
+        self.best: tuple[Evaluation, Motion, dict[str, CostEvaluation]] | None = None
         self.z = np.zeros(len(start))
-        first = self.measure(self.z)
+        first = self.evaluate(self.z)
         for m in first.values():
             m.derivatives()  # rejects parameters without a derivative
         self.sizes = {name: abs(m.value) or 1.0 for name, m in first.items()}
@@ -126,15 +135,15 @@ class Problem:
         """Return the parameters."""
         return {name: x + float(s * y) for (name, x), s, y in zip(self.start.items(), self.scale, z, strict=True)}
 
-    def measure(self, z: Array) -> dict[str, Measured]:
+    def evaluate(self, z: Array) -> dict[str, CostEvaluation]:
         """Return cost and constraints at a point; an infinite cost where they cannot be computed."""
         if self.last is not None and (self.last[0] == z).all():
             return self.last[1]
         values = self.values(z)
         try:
-            motion = self.moves(values)
+            motion = self.compute_motion(values)
             found = {
-                name: motion.measure(function, f"constraint {name!r}" if name else "")
+                name: motion.evaluate(function, f"constraint {name!r}" if name else "")
                 for name, function in self.functions.items()
             }
         except MbdaeError as e:
@@ -142,33 +151,33 @@ class Problem:
                 raise
             self.history.append(Evaluation(values, np.nan, {}, str(e)))
             assert self.best is not None  # the start was computed
-            found = {**self.best[2], "": Measured(np.inf, lambda: np.zeros(len(z)))}
+            found = {**self.best[2], "": CostEvaluation(np.inf, lambda: np.zeros(len(z)))}
         else:
-            tried = Evaluation(values, found[""].value, {name: m.value for name, m in found.items() if name})
-            self.history.append(tried)
-            if self.best is None or self.rank(tried) < self.rank(self.best[0]):
-                self.best = tried, motion, found
-        self.tell(f"{len(self.history)} motions, cost {self.best[0].cost:.6g}" if self.best else "")
+            evaluation = Evaluation(values, found[""].value, {name: m.value for name, m in found.items() if name})
+            self.history.append(evaluation)
+            if self.best is None or self.rank(evaluation) < self.rank(self.best[0]):
+                self.best = evaluation, motion, found
+        self.report_progress(f"{len(self.history)} motions, cost {self.best[0].cost:.6g}" if self.best else "")
         self.last = z.copy(), found
         return found
 
-    def missed(self, tried: Evaluation) -> float:
+    def violation(self, evaluation: Evaluation) -> float:
         """Return the constraint violation in constraint sizes; 0 if satisfied."""
-        found = [(x, self.sizes[name], *self.limits[name]) for name, x in tried.constraints.items()]
-        parts = [max(low - x, x - high) / size for x, size, low, high in found]
-        return max((x for x in parts if x > VISIBLE), default=0.0)
+        found = [(x, self.sizes[name], *self.limits[name]) for name, x in evaluation.constraints.items()]
+        violations = [max(low - x, x - high) / size for x, size, low, high in found]
+        return max((x for x in violations if x > VISIBLE), default=0.0)
 
-    def rank(self, tried: Evaluation) -> tuple[float, float]:
+    def rank(self, evaluation: Evaluation) -> tuple[float, float]:
         """Return a sort key: feasible points first, by cost; others by violation."""
-        return (self.missed(tried) if len(self.history) > 1 else 0.0), tried.cost
+        return (self.violation(evaluation) if len(self.history) > 1 else 0.0), evaluation.cost
 
     def value(self, z: Array, name: str = "") -> float:
         """Return the cost or a constraint, relative to its size."""
-        return self.measure(z)[name].value / self.sizes[name]
+        return self.evaluate(z)[name].value / self.sizes[name]
 
     def derivatives(self, z: Array, name: str = "") -> Array:
         """Return their derivatives by z, (k,)."""
-        return self.measure(z)[name].derivatives() * self.scale / self.sizes[name]
+        return self.evaluate(z)[name].derivatives() * self.scale / self.sizes[name]
 
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
@@ -191,17 +200,17 @@ class Problem:
                 options={"ftol": tolerance, "maxiter": iterations},
             )  # fmt: skip
             converged, message = bool(result.success), str(result.message)
-            if search == "SLSQP" and result.get("status") == ROUNDED:  # none if all parameters are fixed
-                converged = not rows and self.flat(result.x, (low - start) / scale, (high - start) / scale)
+            if search == "SLSQP" and result.get("status") == NO_DESCENT:  # none if all parameters are fixed
+                converged = not rows and self.is_stationary(result.x, (low - start) / scale, (high - start) / scale)
         except KeyboardInterrupt:
             converged, interrupted, message = False, True, "stopped by the user"
         except MbdaeError as e:  # a point without derivatives, or an error of the progress function
             converged, message, differentiated = False, str(e), False
         assert self.best is not None  # the start was computed
         best, motion, found = self.best
-        missing = [n for n in self.limits if self.missed(best._replace(constraints={n: best.constraints[n]}))]
-        if missing and not interrupted:
-            converged, message = False, f"constraint {missing[0]!r} does not hold; {message}"
+        violated = [n for n in self.limits if self.violation(best._replace(constraints={n: best.constraints[n]}))]
+        if violated and not interrupted:
+            converged, message = False, f"constraint {violated[0]!r} is violated; {message}"
         values = found[""].derivatives() if differentiated else self.z * np.nan
         gradient = dict(zip(self.start, values.tolist(), strict=True))
         return Optimum(
@@ -209,10 +218,10 @@ class Problem:
             motion.result, tuple(self.history), converged, interrupted, message,
         )  # fmt: skip
 
-    def flat(self, z: Array, low: Array, high: Array) -> bool:
+    def is_stationary(self, z: Array, low: Array, high: Array) -> bool:
         """Return whether the cost has zero derivative within the bounds."""
-        inside = np.clip(z - self.derivatives(z), low, high) - z
-        return bool(np.abs(inside).max(initial=0.0) < VISIBLE)
+        step = np.clip(z - self.derivatives(z), low, high) - z
+        return bool(np.abs(step).max(initial=0.0) < VISIBLE)
 
 
 def _check_ends(iterations: Any, tolerance: Any) -> None:

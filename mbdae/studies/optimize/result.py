@@ -67,14 +67,14 @@ class Optimum(Tabular):
     @property
     def at_bounds(self) -> list[str]:
         """Parameters at a bound."""
-        return [name for name, x in self.values.items() if _touches(x, *self.bounds[name])]
+        return [name for name, x in self.values.items() if _is_at_limit(x, *self.bounds[name])]
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""
-        plain = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message")
+        scalars = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message")
         return {
             "model": self.mechanism.title,
-            **{key: getattr(self, key) for key in plain},
+            **{key: getattr(self, key) for key in scalars},
             "gradient": {name: _finite(x) for name, x in self.gradient.items()},
             "limits": {name: [_finite(x) for x in pair] for name, pair in self.limits.items()},
             "bounds": {name: [_finite(x) for x in pair] for name, pair in self.bounds.items()},
@@ -98,13 +98,13 @@ class Optimum(Tabular):
 
     @property
     def failures(self) -> list[str]:
-        """Return the number of failed evaluations, and the last error; empty if there are none."""
+        """Number of failed evaluations, and the last error; empty if there are none."""
         why = [t.why for t in self.history if t.why]
         return [f"{len(why)} of {len(self.history)} points could not be computed, the last: {why[-1]}"] if why else []
 
     def remarks(self) -> list[str]:
         """Return parameters at a bound, reasons why it may not be an optimum, and failed evaluations."""
-        bounds = [f"{name} stands at its bound" for name in self.at_bounds]
+        bounds = [f"{name} is at its bound" for name in self.at_bounds]
         return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.failures]
 
     def plot(self, path: str | Path | None = None) -> "Figure":
@@ -112,7 +112,7 @@ class Optimum(Tabular):
         from .. import figures
         from .figure import search
 
-        return figures.given(search(self), path)
+        return figures.save_if_path(search(self), path)
 
     def __str__(self) -> str:
         lines = [f"optimum of {self.mechanism.title}: cost {self.start.cost:.6g} -> {self.cost:.6g}, "
@@ -122,14 +122,14 @@ class Optimum(Tabular):
             lines.append(f"  {name:36s} {self.start.values[name]:14.8g} -> {x:14.8g}{mark}")
         for name, x in self.constraints.items():
             low, high = self.limits[name]
-            mark = " (at its limit)" if _touches(x, low, high) else ""
+            mark = " (at its limit)" if _is_at_limit(x, low, high) else ""
             lines.append(f"  {name:36s} {self.start.constraints[name]:14.8g} -> {x:14.8g}{mark}")
         if not self.converged:
             lines.append(f"  not an optimum: {self.message}")
         return "\n".join([*lines, *(f"  {text}" for text in self.failures)])
 
 
-def _touches(x: float, low: float, high: float) -> bool:
+def _is_at_limit(x: float, low: float, high: float) -> bool:
     size = high - low if np.isfinite(high - low) else 1.0 + abs(x)
     return bool(min(x - low, high - x) < VISIBLE * size)
 

@@ -12,20 +12,24 @@ from ...system import Array
 from ..sensitivity.run_parameters import MechanismFactory, reals, scaled
 
 
-def check_inside(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
-    """Raise InputError where a parameter starts outside its bounds."""
+def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
+    """Require that the start is within the bounds.
+
+    Raises:
+        InputError: for a parameter that starts outside its bounds.
+    """
     for name, x in start.items():
         low, high = box[name]
         if not low <= x <= high:
             raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
 
 
-def within_range(
+def effective_bounds(
     make: MechanismFactory, start: Mapping[str, float], name: str, pair: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the bounds of a parameter, which end at 0 where mechanisms exist only on the side of its start.
+    """Return the bounds of a parameter, with 0 for an infinite one if mechanisms exist only on one side of 0.
 
-    Line searches from one side only approach a bound that is not known to them.
+    A line search would approach a bound that it does not know only from one side.
     """
 
     def ends_at_zero(beyond: float) -> bool:
@@ -48,7 +52,7 @@ def _exists(make: MechanismFactory, values: dict[str, float]) -> bool:
 def ranges(
     what: str, names: Mapping[str, Any], given: Mapping[str, Sequence[float | None]]
 ) -> dict[str, tuple[float, float]]:
-    """Return (low, high) of each name, infinite where none is given.
+    """Return (low, high) of each name, infinite if not given.
 
     Raises:
         InputError, UnknownNameError: for invalid ranges or names.
@@ -60,25 +64,25 @@ def ranges(
 
 
 def table_by_name(what: str, given: Any) -> Mapping[str, Any]:
-    """Return a table, empty where none is given."""
+    """Return a table; an empty one for None."""
     require(given if given is not None else {}, Mapping, f"{what} are a table by name")
     return given or {}
 
 
-def limits_of(name: str, given: Any) -> tuple[float, float]:
+def constraint_limits(name: str, given: Any) -> tuple[float, float]:
     """Return the limits of a constraint (function, low, high)."""
     if not (isinstance(name, str) and name):
-        raise InputError(f"constraints have names of one's own, texts that are not empty, got {name!r:.60}")
+        raise InputError(f"constraints have names, non-empty texts, got {name!r:.60}")
     if not (isinstance(given, Sequence) and len(given) == 3 and callable(given[0])):
         raise InputError(f"constraint {name!r} takes (function, low, high), got {given!r:.60}")
     found = _pair(f"constraint {name!r}", given[1:])
     if not np.isfinite(found).any():
-        raise InputError(f"constraint {name!r} has no limit: low, high or both are numbers")
+        raise InputError(f"constraint {name!r} has no limit: give low, high or both")
     return found
 
 
 def _pair(what: str, given: Any) -> tuple[float, float]:
-    """Return the lower and the upper end of a range.
+    """Return the lower and the upper limit of a range.
 
     Raises:
         InputError: for an invalid range.
@@ -86,14 +90,14 @@ def _pair(what: str, given: Any) -> tuple[float, float]:
     pair = list(given) if isinstance(given, list | tuple | np.ndarray) else []
     ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])
     if not (len(pair) == len(ends) == 2 and ends[0] <= ends[1] and ends[0] < np.inf and ends[1] > -np.inf):
-        raise InputError(f"{what} takes (low, high) with low <= high, None for no end, got {given!r:.60}")
+        raise InputError(f"{what} takes (low, high) with low <= high, None for no limit, got {given!r:.60}")
     return ends[0], ends[1]
 
 
-def scales_of(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:
+def parameter_scales(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:
     """Return typical changes of the parameters, (k,)."""
-    usual = {}
+    default = {}
     for name, x in start.items():
         width = box[name][1] - box[name][0]
-        usual[name] = (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0
-    return scaled(given, usual)
+        default[name] = (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0
+    return scaled(given, default)

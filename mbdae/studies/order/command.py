@@ -25,8 +25,8 @@ def _exit_code(study: "OrderStudy") -> int:
 
 
 def _missing(study: "OrderStudy") -> str:
-    done, left = len(study.orders), study.missing
-    return f"after {done} of {done + len(left)} methods; {', '.join(left)} are left" if left else ""
+    done, missing = len(study.orders), study.missing
+    return f"after {done} of {done + len(missing)} methods; {', '.join(missing)} remain" if missing else ""
 
 
 JUDGED: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
@@ -34,28 +34,28 @@ JUDGED: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
 
 @study_command("T steps", TABLE, PLOT, subject=problem_argument, more=[METHODS_OR_ALL], **JUDGED)
 def order(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged.
+    """Measure the orders of methods on a model: exit 1 if one is below its claim, 3 if one cannot be judged.
 
-    For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C keeps the methods that are
-    finished.
+    For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C shows the finished
+    methods.
     """
     problem = model.problem()
-    with progress_bar("order", None) as tell:
-        return study(problem, progress=tell, **options)
+    with progress_bar("order", None) as report_progress:
+        return study(problem, progress=report_progress, **options)
 
 
 @study_command("parameter T steps", TABLE, PLOT, more=[METHODS_OR_ALL], **JUDGED)
 def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Compare tangents of runs with difference quotients, and measure the orders of derivatives; exits as `order`."""
     if model.textbook:
-        raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
+        raise InputError(f"check-gradients takes a mechanism, {model.name!r} is a textbook problem")
     mech = model.load()
-    with progress_bar("gradients", None) as tell:
-        return study(mech, progress=tell, **options)
+    with progress_bar("gradients", None) as report_progress:
+        return study(mech, progress=report_progress, **options)
 
 
 @click.command()
-@click.option("--check", is_flag=True, help="Prove the claimed orders on index-2 trees.")
+@click.option("--check", is_flag=True, help="Verify the claimed orders by index-2 trees.")
 @click.argument("names", nargs=-1, shell_complete=completed(method_names))
 @SHARED["json"]
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, beside, escaped, fixed_layout, line_style, logarithmic, sheet
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout, legend_right, line_style, logarithmic
 from .result import ObservedOrder, OrderStudy
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ AXES = {
 def convergence(study: OrderStudy) -> "Figure":
     """Draw the errors over the step size, one panel per quantity: the fitted slope solid, the claimed one dotted.
 
-    Hollow points were not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
+    Hollow points are not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """
     quantities = [s.quantity for s in next(iter(study.orders.values()))]
     rows = (len(quantities) + 1) // 2
-    figure = sheet(WIDTH, max(2.7, 0.6 + 0.13 * len(study.orders)) * rows + 0.3)
+    figure = empty_figure(WIDTH, max(2.7, 0.6 + 0.13 * len(study.orders)) * rows + 0.3)
     axes = np.atleast_1d(figure.subplots(rows, 2)).flat
     for k, ax in enumerate(axes):
         if k >= len(quantities):
@@ -44,7 +44,7 @@ def convergence(study: OrderStudy) -> "Figure":
             _convergence_line(ax, name, slopes[k], study.T)
         ax.set_xlabel("step $h$ (s)")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
-        beside(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
+        legend_right(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
     title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed\n{study.computed_by}"
     figure.suptitle(escaped(title), fontsize=9)
     return figure
@@ -56,8 +56,8 @@ def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float) -> 
     shown = (e > 0) & np.isfinite(e)
     used = np.zeros(len(e), bool)
     used[slice(*slope.fitted)] = True
-    seen = "-" if slope.observed is None else f"{slope.observed:.2f}"
-    label = f"{name} {seen} ({slope.claimed})"
+    observed = "-" if slope.observed is None else f"{slope.observed:.2f}"
+    label = f"{name} {observed} ({slope.claimed})"
     ax.plot(h[shown & ~used], e[shown & ~used], **{**style, "markerfacecolor": "white"}, alpha=0.6)
     ax.plot(h[used], e[used], **style, label=label)
     if slope.observed is None:

@@ -1,8 +1,8 @@
 """Verification of derivatives of runs: agreement with difference quotients, and order of convergence.
 
 There are two checks for each method. Its tangent at the coarsest steps is compared with difference quotients of runs
-with the same steps, of order six and several widths; the least difference counts, as the others are dominated by
-truncation or rounding. And the tangents of ever finer steps must converge to the derivative of the motion with the
+with the same steps, of order six and several widths; the smallest difference counts, as the others are dominated by
+truncation or rounding. And the tangents must converge with the step size to the derivative of the motion with the
 order of the method, by the rules of `mbdae.studies.order.measurement`.
 """
 
@@ -29,20 +29,20 @@ from ...system import Array
 from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE
 from ..sensitivity.run_parameters import mechanism_factory
 from ..sensitivity.sensitivity import sensitivity
-from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
+from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
 
 __all__ = ["check_gradients"]
 
-UNSURE = 10.0  # times the spread of the quotients: smaller differences are not significant
+SIGNIFICANT = 10.0  # times the spread of the quotients: smaller differences are not significant
 WIDTHS = (3e-4, 1e-3, 3e-3)  # of quotients, relative to the parameter
-FINER = 4  # times the coarsest number of steps, if no run with those finishes
-SMALLEST = NEGLIGIBLE  # smallest random velocity that closures allow: below, there is none
+MAX_REFINEMENT = 4  # of the coarsest number of steps, if no run with those finishes
+MIN_VELOCITY = NEGLIGIBLE  # of a random admissible velocity: below, the mechanism has no degree of freedom
 
 
 @dataclass(frozen=True)
 class GradientStudy(OrderStudy):
-    """Result of `check_gradients`: an order study of the derivatives of q and v, extended.
+    """Result of `check_gradients`: an order study of the derivatives of q and v, extended by checks of the tangents.
 
     Attributes:
         of: name of the parameter.
@@ -57,16 +57,16 @@ class GradientStudy(OrderStudy):
 
     def wrong(self, name: str) -> bool:
         """Return whether quotients refute a method's tangent."""
-        return self.differences[name] > max(COINCIDENT, UNSURE * self.uncertainties[name])
+        return self.differences[name] > max(COINCIDENT, SIGNIFICANT * self.uncertainties[name])
 
     @property
     def holds(self) -> bool:
-        """True if every tangent is exact, and every slope was judged and reaches its claim."""
+        """Whether every tangent is exact, and every slope was judged and reaches its claim."""
         return super().holds and all(x <= COINCIDENT for x in self.differences.values())
 
     @property
     def refuted(self) -> bool:
-        """True if some tangent is refuted, or some observed order misses its claim."""
+        """Whether some tangent is refuted, or some observed order is below its claim."""
         return super().refuted or any(map(self.wrong, self.differences))
 
     def to_dict(self) -> dict[str, Any]:
@@ -75,15 +75,15 @@ class GradientStudy(OrderStudy):
         return {**super().to_dict(), "of": self.of, **more}
 
     def __str__(self) -> str:
-        where = f"{self.title}, T = {self.T:g} s"
-        out = [f"derivatives with respect to {self.of}: tangent beside quotients, observed (claimed) order, {where}"]
+        title = f"{self.title}, T = {self.T:g} s"
+        out = [f"derivatives with respect to {self.of}: tangent against quotients, observed (claimed) order, {title}"]
         for name, row in self.orders.items():
-            difference, unsure = self.differences[name], self.uncertainties[name]
-            more = f" (quotients: {unsure:.0e})" if difference > COINCIDENT else ""
+            difference, spread = self.differences[name], self.uncertainties[name]
+            more = f" (quotients: {spread:.0e})" if difference > COINCIDENT else ""
             seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
             bad = [f"{x.quantity}: {x.verdict}" for x in row if x.verdict != "holds"]
             out.append("  ".join([f"{name:8s} {difference:7.0e}{more}", *seen, *(["; ".join(bad)] if bad else [])]))
-        return "\n".join([*out, self.computed_by, *self.left()])
+        return "\n".join([*out, self.computed_by, *self.missing_text()])
 
 
 def check_gradients(
@@ -101,8 +101,8 @@ def check_gradients(
     Args:
         mech: a mechanism, or an argument of `mbdae.load`, started as in its order study.
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
-        parameter: derivatives by this parameter; by a velocity of the start when left out. A dotted name, as of
-            `mbdae.sensitivity`; the velocity is one that the closures allow.
+        parameter: derivatives with respect to this parameter; with respect to a start velocity when left out. A dotted
+            name, as of `mbdae.sensitivity`; the velocity is compatible with the closures.
         T: end time in s; the model's own when left out.
         steps: coarsest number of steps, at least ten. From the model file when left out.
         model: factory of the mechanism with another parameter; its source files when left out.
@@ -117,13 +117,13 @@ def check_gradients(
     chosen = {m.name: m for m in map(find_method, names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
-    if steps < LEAST_OUTPUTS:
-        raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
+    if steps < MIN_OUTPUTS:
+        raise InputError(f"steps must be at least {MIN_OUTPUTS}, got {steps = }")
     backend, because = common_backend(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
-    found, missing = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
-    orders, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}
-    differences, uncertainties = ({name: x[i] for name, x in beside.items()} for i in (0, 1))
+    found, missing = finished(chosen, lambda m: (measure.judge(m), measure.compare_quotients(m)))
+    orders = {name: x for name, (x, _) in found.items()}
+    differences, uncertainties = ({name: x[i] for name, (_, x) in found.items()} for i in (0, 1))
     of = parameter or "a velocity of the start"
     return GradientStudy(mech.title, T, orders, backend, because, missing, of, differences, uncertainties)
 
@@ -143,17 +143,19 @@ class GradientMeasurement(Measurement):
         parameter: str | None,
         model: Any,
     ) -> None:
-        self.own = mech.assemble(mech.order.q, mech.order.v) if mech.order.q or mech.order.v else mech.start
-        super().__init__(mech, T, steps, self.own if parameter is None else None, progress, backend)
+        self.given_start = mech.assemble(mech.order.q, mech.order.v) if mech.order.q or mech.order.v else mech.start
+        super().__init__(mech, T, steps, self.given_start if parameter is None else None, progress, backend)
         self.mech, self.parameter, self.model = mech, parameter, model
         self.names = ("dq", "dv")
         self.direction, self.value = np.zeros(mech.nv), 0.0
         if parameter is None:
-            q, v = self.own
-            free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
-            if np.abs(free).max(initial=0.0) < SMALLEST:
-                raise InputError(f"the closures and drivers of {mech.title!r} leave no velocity free: name a parameter")
-            self.direction = free / np.abs(free).max()
+            q, v = self.given_start
+            dv = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
+            if np.abs(dv).max(initial=0.0) < MIN_VELOCITY:
+                raise InputError(
+                    f"the closures and drivers of {mech.title!r} leave no degree of freedom: name a parameter"
+                )
+            self.direction = dv / np.abs(dv).max()
 
     def derivative(self, sol: Solution) -> Array:
         """Return the derivatives of (q, v), (n, 2 nv), at the nodes."""
@@ -162,22 +164,22 @@ class GradientMeasurement(Measurement):
             return sensitivity(sol, start=True).dy[:, : 2 * nv, nv : 2 * nv] @ self.direction
         return sensitivity(sol, [self.parameter], model=self.model).dy[:, : 2 * nv, 0]
 
-    def run(self, method: Method, n: int, moved: float | None = None) -> Solution | None:
+    def run(self, method: Method, n: int, value: float | None = None) -> Solution | None:
         """Return a run of a method with n steps; None if it does not finish, see `ended`."""
         self.progress(f"{method.name}, {n} steps")
         mech, (q, v) = self.mech, self.start
         if self.parameter is None:
-            v = self.own[1] + (moved or 0.0) * self.direction
-        elif moved is not None:
-            mech = mechanism_factory(mech, self.model).make({self.parameter: moved})
+            v = self.given_start[1] + (value or 0.0) * self.direction
+        elif value is not None:
+            mech = mechanism_factory(mech, self.model).make({self.parameter: value})
         sol = solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend)
-        return self.noted(method, sol)
+        return self.completed(method, sol)
 
-    def beside(self, method: Method) -> tuple[float, float]:
+    def compare_quotients(self, method: Method) -> tuple[float, float]:
         """Return the difference of tangent and quotients, and that of the best two quotients; nan without a run."""
         n = self.steps
         while (sol := self.run(method, n)) is None:
-            if (n := 2 * n) > FINER * self.steps:
+            if (n := 2 * n) > MAX_REFINEMENT * self.steps:
                 return np.nan, np.nan
         if self.parameter is not None:
             self.value = next(iter(sensitivity(sol, [self.parameter], model=self.model).parameters.values()))
@@ -187,40 +189,40 @@ class GradientMeasurement(Measurement):
         errors = sorted((float(np.abs(found - q).max() / size), i) for i, q in enumerate(quotients))
         if len(errors) < 2:
             return np.nan, np.nan
-        (least, a), (_, b) = errors[:2]
-        return least, float(np.abs(quotients[a] - quotients[b]).max() / size)
+        (smallest, a), (_, b) = errors[:2]
+        return smallest, float(np.abs(quotients[a] - quotients[b]).max() / size)
 
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
         """Return the sixth-order derivative from runs with perturbed values, (n, 2 nv)."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
-        places: tuple[int, ...] = STENCIL
+        stencil: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:
             make = mechanism_factory(self.mech, self.model).make
-            h, places = possible(lambda by: make({name: self.value + by}), h)
-        moves: dict[int, Array] = {}
-        for k in places:
+            h, stencil = possible(lambda by: make({name: self.value + by}), h)
+        differences: dict[int, Array] = {}
+        for k in stencil:
             other = self.run(method, n, self.value + k * h)
             if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
                 return None
-            turns = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
-            moves[k] = np.hstack([np.array(turns), other.y[:, nq : nq + self.mech.nv] - sol.v])
-        return np.asarray(central_difference(moves, h))
+            dq = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
+            differences[k] = np.hstack([np.array(dq), other.y[:, nq : nq + self.mech.nv] - sol.v])
+        return np.asarray(central_difference(differences, h))
 
     def claims(self, tableau: Any) -> tuple[list[int], int]:
         """Return the claimed orders, and the number of judged quantities."""
         return [self.system.order_of(tableau)] * 2, 2
 
-    def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
-        """Return the derivatives of q and of v at the common times, or at every second, ..., one row each."""
-        found, nv = self.derivative(sol)[self.common_nodes(sol, every)], self.mech.nv
+    def sample(self, sol: Solution, stride: int = 1) -> tuple[Array, ...]:
+        """Return the derivatives of q and of v at the common times, or at every ``stride``-th, one row each."""
+        found, nv = self.derivative(sol)[self.common_nodes(sol, stride)], self.mech.nv
         return found[:, :nv], found[:, nv:]
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
         """Return the largest difference of each quantity over the common times."""
         return np.array([float(np.abs(x - y).max(initial=0.0)) for x, y in zip(a, b, strict=True)])
 
-    def doubled(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
-        """Return the quantities by which finest runs are compared: the derivatives themselves."""
+    def error_reference(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Return the quantities to which errors refer: the derivatives themselves."""
         return best
 
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:

@@ -1,9 +1,9 @@
 """Measurement of observed orders.
 
-The error is the largest over the ends of the coarsest run's steps, ten or more, among errors above 100 times the
+The error is the largest over the ends of the steps of the coarsest run, ten or more. Errors count above 100 times the
 uncertainty of the reference plus the rounding floor; the floor of the method's multipliers is eps / (h min |ahat_ii|),
-separate from that of q and v. The reference comes from two methods other than the one judged, and their difference is
-its uncertainty. If these are fewer than four halvings, coarser steps are added, down to ten.
+separate from that of q and v. The reference is computed by two other methods, and their difference is its
+uncertainty. For fewer than four halvings coarser steps are added, down to ten.
 `mbdae.studies.order.rates` describes how a slope is fitted and judged.
 """
 
@@ -24,7 +24,7 @@ from ...tolerances import EPS, SOLUTION_ROUNDING
 from .rates import ABOVE, HALVINGS, above, done, fit
 from .result import ObservedOrder
 
-LEAST_OUTPUTS = 10
+MIN_OUTPUTS = 10
 LARGEST_RUN = 120_000  # solves in one run of the study
 Progress = Callable[[str], None]
 Found = TypeVar("Found")
@@ -34,8 +34,8 @@ class Measurement:
     """Runs with fixed steps, errors at common times, references.
 
     Attributes:
-        largest: solves in one run.
-        lower: add coarser steps if slopes cannot be judged otherwise.
+        largest: largest number of solves in one run.
+        lower: whether to add coarser steps if slopes cannot be judged otherwise.
     """
 
     largest = LARGEST_RUN
@@ -55,34 +55,34 @@ class Measurement:
         self.mechanical = isinstance(problem, Mechanism)
         self.names: tuple[str, ...] = ("q", "v", "own lam", "lam") if self.mechanical else ("y", "own z", "z")
         self._finest_samples: dict[str, tuple[Array, ...]] = {}  # by method
-        self.failures: dict[str, str] = {}  # by method, the reason of the last run that did not come to its end
+        self.failures: dict[str, str] = {}  # by method, the reason of the last incomplete run
         self.system = problem.system()
 
     def run(self, method: Method, n: int) -> Solution | None:
         """Return a run of a method with n steps; None if it does not finish, see `ended`."""
         self.progress(f"{method.name}, {n} steps")
         sol = solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
-        return self.noted(method, sol)
+        return self.completed(method, sol)
 
-    def noted(self, method: Method, sol: Solution) -> Solution | None:
-        """Return a run that came to its end; of one that did not, keep the reason."""
+    def completed(self, method: Method, sol: Solution) -> Solution | None:
+        """Return a completed run; None for an incomplete one, whose reason is stored."""
         if ended(sol) is None:
             self.failures[method.name] = sol.message
             return None
         return sol
 
-    def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
-        """Return the quantities at each of the common times, or every second, ..., one row each; q as points."""
-        at = self.common_nodes(sol, every)
+    def sample(self, sol: Solution, stride: int = 1) -> tuple[Array, ...]:
+        """Return the quantities at each of the common times, or every ``stride``-th, one row each; q as points."""
+        at = self.common_nodes(sol, stride)
         hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
         own = sol.z_own[at]
         if self.mechanical:
             return sol.q[at], sol.v[at], own, hidden
         return sol.y[at], own, hidden
 
-    def common_nodes(self, sol: Solution, every: int = 1) -> Array:
-        """Return the nodes at the common times, or every second, ...: after a jump, if there is one."""
-        times = np.arange(every, self.steps + 1, every) * self.T / self.steps
+    def common_nodes(self, sol: Solution, stride: int = 1) -> Array:
+        """Return the nodes at the common times, or every ``stride``-th; after a jump, if there is one."""
+        times = np.arange(stride, self.steps + 1, stride) * self.T / self.steps
         return np.searchsorted(sol.t, times * (1 + SOLUTION_ROUNDING), side="right") - 1
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
@@ -104,28 +104,28 @@ class Measurement:
         for reference in two:
             if reference not in known:
                 known[reference] = self._finest(find_method(reference))
-        best, other = (self.doubled(known[reference]) for reference in two)
+        best, other = (self.error_reference(known[reference]) for reference in two)
         return best, self.difference(best, other)
 
-    def doubled(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
-        """Return the reference of a finest run: for the method's multipliers, the hidden lam."""
+    def error_reference(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Return the quantities to which errors refer: for the method's multipliers, those of the hidden constraint."""
         return *best[:-2], best[-1], best[-1]
 
     def _finest(self, method: Method) -> tuple[Array, ...]:
-        """Refine until the differences of successive runs stop to shrink: the limit that rounding sets."""
-        if (coarse := self._rounded(method)) is not None:
+        """Refine until the differences of successive runs no longer decrease because of rounding."""
+        if (coarse := self._at_rounding(method)) is not None:
             return coarse
         n, last, last_difference = 16 * self.steps, None, np.inf
         while n * method.solves <= self.largest // 2:
             sol = self.run(method, n)
             if sol is not None:
-                now = self.sample(sol)
+                current = self.sample(sol)
                 if last is not None:
-                    change = float(self.difference(now, last)[0])
+                    change = float(self.difference(current, last)[0])
                     if change >= 0.5 * last_difference or change == 0:
                         return last
                     last_difference = change
-                last = now
+                last = current
             n *= 2
         if last is None:
             raise InputError(
@@ -134,16 +134,16 @@ class Measurement:
             )
         return last
 
-    def _rounded(self, method: Method) -> tuple[Array, ...] | None:
-        """Return samples of a run with few steps where twice as many change them by rounding, else None."""
+    def _at_rounding(self, method: Method) -> tuple[Array, ...] | None:
+        """Return samples of a run with few steps if doubling them changes these only by rounding, else None."""
         coarse, fine = (self.run(method, n) for n in (self.steps, 2 * self.steps))
         if coarse is None or fine is None:
             return None
         samples = self.sample(fine)
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in samples])
-        moved = self.difference(self.sample(coarse), samples) > self.rounding(method, self.T / self.steps, sizes)
-        built_on = [not name.startswith("own") for name in self.names]  # own multipliers converge with another order
-        return None if moved[built_on].any() else samples
+        change = self.difference(self.sample(coarse), samples) > self.rounding(method, self.T / self.steps, sizes)
+        state = [not name.startswith("own") for name in self.names]  # own multipliers converge with another order
+        return None if change[state].any() else samples
 
     def floors(self, tableau: Method, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
         """Return 100 (uncertainty + rounding), one for each quantity."""
@@ -153,13 +153,13 @@ class Measurement:
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity, of these sizes, with steps of h."""
         rounding = EPS * (1 + sizes)
-        moving = sizes[1] if self.mechanical else sizes[0]
-        rounding[-2] = EPS * (self.gain * moving / (h * tableau.smallest_pivot) + sizes[-2])
+        rate = sizes[1] if self.mechanical else sizes[0]
+        rounding[-2] = EPS * (self.gain * rate / (h * tableau.smallest_pivot) + sizes[-2])
         return rounding
 
     @cached_property
     def gain(self) -> float:
-        """The change of lam per unit residual of the hidden constraint, at the start: used for every slope."""
+        """Change of lam per unit residual of the hidden constraint, at the start; used for all slopes."""
         start = self.problem.point(*self.start)
         return self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
 
@@ -173,7 +173,7 @@ class Measurement:
         """Halve the steps of a method until its slopes can be judged, or cannot improve; then try coarser ones."""
         reference, uncertainty = self.reference(tableau.name)
         samples: dict[int, tuple[Array, ...]] = {}
-        n, every = self.steps, 1
+        n, stride = self.steps, 1
         while n * tableau.solves <= self.largest:
             sol = self.run(tableau, n)
             if sol is not None:
@@ -182,14 +182,14 @@ class Measurement:
                     break
             n *= 2
         slopes = self._slopes(tableau, samples, reference, uncertainty)
-        while self.lower and self.steps % (2 * every) == 0 and self.steps // (2 * every) >= LEAST_OUTPUTS:
-            every *= 2
+        while self.lower and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
+            stride *= 2
             few = any(above(s.errors, s.floors) <= HALVINGS for s in slopes)
-            if not few or (sol := self.run(tableau, self.steps // every)) is None:
+            if not few or (sol := self.run(tableau, self.steps // stride)) is None:
                 break
-            reference, *seen = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
-            ns = [self.steps // every, *samples]
-            samples = dict(zip(ns, [self.sample(sol, every), *seen], strict=True))
+            reference, *previous = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
+            ns = [self.steps // stride, *samples]
+            samples = dict(zip(ns, [self.sample(sol, stride), *previous], strict=True))
             slopes = self._slopes(tableau, samples, reference, uncertainty)
         return slopes
 
@@ -240,7 +240,7 @@ def finished(
 
 
 def ended(sol: Solution) -> Solution | None:
-    """Return a run that came to its end, else None.
+    """Return a completed run, else None.
 
     Raises:
         KeyboardInterrupt: if the user stopped the run.

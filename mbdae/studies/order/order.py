@@ -11,7 +11,7 @@ from ...methods import METHODS
 from ...methods import method as find_method
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
-from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
+from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
 
 __all__ = ["order"]
@@ -29,7 +29,7 @@ def order(
 
     An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error over log
     h, of at least four halvings above rounding and the uncertainty of a reference by another method. lam is that of the
-    hidden constraint, 0 = G v' + gamma, own lam that of the method. Stopped by Ctrl-C, it returns the finished methods.
+    hidden constraint, 0 = G v' + gamma, own lam that of the method. After Ctrl-C it returns the finished methods.
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
@@ -50,8 +50,8 @@ def order(
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
     lower, steps = steps is None, steps if steps is not None else (settings.steps if settings else 40)
-    if steps < LEAST_OUTPUTS:
-        raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
+    if steps < MIN_OUTPUTS:
+        raise InputError(f"steps must be at least {MIN_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
     backend, because = common_backend(problem, [("index2", None)], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)

@@ -27,21 +27,21 @@ def fit(
     errors: list[float],
     floors: list[float],
     uncertainty: float,
-    moves: float,
+    change: float,
     largest: int,
     failure: str = "",
 ) -> ObservedOrder:
     """Fit a slope to errors over numbers of steps, coarse ones first, and compare it with the claim.
 
-    Errors count above their floors; one that is a tenth of what the quantity moves by refutes nothing. Reasons name the
-    uncertainty of the reference, the largest number of solves, and where no run ended the failure of the last one.
+    Errors count above their floors; errors above a tenth of the change of the quantity cannot refute a claim.
+    Reasons name the uncertainty of the reference, the largest number of solves, or the failure of the last run.
     """
     end = asymptotic(errors[: above(errors, floors)])
     record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
     if end < HALVINGS + 1:
         counted = f"only {end - 1} halvings" if end else "no error"
         if end == len(ns):
-            none = f"no run came to its end, {failure}" if failure else "no run came to its end"
+            none = f"no run was completed, {failure}" if failure else "no run was completed"
             what = f"{counted} within {largest} solves" if end else none
         elif 2 * ABOVE * uncertainty > floors[end]:
             what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
@@ -53,8 +53,8 @@ def fit(
     if not verdict:
         changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
-    if verdict == "misses" and errors[end - 1 - HALVINGS] > LARGE * moves > 0:
-        what = f"errors are up to {errors[end - 1 - HALVINGS]:.1e}, where it moves by {moves:.1e}"
+    if verdict == "misses" and errors[end - 1 - HALVINGS] > LARGE * change > 0:
+        what = f"errors are up to {errors[end - 1 - HALVINGS]:.1e}, where it changes by {change:.1e}"
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
     return ObservedOrder(
         quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)
@@ -66,23 +66,23 @@ def slope(x: Array, y: Array) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def judged(x: Array, y: Array, least: float) -> tuple[int, str]:
+def judged(x: Array, y: Array, lowest: float) -> tuple[int, str]:
     """Compare four halvings, -log2 of the errors over log2 of the steps, with the smallest order that holds.
 
     Returns:
         The number of last ones to which the slope is fitted, and ``"holds"``, ``"misses"``, or "" if undecided.
     """
     rates, fitted, last = np.diff(y) / np.diff(x), slope(x, y), slope(x[-1 - LAST :], y[-1 - LAST :])
-    change, turns = float(np.ptp(rates)), np.diff(rates)
-    if change > 2 * CONSTANT and last >= least and (fitted >= least or (turns > 0).all()):
+    change, increments = float(np.ptp(rates)), np.diff(rates)
+    if change > 2 * CONSTANT and last >= lowest and (fitted >= lowest or (increments > 0).all()):
         return LAST, "holds"
-    if fitted >= least and (change <= 2 * CONSTANT or turns[-1] > 0):
+    if fitted >= lowest and (change <= 2 * CONSTANT or increments[-1] > 0):
         return HALVINGS, "holds"
-    return HALVINGS, "misses" if rates[-1] + change < least else ""
+    return HALVINGS, "misses" if rates[-1] + change < lowest else ""
 
 
 def above(errors: Sequence[float], floors: Sequence[float]) -> int:
-    """Return the number of errors, coarse steps first, above the floor; those after the first below do not count."""
+    """Return the number of errors, coarse steps first, above the floor; before the first one below it."""
     good = [e > f for e, f in zip(errors, floors, strict=True)]
     return good.index(False) if False in good else len(good)
 

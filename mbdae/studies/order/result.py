@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-FEW = 3  # methods whose errors the text shows
+MAX_DETAILED = 3  # methods for which the text has tables of errors
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ObservedOrder:
 
     @property
     def judged(self) -> bool:
-        """True if a slope could be fitted."""
+        """Whether a slope could be fitted."""
         return self.observed is not None
 
     @property
@@ -78,12 +78,12 @@ class OrderStudy(Tabular):
 
     @property
     def holds(self) -> bool:
-        """True if every slope was judged and reaches its claim."""
+        """Whether every slope was judged and reaches its claim."""
         return not self.missing and all(s.verdict == "holds" for row in self.orders.values() for s in row)
 
     @property
     def refuted(self) -> bool:
-        """True if some observed order misses its claim."""
+        """Whether some observed order is below its claim."""
         return any(s.verdict == "misses" for row in self.orders.values() for s in row)
 
     def to_dict(self) -> dict[str, Any]:
@@ -112,12 +112,12 @@ class OrderStudy(Tabular):
 
     def remarks(self) -> list[str]:
         """Return missed claims, undecided ones, and missing methods."""
-        every = [(name, s) for name, row in self.orders.items() for s in row]
-        return [f"{name}, {s.quantity}: {s.verdict}" for name, s in every if s.verdict != "holds"] + self.left()
+        pairs = [(name, s) for name, row in self.orders.items() for s in row]
+        return [f"{name}, {s.quantity}: {s.verdict}" for name, s in pairs if s.verdict != "holds"] + self.missing_text()
 
-    def left(self) -> list[str]:
-        """Return one line on missing methods, if the user stopped the study."""
-        return [f"stopped: {', '.join(self.missing)} are left"] if self.missing else []
+    def missing_text(self) -> list[str]:
+        """Return a line about missing methods if the user stopped the study."""
+        return [f"stopped: {', '.join(self.missing)} remain"] if self.missing else []
 
     @property
     def computed_by(self) -> str:
@@ -164,7 +164,7 @@ class OrderStudy(Tabular):
         from .. import figures
         from .figure import convergence
 
-        return figures.given(convergence(self), path)
+        return figures.save_if_path(convergence(self), path)
 
     def __str__(self) -> str:
         lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]
@@ -175,6 +175,8 @@ class OrderStudy(Tabular):
             ]
             bad = [f"{s.quantity}: {s.verdict}" for s in row if s.verdict != "holds"]
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
-        for name in self.orders if len(self.orders) <= FEW else ():
+        for name in self.orders if len(self.orders) <= MAX_DETAILED else ():
             lines += ["", *align_columns(self.convergence(name))]
-        return "\n".join([*lines, *([""] if len(self.orders) <= FEW else []), self.computed_by, *self.left()])
+        return "\n".join(
+            [*lines, *([""] if len(self.orders) <= MAX_DETAILED else []), self.computed_by, *self.missing_text()]
+        )

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
 ARROW = "#c2185b"
-TOUCHED = "contact."
+CONTACT_PREFIX = "contact."
 
 
 def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
-    """Yields where each shape is: x, y, z and a quaternion for each frame, or once for what rests."""
+    """Yield the poses of each shape: x, y, z and a quaternion for each frame, or once if it does not move."""
     for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
         moves = np.ptp(track, axis=0).any()  # NaN does, too
         values = np.hstack([track[:, :3], continuous(track[:, 3:])]) if moves else track[:1]
@@ -32,7 +32,7 @@ def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
 
 
 def springs(scene: "Scene", q: Array) -> list[dict[str, Any]]:
-    """Springs and dampers, and where they begin and end at configurations q (m, nq)."""
+    """Return springs and dampers, and their end points at configurations q (m, nq)."""
     ends = scene.end_points(scene.springs, q).swapaxes(0, 1).reshape(len(scene.springs), len(q), 6)
     out = []
     for s, track in zip(scene.springs, ends, strict=True):
@@ -45,17 +45,17 @@ def springs(scene: "Scene", q: Array) -> list[dict[str, Any]]:
 
 
 def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
-    """Closures, and how far each is open at most at configurations q (m, nq) [m], None where that cannot be seen."""
-    few = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
-    apart = np.linalg.norm(np.diff(scene.end_points(scene.marks, few), axis=2)[:, :, 0], axis=2)
+    """Return closures with the largest visible gap in m over configurations q (m, nq), None if it is not visible."""
+    sample = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
+    distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sample), axis=2)[:, :, 0], axis=2)
     return [
-        {"name": m.name, "open": float(np.abs(apart[:, k] - m.rod).max()) if m.meets or m.rod else None}
+        {"name": m.name, "open": float(np.abs(distances[:, k] - m.rod).max()) if m.meets or m.rod else None}
         for k, m in enumerate(scene.marks)
     ]
 
 
 def bodies(scene: "Scene", model: Any) -> list[dict[str, str]]:
-    """Bodies that the camera can follow, the heaviest first, each with the path of one of its shapes."""
+    """Return bodies that the camera can follow, the heaviest first, each with the path of one of its shapes."""
     weight = {name: model.inertias[i].mass for i, name in enumerate(model.names) if i}
     out: dict[str, str] = {}
     for shape, carriers in zip(scene.shapes, scene.carriers, strict=True):
@@ -65,7 +65,7 @@ def bodies(scene: "Scene", model: Any) -> list[dict[str, str]]:
 
 
 def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
-    """Other solutions at the same times (m,), each in another colour.
+    """Return other solutions at the same times (m,), each in its colour.
 
     Raises:
         InputError: for a solution of another mechanism.
@@ -77,7 +77,7 @@ def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> l
 
 
 def choices(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
-    """Solutions at the same times (m,) of which one is shown at a time.
+    """Return solutions at the same times (m,), of which one is shown at a time.
 
     Raises:
         InputError: for a solution of another mechanism.
@@ -86,9 +86,9 @@ def choices(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> 
 
 
 def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> dict[str, Any]:
-    """Poses of the moving bodies and springs of another solution, NaN at times that it does not reach."""
+    """Return poses of the moving bodies and springs of another solution, NaN outside its time span."""
     mech, other = sol.mechanism, ghost.mechanism
-    if not _alike(mech, other):
+    if not _same_joints(mech, other):
         raise InputError(f"ghost {name!r} is of {other.title!r}, whose joints are not those of {mech.title!r}")
     low, high = sorted((ghost.t[0], ghost.t[-1])) if len(ghost.t) else (np.inf, -np.inf)
     slack = COINCIDENT * (high - low)
@@ -107,21 +107,23 @@ def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> dict[
     }
 
 
-def _alike(a: "Mechanism", b: "Mechanism") -> bool:
-    """Whether two mechanisms have the same joints at the same places of their links."""
+def _same_joints(a: "Mechanism", b: "Mechanism") -> bool:
+    """Return whether two mechanisms have the same joints at the same placements."""
     p, r = (np.array([x.homogeneous for x in m.model.jointPlacements]) for m in (a, b))
     return a.joint_names == b.joint_names and a.nq == b.nq and np.allclose(p, r)
 
 
 def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list[dict[str, Any]]:
-    """Paths of the origins of frames at configurations q (m, nq); ``contact.<closure>`` is where a body rolls.
+    """Return paths of the origins of frames at configurations q (m, nq); ``contact.<closure>`` is a contact point.
 
     Raises:
         UnknownNameError: for a frame or rolling closure that does not exist.
     """
     listed = as_list(names, "traces is a list of frames")
     found = [
-        path(mechanism, n.removeprefix(TOUCHED), q) if n.startswith(TOUCHED) else paths(mechanism.model, [n], q)[0]
+        path(mechanism, n.removeprefix(CONTACT_PREFIX), q)
+        if n.startswith(CONTACT_PREFIX)
+        else paths(mechanism.model, [n], q)[0]
         for n in listed
     ]
     return [
@@ -131,13 +133,13 @@ def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list
 
 
 def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> dict[str, Any]:
-    """Forces in N of closures on the bodies of their second frames, of joints on those behind them, where they act.
+    """Return forces in N of closures on the bodies of their second frames, and of joints on their child bodies.
 
-    Values and points (m, 3) each; and the largest force.
+    Values and points of application (m, 3) each; and the largest force.
 
     Raises:
         UnknownNameError: for a name that does not exist.
-        InputError: for a coupling, or where there is no closure between frames.
+        InputError: for a coupling, or without closures between frames.
     """
     if names is False or (names is not True and not names):
         return {"largest": 0.0, "forces": []}
@@ -148,7 +150,7 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     sample = sol.resampled(times)
     chosen = joined if names is True else as_list(names, "arrows is True, or a list of closures and joints")
     found = [sample.reaction(name) for name in chosen]
-    at = [_where(mech, r.name, sample.q) for r in found]
+    at = [_application_points(mech, r.name, sample.q) for r in found]
     forces = [
         {
             "name": r.name + ("" if all(r.unique[:3]) else " (minimum norm)"),
@@ -162,8 +164,8 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
 
 
-def _where(mech: "Mechanism", name: str, q: Array) -> Array:
-    """Points (m, 3) at which the force of a closure or a joint acts."""
+def _application_points(mech: "Mechanism", name: str, q: Array) -> Array:
+    """Return the points (m, 3) at which the force of a closure or a joint acts."""
     if name in {c.name for c in rolling(mech)}:
         return path(mech, name, q)
     frames = next((c.frames for c in mech.constraints if c.name == name), None)
@@ -173,7 +175,7 @@ def _where(mech: "Mechanism", name: str, q: Array) -> Array:
 
 
 def continuous(quaternions: Array) -> Array:
-    """Unit quaternions (m, 4) with signs such that neighbours are near each other."""
+    """Return unit quaternions (m, 4) with signs such that successive ones are close."""
     dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))
     return quaternions * signs[:, None]

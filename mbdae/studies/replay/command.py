@@ -15,7 +15,7 @@ from ...progress import progress_bar
 RUNS = click.argument("solutions", nargs=-1, required=True, metavar="RUN.npz [OTHER.npz...]")
 FILES = (
     output_file("-o", "--output", suffixes=PAGES, help="The HTML page to write."),
-    output_file("--video", suffixes=VIDEOS, help="The video to write, .mp4 or .gif; takes Chromium."),
+    output_file("--video", suffixes=VIDEOS, help="The video to write, .mp4 or .gif; needs Chromium."),
     output_file("--glb", suffixes=(".glb",), help="The animated scene to write, for slides and Blender."),
 )
 MORE = (
@@ -24,7 +24,7 @@ MORE = (
         "--meshes",
         multiple=True,
         type=click.Path(exists=True, file_okay=False),
-        help="A folder from which meshes are read, beside those below the runs' own folders and of installed packages.",
+        help="A folder for meshes, besides the folders of the runs and installed packages.",
     ),
 )
 
@@ -49,7 +49,15 @@ def animate(
     stems = [Path(name).stem for name in solutions[1:]]
     names = stems if len(set(stems)) == len(stems) else solutions[1:]
     ghosts = dict(zip(names, others, strict=True))
-    with progress_bar("animate", 1.0) as tell:
+    with progress_bar("animate", 1.0) as report_progress:
         for path in out.written:
-            study(sol, path, plots=panels(plots), ghosts=ghosts, arrows=every or arrows, progress=tell, **options)
+            study(
+                sol,
+                path,
+                plots=panels(plots),
+                ghosts=ghosts,
+                arrows=every or arrows,
+                progress=report_progress,
+                **options,
+            )
     out.emit({}, "")

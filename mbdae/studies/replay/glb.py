@@ -1,6 +1,6 @@
 """A replay as one binary glTF 2.0 file (.glb): meshes once, a node for each shape, its motion as an animation.
 
-The format is Khronos' "glTF 2.0 Specification" (2021): y is up, lengths are metres, turns are unit quaternions.
+The format is Khronos' "glTF 2.0 Specification" (2021): y is up, lengths are metres, rotations are unit quaternions.
 """
 
 import json
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 GREY = (0.7, 0.7, 0.7, 1.0)
 SPRING = (0.8, 0.22, 0.2, 1.0)
-UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # turns z up into y up
+UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # rotates z up into y up
 FLOAT, UINT = 5126, 5125  # component types
-FLASH, SUDDEN = 0.25, 0.001  # s of viewing: how long an impact is seen, and how fast it appears
-EDGE = np.cos(0.6)  # rad: triangles that are turned more meet at an edge
-VERTICES, INDICES = 34962, 34963  # uses of a view of the buffer
+FLASH, SUDDEN = 0.25, 0.001  # s of viewing: duration and rise time of the mark of an impact
+EDGE = np.cos(0.6)  # cosine of the largest angle between triangles of a smooth surface
+VERTICES, INDICES = 34962, 34963  # targets of a buffer view
 
 
 class _File:
@@ -104,7 +104,7 @@ class _File:
 
 
 def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks: Sequence["ModeTrack"] = ()) -> bytes:
-    """The file of a motion.
+    """Return the file of a motion.
 
     Args:
         scene: the scene; marks of closures are not drawn.
@@ -112,20 +112,20 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
         q: (m, nq) configurations.
         title: of the scene.
         speed: seconds of motion per second of the animation.
-        marks: balls where a contact is active, while it is, and at impacts, for a quarter of a second.
+        marks: balls at active contacts, and for a quarter of a second at impacts.
     """
-    film = _Animation(title, np.abs(times - times[0]) / speed, scene.width)
-    film.add_shapes(scene, q)
+    animation = _Animation(title, np.abs(times - times[0]) / speed, scene.width)
+    animation.add_shapes(scene, q)
     for spring, ends in zip(scene.springs, scene.end_points(scene.springs, q).swapaxes(0, 1), strict=True):
-        film.add_spring(spring, ends)
-    for mark in marks if film.moves else ():
-        film.add_mark(mark, "held", _rgba(ACTIVE_COLOUR), *_holding(mark, times, speed), "STEP")
-        film.add_mark(mark, "struck", _rgba(IMPACT_COLOUR), *_flashing(mark, times, speed), "LINEAR")
-    return film.bytes()
+        animation.add_spring(spring, ends)
+    for mark in marks if animation.moves else ():
+        animation.add_mark(mark, "held", _rgba(ACTIVE_COLOUR), *_active_scales(mark, times, speed), "STEP")
+        animation.add_mark(mark, "struck", _rgba(IMPACT_COLOUR), *_impact_scales(mark, times, speed), "LINEAR")
+    return animation.bytes()
 
 
 class _Animation:
-    """Nodes that move: the seconds of the animation are (m,), the lines of springs ``width`` in m."""
+    """Animated nodes over seconds (m,); ``width`` is the line width of springs in m."""
 
     def __init__(self, title: str, seconds: Array, width: float) -> None:
         self.file, self.width, self.moves = _File(title), width, len(seconds) > 1
@@ -134,7 +134,7 @@ class _Animation:
         self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
     def add_shapes(self, scene: "Scene", q: Array) -> None:
-        """The shapes of a scene at configurations (m, nq), without marks of closures."""
+        """Add the shapes of a scene at configurations (m, nq), without marks of closures."""
         for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
             if shape.role == "closure" or not (found := coloured_surfaces(shape)):
                 continue
@@ -144,7 +144,7 @@ class _Animation:
             self._add_node(shape.name, mesh, tracks | scale)
 
     def add_spring(self, spring: "Strut", ends: Array) -> None:
-        """The coil and the tube of a spring between its ends (m, 2, 3); nothing where it has no length."""
+        """Add coil and tube of a spring between its ends (m, 2, 3), unless its length is zero."""
         lines = ends[:, 1] - ends[:, 0]
         lengths = np.linalg.norm(lines, axis=1)
         length = spring.length or float(np.median(lengths))
@@ -159,16 +159,16 @@ class _Animation:
             self._add_line(f"{spring.name} tube", mesh, ends.mean(axis=1), lines, lengths)
 
     def add_mark(
-        self, mark: "ModeTrack", kind: str, rgba: tuple[float, ...], at: Array, sizes: Array, way: str
+        self, mark: "ModeTrack", kind: str, rgba: tuple[float, ...], at: Array, sizes: Array, interpolation: str
     ) -> None:
-        """Balls at the places of a mark, whose sizes (n,) change at the seconds (n,)."""
+        """Add balls at the positions of a mark, with sizes (n,) from the seconds (n,) on."""
         if not sizes.any():
             return
         scales = np.maximum(sizes, INPUT_DIGITS)[:, None] * np.ones(3)  # a scale of 0 leaves no normals
-        for points in mark.places:
+        for points in mark.positions:
             ball = self.file.mesh(kind, [solid("sphere", (3 * self.width,))], rgba)
             node = self._add_node(f"{mark.name} {kind}", ball, {"translation": points})
-            self._add_channel(node, "scale", self.file.accessor(at, bounded=True), scales, way)
+            self._add_channel(node, "scale", self.file.accessor(at, bounded=True), scales, interpolation)
 
     def bytes(self) -> bytes:
         """The file."""
@@ -177,8 +177,12 @@ class _Animation:
         return self.file.bytes()
 
     def _add_line(self, name: str, mesh: int, begin: Array, lines: Array, stretch: Array) -> None:
-        """A mesh along z, turned into lines (m, 3) and stretched."""
-        tracks = {"translation": begin, "rotation": towards(lines), "scale": _along(np.maximum(stretch, INPUT_DIGITS))}
+        """Add a mesh along z, rotated into lines (m, 3) and stretched."""
+        tracks = {
+            "translation": begin,
+            "rotation": aligned_quaternions(lines),
+            "scale": _along(np.maximum(stretch, INPUT_DIGITS)),
+        }
         self._add_node(name, mesh, tracks)
 
     def _add_node(self, name: str, mesh: int, tracks: dict[str, Array]) -> int:
@@ -190,15 +194,15 @@ class _Animation:
                 self._add_channel(node, path, self.clock, track)
         return node
 
-    def _add_channel(self, node: int, path: str, clock: int, values: Array, way: str = "LINEAR") -> None:
+    def _add_channel(self, node: int, path: str, clock: int, values: Array, interpolation: str = "LINEAR") -> None:
         output = self.file.accessor(values)
-        self.motion["samplers"].append({"input": clock, "interpolation": way, "output": output})
+        self.motion["samplers"].append({"input": clock, "interpolation": interpolation, "output": output})
         target = {"node": node, "path": path}
         self.motion["channels"].append({"sampler": len(self.motion["samplers"]) - 1, "target": target})
 
 
 def normals(surface: Surface) -> Array:
-    """Unit normals (3 m, 3) at the corners of triangles: means over those around a point that meet at no edge."""
+    """Return unit normals (3 m, 3) at the corners of triangles: means over the smooth surface around each point."""
     a, b, c = surface.points[surface.faces].astype(float).swapaxes(0, 1)
     area = np.cross(b - a, c - a)
     sizes = np.linalg.norm(area, axis=1)
@@ -208,23 +212,23 @@ def normals(surface: Surface) -> Array:
     first = np.cumsum(count) - count
     corner = np.repeat(np.arange(len(point)), count[point])  # with each of the corners at its point
     within = np.arange(len(corner)) - np.repeat(np.cumsum(count[point]) - count[point], count[point])
-    mine, other = corner // 3, order[first[point[corner]] + within] // 3
-    near = np.einsum("ij,ij->i", unit[mine], unit[other]) > EDGE
+    current, other = corner // 3, order[first[point[corner]] + within] // 3
+    near = np.einsum("ij,ij->i", unit[current], unit[other]) > EDGE
     sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
     sizes = np.linalg.norm(sums, axis=1)
     return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, TINY)[:, None], unit[np.arange(len(point)) // 3])
 
 
-def _holding(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
-    """Seconds (n,) at which a mark appears or goes, and its sizes from there on, (n,)."""
+def _active_scales(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
+    """Return seconds (n,) at which a mark appears or disappears, and its sizes from then on, (n,)."""
     ends = np.abs(np.reshape(mark.held, (-1, 2)) - times[0]) / speed
     at = np.unique(np.append(ends.ravel(), 0.0).astype("f4"))
     low, high = ends.astype("f4").T
     return at, ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
 
 
-def _flashing(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
-    """Seconds (n,) and the sizes of a mark there, (n,), which an impact makes large and which then falls to 0."""
+def _impact_scales(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
+    """Return seconds (n,) and sizes of a mark, (n,), which jump at impacts and decay to 0."""
     if not mark.struck:
         return np.zeros(1), np.zeros(1)
     impacts = np.abs(np.array(mark.struck) - times[0]) / speed
@@ -248,9 +252,9 @@ def _along(z: Array) -> Array:
     return np.column_stack([np.ones_like(z), np.ones_like(z), z])
 
 
-def towards(ways: Array) -> Array:
-    """Quaternions (m, 4) that turn z into directions (m, 3)."""
-    d = ways / np.maximum(np.linalg.norm(ways, axis=1), TINY)[:, None]
+def aligned_quaternions(directions: Array) -> Array:
+    """Return quaternions (m, 4) that rotate z into directions (m, 3)."""
+    d = directions / np.maximum(np.linalg.norm(directions, axis=1), TINY)[:, None]
     out = np.column_stack([-d[:, 1], d[:, 0], np.zeros(len(d)), 1 + d[:, 2]])
     out[1 + d[:, 2] < COINCIDENT] = 1, 0, 0, 0
     return continuous(_unit(out))

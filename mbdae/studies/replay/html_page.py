@@ -1,6 +1,6 @@
 """The page that shows a scene: ``replay.htm`` with ``replay.css`` and the scripts ``replay*.js``.
 
-Three gzipped blocks are unpacked by the browser: meshcat's viewer, uPlot, and the scene with all that moves as numbers.
+Three gzipped blocks are unpacked by the browser: meshcat's viewer, uPlot, and the scene with its animation data.
 """
 
 import base64
@@ -26,7 +26,7 @@ LEVEL = 6  # of compression: 9 takes nine times as long for 3 % of a page with m
 SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "linkage", "sliders", "print")
 
 
-def drawn(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+def scene_data(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     """Return the data of a scene for the page, each mesh once, and the bodies that its camera can follow."""
     meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
     return {
@@ -42,7 +42,7 @@ def drawn(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]
 
 
 def document(title: str, payload: Mapping[str, Any]) -> str:
-    """The page with a title and with what it shows."""
+    """Return the page with a title and its data."""
     filling = {
         "title": html.escape(title),
         "style": _asset("replay.css"),
@@ -56,22 +56,24 @@ def document(title: str, payload: Mapping[str, Any]) -> str:
 
 
 def frame(text: str, height: int = 520) -> str:
-    """A page as an inline frame for a notebook or for another page."""
+    """Return a page as an inline frame for a notebook or another page."""
     style = f"width: 100%; height: {height}px; border: 0"
     return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
 
 
 def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
-    """Shapes, and which of those that are seen through everything else cover which."""
+    """Yield shapes and their layers; closures are drawn over everything else."""
     for k, shape in enumerate(scene.shapes):
         yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
 
 
 @cache
 def _viewer() -> str:
-    found = find_spec("meshcat")  # not imported: it would start with the parts of a server, which take a second
+    found = find_spec("meshcat")  # not imported: its server parts take a second
     if found is None or not found.submodule_search_locations:
-        raise InputError("a replay takes the viewer of the package 'meshcat', which is not there: pip install meshcat")
+        raise InputError(
+            "a replay needs the viewer of the package 'meshcat', which is not installed: pip install meshcat"
+        )
     return _compressed(Path(found.submodule_search_locations[0], "viewer", "dist", "main.min.js").read_bytes())
 
 

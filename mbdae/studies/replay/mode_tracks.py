@@ -22,58 +22,60 @@ class ModeTrack(NamedTuple):
 
     Attributes:
         name: of the switch.
-        word: for what it is while it holds.
-        places: where it is at each frame in m, (k, m, 3): at each of its joints, or where a body touches.
-        held: times in s from which and to which it holds, one after the other.
+        word: for its active state.
+        positions: at each frame in m, (k, m, 3): of its joints, or of the contact point.
+        held: start and end times in s of its active intervals, in order.
         struck: times in s of impacts.
-        strength: of impacts, the square root of the impulse, that of its largest one being 1.
+        strength: of impacts, the square root of the impulse relative to the largest one.
     """
 
     name: str
     word: str
-    places: Array
+    positions: Array
     held: list[float]
     struck: list[float]
     strength: list[float]
 
     def core_data(self) -> dict[str, Any]:
         """Return the data of the page."""
-        return {**self._asdict(), "places": [typed(place, "float32") for place in self.places]}
+        data = self._asdict()
+        positions = data.pop("positions")
+        return {**data, "places": [typed(track, "float32") for track in positions]}
 
 
 def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
-    """Return the switches that were active or took impulses, with their places at the configurations q (m, nq)."""
+    """Return the switches that were active or took impulses, with their positions at the configurations q (m, nq)."""
     out = []
     for switch in sol.mechanism.switches:
-        if not switch.rows:  # a drive whose speed steps has its row in all modes
+        if not switch.rows:  # a driver with a stepwise speed, whose row is active in all modes
             continue
-        held = _held(sol, switch)
+        active = _active_intervals(sol, switch)
         struck = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
-        if not held and not struck:
+        if not active and not struck:
             continue
         word = next(word for state, word in enumerate(switch.states) if switch.active(state))
         impulses = np.abs([impulse for _, impulse in struck])
         strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
-        ends = [t for span in held for t in span]
-        places = _places(sol.mechanism, switch, q)
-        out.append(ModeTrack(switch.name, word, places, ends, [t for t, _ in struck], strength))
+        ends = [t for span in active for t in span]
+        positions = _positions(sol.mechanism, switch, q)
+        out.append(ModeTrack(switch.name, word, positions, ends, [t for t, _ in struck], strength))
     return out
 
 
-def _held(sol: "Solution", switch: "Switch") -> list[tuple[float, float]]:
-    """Times from which and to which rows of a switch are solved for."""
+def _active_intervals(sol: "Solution", switch: "Switch") -> list[tuple[float, float]]:
+    """Return start and end times of the intervals in which rows of a switch are active."""
     times = sol.nodes[0]
     ends = [*(float(times[first]) for first, _ in sol.modes), float(times[-1])]
     out: list[tuple[float, float]] = []
     for (_, mode), begin, end in zip(sol.modes, ends[:-1], ends[1:], strict=True):
         if switch.active(mode[switch.at]):
-            lasting = out and out[-1][1] == begin
-            out.append((out.pop()[0] if lasting else begin, end))
+            continued = out and out[-1][1] == begin
+            out.append((out.pop()[0] if continued else begin, end))
     return out
 
 
-def _places(mech: "Mechanism", switch: "Switch", q: Array) -> Array:
-    """Where a switch is in the world at configurations q (m, nq), (k, m, 3): where a body touches, or at k joints."""
+def _positions(mech: "Mechanism", switch: "Switch", q: Array) -> Array:
+    """Return positions of a switch at configurations q (m, nq), (k, m, 3): of the contact point, or of k joints."""
     name = mech.row_names[switch.rows[0]]
     if name in {c.name for c in rolling(mech)}:
         return path(mech, name, q)[None]

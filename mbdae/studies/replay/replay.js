@@ -1,7 +1,7 @@
 // The player: one clock, in the solution's own time, moves the scene, the cursors and the controls.
 
 
-// What part of the height the caption covers.
+// The fraction of the height that the caption covers.
 const covered = () => Math.min(0.4, byId("caption").offsetHeight / byId("pane").clientHeight);
 
 function player(viewer, scene) {
@@ -23,22 +23,22 @@ function player(viewer, scene) {
       [page.choice, shown] = [which, NaN];
       show();
     },
-    stand(t) {
+    pauseAt(t) {
       playing = false;
       offset = Math.min(duration, Math.max(0, direction * (t - start)));
       show();
     },
-    // To another moment of another choice, which may have the same time.
+    // Jump to a time of another choice, which may be the same time.
     jump(t) {
       shown = NaN;
-      page.stand(t);
+      page.pauseAt(t);
     },
     seek(t) {
-      page.stand(t);
+      page.pauseAt(t);
       viewer.render();
     },
     toggle() { (playing ? page.pause : page.play)(); },
-    // Frames forth or back.
+    // Step by a number of frames.
     step(count) {
       const at = duration > 0 ? Math.round(offset / duration * (frames - 1)) : 0;
       page.seek(start + direction * duration * (at + count) / Math.max(1, frames - 1));
@@ -110,7 +110,7 @@ function film(page, scene, first, last, count) {
   document.body.append(out);
 }
 
-// The page counts as loaded once the scene stands: a frame that is still being written holds it back.
+// The page is loaded when the scene is built: an open inline frame delays its load event.
 function holdLoad() {
   const frame = document.body.appendChild(document.createElement("iframe"));
   frame.hidden = true;
@@ -151,23 +151,23 @@ async function main() {
     page.plots.resize();
     view.arrange();
     page.show();
-    if (window.mbdae) viewer.render();  // at once: what was drawn is gone with the old size
+    if (window.mbdae) viewer.render();  // immediately: resizing clears the canvas
   };
   arrange();
   if (shooting) {
-    await new Promise(done => setTimeout(done));  // plots have their size then
+    await new Promise(done => setTimeout(done));  // until plots have their size
     page.show();
     return film(page, scene, ...shooting.slice(1, 4).map(Number));
   }
-  page.stand(scene.start);
+  page.pauseAt(scene.start);
   if (scene.sliders) page.slide(0);
-  if (obey(page, scene)) page.play();
+  if (applyAddress(page, scene)) page.play();
   arrange();
   printed(page, arrange);
   viewer.render();
   window.mbdae = page;
   new ResizeObserver(arrange).observe(pane);
-  window.addEventListener("hashchange", () => { if (obey(page, scene)) page.play(); });
+  window.addEventListener("hashchange", () => { if (applyAddress(page, scene)) page.play(); });
   requestAnimationFrame(page.tick);
 }
 

@@ -1,4 +1,4 @@
-"""The replay: one HTML file that shows a solution moving beside its signals, offline and without a server."""
+"""The replay: one HTML file that animates a solution next to its signals, offline and without a server."""
 
 import html
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from ...errors import InputError, UnknownNameError, require
 from ...file_io import atomic_write, write_page
 from ..figures import COLOURS
 from . import animation_tracks as tracks
-from .html_page import document, drawn, frame
+from .html_page import document, frame, scene_data
 from .mode_tracks import ACTIVE_COLOUR, IMPACT_COLOUR, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed
@@ -22,11 +22,11 @@ __all__ = ["animate"]
 if TYPE_CHECKING:
     from ...solution.solution import Solution
 
-MIN_FRAMES = 101  # short runs are often watched slowly
-MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page interpolates
-VIEWING = 4.0  # s: a motion of less than half of it is shown in slow motion, for about so long
+MIN_FRAMES = 101  # short runs are often viewed in slow motion
+MAX_FRAMES = 6001  # unless fps is given: 100 s of viewing; the page interpolates between frames
+VIEWING = 4.0  # s: duration of slow motion, for motions shorter than half of it
 CAMERAS = ("front", "top", "side", "3d")
-NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
+NOTEBOOK = 20e6  # characters: larger pages make notebooks slow
 
 
 def animate(
@@ -46,47 +46,47 @@ def animate(
     closures: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """Writes a solution as a self-contained HTML page that plays in any browser, as a video, or as an animated scene.
+    """Write a solution as a self-contained HTML page for any browser, as a video, or as an animated scene.
 
     The page starts playing, and repeats; space, arrows, Home, End, L, < and > are its keys. Its script offers
     ``window.mbdae`` with ``seek(t)``, ``play()``, ``pause()``, ``t``, ``start``, ``duration``, ``speed``, ``loop`` and
-    ``viewer``. The address says how it opens: ``run.html#t=1.5&speed=0.1&camera=front&plots=0``, also ``follow=BODY``,
+    ``viewer``. The address sets its state: ``run.html#t=1.5&speed=0.1&camera=front&plots=0``, also ``follow=BODY``,
     ``closures=1``, ``autoplay=0``, ``loop=0`` and ``shadows=0``; with a time it is paused.
 
     Args:
         sol: the solution; shown from its first to its last time.
-        path: where it goes; ``.html``, ``.mp4`` or ``.gif`` for a video, which takes Chromium, or ``.glb``: bodies,
-            springs and what sticks, is closed or struck as a glTF file for slides and Blender. An existing file is
-            replaced, whole or not at all.
+        path: the file; ``.html``, ``.mp4`` or ``.gif`` for a video, which needs Chromium, or ``.glb``: bodies, springs,
+            sticking joints, active contacts and impacts as a glTF file for slides and Blender. An existing file is
+            replaced atomically.
         fps: frames stored per second of viewing; 60, fewer beyond 100 s, in videos 30 (.mp4) and 20 (.gif), when
             left out.
-        speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, slower where the
-            motion is shorter than two seconds.
-        plots: curves beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
+        speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, or less for motions
+            shorter than two seconds.
+        plots: curves next to the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
             several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
             and |g| when left out; () for none.
         signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
-        traces: names of frames whose paths are drawn; ``contact.<closure>`` is where a body rolls.
+        traces: names of frames whose paths are drawn; ``contact.<closure>`` is a contact point.
         ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots;
             impacts and sticking are marked for ``sol`` alone.
         choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
             first replaces ``sol``.
-        arrows: names of closures and joints whose forces on the body of their second frame, or behind them, are drawn
-            as arrows; True for all closures between frames. Where rows depend on each other, those of minimum norm.
+        arrows: names of closures and joints whose forces on the body of their second frame, or on the child body, are
+            drawn as arrows; True for all closures between frames. For redundant rows, those of minimum norm.
         camera: ``"front"`` (along y), ``"top"`` or ``"side"`` (along x), without perspective, or ``"3d"``; when left
-            out from where a plane motion is seen as it is, or 3d.
-        follow: a joint whose body the camera follows, ``""`` for none; when left out the heaviest one where the
-            motion leads far.
-        closures: whether closures are marked, also those whose gap cannot be seen.
-        progress: called with the fraction of a video that is done.
+            out normal to the plane of a planar motion, else 3d.
+        follow: a joint whose body the camera follows, ``""`` for none; when left out the heaviest one if the
+            mechanism travels far.
+        closures: whether all closures are marked, also those without a visible gap.
+        progress: called with the finished fraction of a video.
 
     Returns:
         The path written.
 
     Raises:
         UnknownNameError: for a signal, frame or closure that does not exist; lists those that do.
-        InputError: the solution is empty or not finite, ``fps`` or ``speed`` is not a positive number, a ghost is of
-            another mechanism, the file cannot be written, or what makes a video is missing.
+        InputError: for an empty or nonfinite solution, an ``fps`` or ``speed`` that is not positive, a ghost of another
+            mechanism, an unwritable file, or missing programs for a video.
     """
     suffix = Path(path).suffix
     if suffix == ".glb":
@@ -126,7 +126,7 @@ def page(
     follow: str | None = None,
     closures: bool = False,
 ) -> str:
-    """Returns the page that `animate` writes.
+    """Return the page that `animate` writes.
 
     Raises:
         InputError: as `animate`.
@@ -144,7 +144,7 @@ def page(
     if follow:
         _check_known("body", follow, [body["name"] for body in bodies])
     payload = {
-        **drawn(scene, bodies),
+        **scene_data(scene, bodies),
         "poses": list(tracks.poses(scene, placements)),
         "frames": len(times),
         "start": float(times[0]),
@@ -190,7 +190,7 @@ def _check_known(what: str, name: str, known: Sequence[str]) -> None:
 
 
 def pace(sol: "Solution") -> float:
-    """Seconds of motion per second of viewing: 1, or for a short motion 1, 2 or 5 times a power of ten."""
+    """Return seconds of motion per second of viewing: 1, or for a short motion 1, 2 or 5 times a power of ten."""
     span = abs(float(sol.t[-1] - sol.t[0])) if len(sol.t) else 0.0
     if not 0 < span < VIEWING / 2:
         return 1.0
@@ -199,7 +199,7 @@ def pace(sol: "Solution") -> float:
 
 
 def notebook(sol: "Solution") -> str:
-    """Returns the replay of a solution as a notebook shows it; a line in its place where it would be too large."""
+    """Return the replay of a solution for a notebook; a line of text if it would be too large."""
     text = page(sol, fps=30.0)
     if len(text) > NOTEBOOK:
         size = f"{len(text) / 1e6:.0f} MB"
@@ -208,7 +208,7 @@ def notebook(sol: "Solution") -> str:
 
 
 def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
-    """Uniform times (m,), at most so many, and the configurations (m, nq) there."""
+    """Return uniform times (m,), at most ``most``, and the configurations (m, nq) at these times."""
     if len(sol.t) == 0:
         raise InputError("the solution is empty: there is no motion to show")
     if len(sol.t) == 1:

@@ -1,15 +1,15 @@
 
-// The camera: presets, all in sight, a body followed; the light and the ground that go with it.
+// The camera: presets, fit to the scene, following a body; its light and ground.
 
 const VIEWS = {front: [0, -1, 0], top: [0, 0, 1], side: [1, 0, 0], "3d": null};
 const FRAMES_SEEN = 60;
 
-// The least and the largest of many numbers.
+// The smallest and the largest of many numbers.
 const extremes = numbers => numbers.reduce(([low, high], x) => [Math.min(low, x), Math.max(high, x)], [Infinity, -Infinity]);
 
-// Points that must be in sight: corners of boxes of what moves, less where the followed body is, at some frames; of
-// what rests as far as it lies near them. A body followed, what rests does not count.
-function sight(scene, path) {
+// Points that must be visible: corners of the boxes of moving shapes at some frames, relative to a followed body, and
+// of resting shapes close to them; resting shapes are ignored if a body is followed.
+function visiblePoints(scene, path) {
   const {Box3, Quaternion, Vector3} = MeshCat.THREE, turn = new Quaternion();
   const points = [];
   const leader = path && scene.poses.find(pose => pose.path === path);
@@ -45,7 +45,7 @@ function sight(scene, path) {
   return {points, near};
 }
 
-// In which of the presets a motion is seen as it is, when it is plane and all joints move in one direction's plane.
+// The preset normal to the plane of a planar motion; 3d for a spatial one.
 function planeView({points}) {
   const size = new MeshCat.THREE.Box3().setFromPoints(points).getSize(new MeshCat.THREE.Vector3()).toArray();
   const widest = Math.max(...size), thin = size.indexOf(Math.min(...size));
@@ -54,13 +54,13 @@ function planeView({points}) {
 
 function cameras(viewer, scene, pane, covered) {
   const {Box3, OrthographicCamera, PerspectiveCamera, Vector3} = MeshCat.THREE;
-  const whole = sight(scene, null), extent = new Box3().setFromPoints(whole.points).getSize(new Vector3()).length() || 1;
+  const whole = visiblePoints(scene, null), extent = new Box3().setFromPoints(whole.points).getSize(new Vector3()).length() || 1;
   const bodies = Object.fromEntries(scene.bodies.map(({name, path}) => [name, path]));
   const flat = planeView(whole), state = {view: "", followed: "", moved: false, extent};
   let camera, controls, seen = whole, last = new Vector3();
   const where = () => state.followed ? nodeOf(viewer, bodies[state.followed]).position : last.set(0, 0, 0);
 
-  // Which direction from the middle to the camera, and what is up.
+  // The direction from the centre to the camera.
   const direction = view => {
     if (VIEWS[view]) return new Vector3(...VIEWS[view]);
     const leaning = {side: [1, -0.42, 0.34], front: [0.42, -1, 0.34], top: [-0.25, -0.75, 1], "3d": [0.9, -0.9, 0.55]};
@@ -119,7 +119,7 @@ function cameras(viewer, scene, pane, covered) {
     pane.dispatchEvent(new CustomEvent("looked"));
   }
 
-  // The room below the caption is where all is in sight.
+  // The scene is visible in the area below the caption.
   function arrange() {
     const {clientWidth: width, clientHeight: height} = pane;
     camera.setViewOffset(width, height, 0, -covered() * height / 2, width, height);
@@ -136,14 +136,14 @@ function cameras(viewer, scene, pane, covered) {
 
   function follow(name) {
     state.followed = name in bodies ? name : "";
-    seen = state.followed ? sight(scene, bodies[name]) : whole;
+    seen = state.followed ? visiblePoints(scene, bodies[name]) : whole;
     last = where().clone();
     fit();
     tick();
     viewer.set_dirty();
   }
 
-  // With a body that is followed go camera, light and ground.
+  // Camera, light and ground move with a followed body.
   function tick() {
     if (!camera) return;
     if (state.followed) {
@@ -155,14 +155,14 @@ function cameras(viewer, scene, pane, covered) {
     shine(viewer, controls.target, extent, state.view, direction(state.view));
   }
 
-  // What travels far beyond its own size is followed.
+  // A mechanism that travels far beyond its size is followed.
   const [first] = scene.bodies, size = points => new Box3().setFromPoints(points).getSize(new Vector3()).length();
-  const far = first && size(whole.near ? whole.points : []) > 2.5 * size(sight(scene, first.path).points);
+  const far = first && size(whole.near ? whole.points : []) > 2.5 * size(visiblePoints(scene, first.path).points);
   return {state, look, follow, fit, arrange, tick, flat, far: far ? first.name : "", get camera() { return camera; }};
 }
 
-// A sun that throws shadows, the sky, and a ground that is lit: a floor, or a board behind what is seen from the front
-// or from the side.
+// A light with shadows, the sky, and the ground: a floor, or a board behind the scene in views from the front or the
+// side.
 function ground(viewer, scene, view, extent) {
   const {Box3, CircleGeometry, Color, DirectionalLight, Float32BufferAttribute, Group, HemisphereLight, LineBasicMaterial,
     LineSegments, BufferGeometry, Mesh, MeshLambertMaterial, PCFShadowMap, Vector3} = MeshCat.THREE;
@@ -223,7 +223,7 @@ function ground(viewer, scene, view, extent) {
   root.add(floor);
 }
 
-// The sun stands beside the camera's preset and shines where the camera looks; the ground lies under that.
+// The light is next to the preset of the camera and points to its target; the ground lies below the target.
 function shine(viewer, target, extent, view, back) {
   const {Vector3} = MeshCat.THREE, {sun, floor} = nodeOf(viewer, "mechanism"), [axis, level] = floor.level;
   const leaning = {front: [-0.35, -1, 0.5], side: [1, -0.35, 0.5], top: [-0.3, 0.35, 1], "3d": [-0.25, -0.35, 1]}[view];

@@ -1,10 +1,10 @@
 
-// The bar below the scene, keys, the legend, and what the address says.
+// The bar below the scene, keys, the legend, and the settings in the address.
 
 const byId = id => document.getElementById(id);
 const PACES = [0.1, 0.25, 0.5, 1, 2, 4, 10];
 
-// A choice of the bar: its options, what one of them does, and how it is set from elsewhere.
+// A menu of the bar: its options and their action; returns a function that sets it.
 function menu(id, options, chosen, act) {
   const select = byId(id);
   for (const [value, text] of options) select.append(new Option(text, value, value === chosen, value === chosen));
@@ -41,7 +41,7 @@ function controls(page, scene) {
   menu("choice", scene.choices.map(({name}, i) => [i, name]), 0, value => page.choose(Number(value)));
   const camera = menu("camera", Object.keys(VIEWS).map(name => [name, name]), view.state.view, view.look);
   byId("pane").addEventListener("looked", () => camera(view.state.view));
-  const follow = menu("follow", [["", "stand still"], ...scene.bodies.map(({name}) => [name, `follow ${name}`])], "", view.follow);
+  const follow = menu("follow", [["", "fixed camera"], ...scene.bodies.map(({name}) => [name, `follow ${name}`])], "", view.follow);
   const {show} = marks(page.viewer, scene, view.state.extent);
   page.mark = all => {
     page.marked = all;
@@ -95,22 +95,22 @@ function legend(scene, closures) {
     entry(held, `${names.length > 3 ? `${names.length} joints and contacts` : names.join(", ")}: ${word}`);
   }
   if (each.some(one => one.struck.length)) entry(struck, "impact");
-  const many = closures.length > 4 ? [`${closures.length} closures: the balls meet where a loop is closed`] : closures;
+  const many = closures.length > 4 ? [`${closures.length} closures: the balls coincide if a loop is closed`] : closures;
   for (const name of many) entry("linear-gradient(90deg, #f28e2b 50%, #e0263c 50%)", name);
 }
 
-// What the address says: #t=1.5&speed=0.1&camera=front&follow=BODY&plots=0&closures=1&autoplay=0&loop=0&shadows=0
-function obey(page, scene) {
-  const said = new URLSearchParams(location.hash.slice(1)), given = key => said.has(key);
-  const off = key => ["0", "false", "no"].includes(said.get(key)), count = key => Number(said.get(key));
+// Settings in the address: #t=1.5&speed=0.1&camera=front&follow=BODY&plots=0&closures=1&autoplay=0&loop=0&shadows=0
+function applyAddress(page, scene) {
+  const settings = new URLSearchParams(location.hash.slice(1)), given = key => settings.has(key);
+  const off = key => ["0", "false", "no"].includes(settings.get(key)), count = key => Number(settings.get(key));
   if (given("plots")) page.plots.show(!off("plots"));
   if (given("speed") && count("speed") > 0) page.setSpeed(count("speed"));
-  if (said.get("camera") in VIEWS) page.view.look(said.get("camera"));
-  if (given("follow")) page.follow(said.get("follow"));
+  if (settings.get("camera") in VIEWS) page.view.look(settings.get("camera"));
+  if (given("follow")) page.follow(settings.get("follow"));
   if (given("closures")) page.mark(!off("closures"));
   if (given("loop")) [page.loop, byId("loop").ariaPressed] = [!off("loop"), String(!off("loop"))];
   if (given("shadows")) nodeOf(page.viewer, "mechanism").sun.castShadow = !off("shadows");
   const timed = !scene.sliders && given("t") && Number.isFinite(count("t"));
-  if (timed) page.stand(count("t"));
+  if (timed) page.pauseAt(count("t"));
   return given("autoplay") ? !off("autoplay") : !timed;
 }

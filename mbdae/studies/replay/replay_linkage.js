@@ -1,8 +1,7 @@
 
-// A mechanism whose loops the page closes: from a pose to a near one in which some coordinates have other values, by
-// Gauss-Newton. Rows between frames have a wrench w on b and -w on a at the world's origin, dg = w . (V_b - V_a).
+// A mechanism whose loops the page closes after changes of some coordinates, by Gauss-Newton. Rows between frames have a wrench w on b and -w on a at the world's origin, dg = w . (V_b - V_a).
 
-const CLOSED = 1e-10, STEPS = 20, WIDEST = 0.5;  // of g; of one pose; rad or m of one step: more leads to other branches
+const CLOSED = 1e-10, STEPS = 20, WIDEST = 0.5;  // tolerance of g; iterations per pose; largest step in rad or m, to stay on the branch
 
 function linkage({joints, values, pairs, rows, held}) {
   const {Matrix4} = MeshCat.THREE, n = values.length, pivots = new Set(held);
@@ -68,7 +67,7 @@ function linkage({joints, values, pairs, rows, held}) {
     sum: (c, [x, ...more]) => [more.reduce((g, y, k) => g - c[k + 1] * y, x - c[0]), [1, ...c.slice(1).map(factor => -factor)]],
   };
 
-  // g and G where a state stands.
+  // g and G of a state.
   const residual = state => {
     const poses = world(state), moving = columns(poses), g = [], G = [];
     for (const row of rows) {
@@ -93,7 +92,7 @@ function linkage({joints, values, pairs, rows, held}) {
     return {g, G};
   };
 
-  // The shortest x with G x = -g in the coordinates that are free; rows may depend on each other.
+  // The minimum-norm x with G x = -g in the free coordinates; rows may be redundant.
   const solved = (G, g) => {
     const m = g.length, H = G.map(a => G.map(b => a.reduce((sum, x, i) => sum + (pivots.has(i) ? 0 : x * b[i]), 0)));
     const slack = 1e-12 * Math.max(...H.map((row, i) => row[i]), 1e-300), L = H.map(() => new Float64Array(m)), y = g.map(x => -x);
@@ -115,7 +114,7 @@ function linkage({joints, values, pairs, rows, held}) {
     return Float64Array.from({length: n}, (_, i) => (pivots.has(i) ? 0 : G.reduce((sum, row, k) => sum + row[i] * y[k], 0)));
   };
 
-  // A closed state near one, with held coordinates at values; null where none is found.
+  // A closed state close to another one, with prescribed coordinates; null if none is found.
   const close = (state, wanted) => {
     for (let k = 0; k < STEPS; k++) {
       const {g, G} = residual(state), x = new Float64Array(n);
@@ -132,7 +131,7 @@ function linkage({joints, values, pairs, rows, held}) {
   return {start, close, stepped, world, open: state => Math.max(0, ...residual(state).g.map(Math.abs))};
 }
 
-// Brings what hangs on joints to where they are in the world.
+// Moves shapes and springs with the joints that carry them.
 function hang(viewer, {shapes, springs}, wound, poses) {
   const {Matrix4, Vector3} = MeshCat.THREE, size = new Vector3(), z = new Vector3(0, 0, 1);
   const ends = on => on.map(({joint, place}) => poses[joint].clone().multiply(new Matrix4().fromArray(place)));

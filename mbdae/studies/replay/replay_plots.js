@@ -1,5 +1,5 @@
 
-// The plots, drawn by uPlot: drag zooms, a click moves the motion there, names hide their curves, all panes zoom alike.
+// The plots, drawn by uPlot: drag zooms, a click moves the motion there, names hide their curves, all panes zoom together.
 
 const INK = "#24292f", PALE = "#57606a", LINE = "#dfe4e9", FONT = "11px system-ui, sans-serif", DECADES = 16;
 
@@ -21,7 +21,7 @@ function valueAt({t, y}, time) {
   return share === 0 ? y[low] : share === 1 ? y[high] : y[low] + share * (y[high] - y[low]);
 }
 
-// Powers of ten from the cut, where rounding hides what is below, or from the least value that is shown.
+// Powers of ten from the cut, at rounding, or from the smallest value.
 function decades({curves, cut}) {
   let low = Infinity, high = -Infinity;
   for (const {y} of curves) for (const x of y) if (x > 0 && Number.isFinite(x)) [low, high] = [Math.min(low, x), Math.max(high, x)];
@@ -85,7 +85,7 @@ class Pane {
     canvas.setAttribute("aria-label", `${data.title} over time: ${names.join(", ")}`);
   }
 
-  // The legend takes what rows it needs; the rest of the height is the plot's.
+  // The plot has the height that the legend does not need.
   resize(width, height) {
     const {root} = this.plot, other = [...root.querySelectorAll(".u-title, .u-legend")].reduce((sum, x) => sum + x.offsetHeight, 0);
     this.plot.setSize({width, height: Math.max(84, height - other - 6)});
@@ -100,17 +100,17 @@ class Pane {
   }
 }
 
-// The whole span counts, also where the curves end before.
+// The whole time span, also for curves that end earlier.
 const joined = (tables, [low, high]) => [...tables, [[low, high], [null, null]]];
 
-// A range that is chosen in one pane is that of all.
+// All panes have the same range.
 function zoom(panes, of) {
   const {min, max} = of.scales.x;
   for (const {plot} of panes) if (plot && plot !== of && (plot.scales.x.min !== min || plot.scales.x.max !== max)) plot.setScale("x", {min, max});
   panes.stale = true;
 }
 
-// All panes under each other; they share what height there is.
+// All panes below each other, with equal heights.
 function plot(scene, seek) {
   const box = document.getElementById("plots"), panes = [];
   document.querySelector("main").classList.toggle("bare", scene.panes.length === 0);

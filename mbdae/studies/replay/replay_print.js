@@ -1,7 +1,7 @@
 
-// On paper: the scene as a picture, plots under it as wide as the page, nothing to click.
+// Printed page: the scene as a picture, plots below it with the width of the page, no controls.
 
-const SHARP = 2, PLOT = 190;  // pixels of the picture for one of the page; height of a plot
+const SHARP = 2, PLOT = 190;  // picture pixels per page pixel; height of a plot
 
 function printed({viewer, plots}, arrange) {
   const picture = document.createElement("canvas");
@@ -15,7 +15,7 @@ function printed({viewer, plots}, arrange) {
     renderer.setPixelRatio(SHARP);
     viewer.render();
     [picture.width, picture.height] = [renderer.domElement.width, renderer.domElement.height];
-    picture.getContext("2d").drawImage(renderer.domElement, 0, 0);  // what a scene holds is gone after its frame
+    picture.getContext("2d").drawImage(renderer.domElement, 0, 0);  // the drawing buffer is cleared after the frame
     renderer.setPixelRatio(ratio);
   });
   window.addEventListener("afterprint", () => {

@@ -15,9 +15,8 @@ function decode(bytes) {
   return decoded;
 }
 
-// To merge the parts of a mesh file, meshcat transforms them one after the other; that is the moment to
-// note how many triangles of each have which material, which merging forgets, and to drop what only some
-// parts have, on which merging fails.
+// Before meshcat merges the parts of a mesh file, it transforms them one by one. This hook records the triangles of
+// each material, which merging loses, and removes attributes that not all parts have, on which merging fails.
 function watchParts(parts) {
   const {BufferGeometry} = MeshCat.THREE, transform = BufferGeometry.prototype.applyMatrix4;
   BufferGeometry.prototype.applyMatrix4 = function (matrix) {
@@ -62,7 +61,7 @@ function triangles({low, high, points, corners, parts}) {
   return geometry;
 }
 
-// A normal for each corner: the mean of the triangles around its point that are turned less than an edge is.
+// A normal for each corner: the mean over the adjacent triangles within the edge angle.
 function creased(flat, index, count, edge) {
   const n = index.length, faces = new Float32Array(n), areas = new Float32Array(n / 3), out = new Float32Array(3 * n);
   for (let f = 0; f < n; f += 3) {
@@ -96,7 +95,7 @@ const paint = ([r, g, b, a]) => new MeshCat.THREE.MeshPhongMaterial({
   color: new MeshCat.THREE.Color(r, g, b), opacity: a, transparent: a < 1, shininess: 40, specular: 0x1c1c1c, side: 2,
 });
 
-// A mesh that several bodies share is stored once; the objects hold its number.
+// A mesh that several bodies share is stored once; the objects have its index.
 function build(viewer, scene) {
   const geometries = scene.meshes.map(mesh => "points" in mesh ? triangles(mesh) : null);
   scene.objects.forEach((command, k) => {
@@ -114,12 +113,12 @@ function build(viewer, scene) {
       unwatch();
       restoreMaterials(nodeOf(viewer, `${command.path}/<object>`), parts);
     }
-    settle(nodeOf(viewer, command.path), command.path.includes("/closure/"), k);
+    setShadows(nodeOf(viewer, command.path), command.path.includes("/closure/"), k);
   });
 }
 
-// All that is solid throws and takes shadows; of faces in one plane the later shape's is seen, always.
-function settle(object, mark, k) {
+// Solid shapes cast and receive shadows; of coplanar faces that of the later shape is visible.
+function setShadows(object, mark, k) {
   object.traverse(part => {
     if (!part.isMesh) return;
     part.castShadow = part.receiveShadow = !mark;
@@ -131,7 +130,7 @@ function settle(object, mark, k) {
 
 const nodeOf = (viewer, path) => viewer.scene_tree.find(path.split("/").filter(name => name)).object;
 
-// Poses are stored for each frame; between frames places are interpolated linearly, turns on the sphere.
+// Poses are stored for each frame; between frames positions are interpolated linearly, rotations by slerp.
 function follower(object, {values}) {
   const {Quaternion} = MeshCat.THREE, next = new Quaternion();
   return at => {
@@ -149,7 +148,7 @@ function follower(object, {values}) {
 
 const translucent = colour => new MeshCat.THREE.MeshPhongMaterial({
   color: colour, transparent: true, opacity: 0.45, depthWrite: false,
-  polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8,  // where both agree, the body is seen
+  polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8,  // where both coincide, the body is visible
 });
 
 // A translucent copy of a body in one colour; it shares the body's triangles.
@@ -162,7 +161,7 @@ function ghostly(object, colour) {
   return copy;
 }
 
-// A path as small cylinders: all of it faint, what lies behind the cursor full.
+// A path as small cylinders: faint as a whole, opaque up to the current time.
 function trace({points, colour}, width) {
   const {CylinderGeometry, Group, InstancedMesh, MeshBasicMaterial, Object3D, Vector3} = MeshCat.THREE;
   const n = points.length / 3 - 1, up = new Vector3(0, 1, 0), place = new Object3D(), group = new Group();
@@ -207,7 +206,7 @@ function arrow({points, values, colour}, perNewton, width) {
   return {object: group, follow};
 }
 
-// A ball around what is stuck or closed, while it is, and one that grows and fades where something struck.
+// A ball at a sticking joint or closed contact while it is active, and a growing, fading one at impacts.
 function switched(points, {held, struck, strength}, colours, radius, timeOf, flash) {
   const {Group, Mesh, MeshBasicMaterial, SphereGeometry} = MeshCat.THREE, group = new Group();
   const [ball, burst] = [colours.held, colours.struck].map((color, k) => {
@@ -228,7 +227,7 @@ function switched(points, {held, struck, strength}, colours, radius, timeOf, fla
   return {object: group, follow};
 }
 
-// Puts all that moves into the scene; what is returned brings it to a frame, which need not be whole.
+// Adds all moving objects to the scene; the returned function moves them to a frame, which may be fractional.
 function stage(viewer, scene, extent) {
   const root = nodeOf(viewer, "mechanism"), moves = [], put = made => {
     root.add(made.object);
@@ -263,7 +262,7 @@ function stage(viewer, scene, extent) {
   return {place, wound};
 }
 
-// Closures are marked where their gap would be seen, or when that is asked for.
+// Closures are marked if their gap is visible, or on request.
 function marks(viewer, scene, extent) {
   const node = nodeOf(viewer, "mechanism/closure"), balls = [...node.children], names = scene.gaps.map(({name}) => name);
   const wide = scene.gaps.filter(({open}) => open > 0.004 * extent).map(({name}) => name);

@@ -1,6 +1,6 @@
 
-// Poses instead of a motion: a slider for each free coordinate, along all poses in which the loops stay closed while
-// the others stand at their start; of several that are moved together the page closes the loops.
+// Poses instead of a motion: a slider for each free coordinate over all closed poses with the others at their start;
+// if several are moved together, the page closes the loops.
 
 function sliders(page, scene) {
   const box = byId("plots"), main = document.querySelector("main"), wraps = [], linked = scene.linkage && linkage(scene.linkage);
@@ -25,7 +25,7 @@ function sliders(page, scene) {
     wraps.push({...slider, wrap, input, value, note, at: share});
   });
   if (wraps.length > 1) {
-    const back = make("button", "back", "all to their start");
+    const back = make("button", "back", "reset all");
     back.onclick = () => page.slide(0, true);
     box.append(back);
   }
@@ -45,7 +45,7 @@ function sliders(page, scene) {
     page.said = `${wraps[k].joint} = ${wraps[k].value.textContent}${over ? `, ${over}` : ""}`;
   };
 
-  // One away from its start: the pose computed for it. Several: from the pose that is shown, in small steps of one.
+  // One coordinate away from its start: its stored pose. Several: from the current pose, in small steps of one.
   let state = null, alone = 0;
   const along = (k, to) => {
     const {curves, values} = scene.linkage, n = values.length, one = wraps[alone], all = () => wraps.map(valueOf);

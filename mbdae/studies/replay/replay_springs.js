@@ -1,5 +1,5 @@
 
-// Coils and tubes between two points: their ends move, so they are longer and shorter, and stay whole.
+// Coils and tubes between two moving points, stretched to their distance.
 
 const mixed = (array, width, first, at) => {
   const {Vector3} = MeshCat.THREE, frames = array.length / width;
@@ -8,7 +8,7 @@ const mixed = (array, width, first, at) => {
   return share > 0 ? from.lerp(new Vector3().fromArray(array, width * (i + 1) + first), share) : from;
 };
 
-// A wire wound about z: what of its points depends on the length stands apart, since only that changes.
+// A wire wound about z; the parts of its points that depend on the length are stored separately.
 function coil(radius, wire, length) {
   const {BufferAttribute, BufferGeometry} = MeshCat.THREE, around = 10;
   const turns = Math.max(6, Math.min(16, Math.round(length / (1.9 * radius)))), along = 24 * turns;
@@ -19,7 +19,7 @@ function coil(radius, wire, length) {
     const r = radius * Math.min(1, Math.max(0, Math.min(winding, 1 - winding) * turns * 2));
     const rise = inside ? length * 0.84 / (2 * Math.PI * turns * Math.hypot(r, length / (2 * Math.PI * turns))) : 1;
     const turn = Math.sqrt(Math.max(0, 1 - rise * rise));
-    const side = [d * rise, -c * rise, turn];  // of the wire, beside (c, d, 0), which points outwards
+    const side = [d * rise, -c * rise, turn];  // of the wire, normal to (c, d, 0), which points outwards
     for (let k = 0; k < around; k++) {
       const u = Math.cos(2 * Math.PI * k / around), v = Math.sin(2 * Math.PI * k / around);
       const normal = [u * c + v * side[0], u * d + v * side[1], v * side[2]];

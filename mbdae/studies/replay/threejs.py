@@ -12,7 +12,9 @@ from ...mechanism.scene.surfaces import surfaces
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Mesh, Shape
 
-Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # three.js turns about y
+Y_TO_Z = np.array(
+    [[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+)  # three.js has y as the axis of revolution
 MIME = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}  # all others: png
 WHITE = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs="  # for missing textures
 EXTENSION = {  # msgpack types of the arrays of JavaScript
@@ -21,20 +23,20 @@ EXTENSION = {  # msgpack types of the arrays of JavaScript
 
 
 def typed(values: Any, dtype: str) -> umsgpack.Ext:
-    """A numpy array, flattened, as a typed array of JavaScript; dtype is a key of ``EXTENSION``."""
+    """Return a flattened numpy array as a typed array of JavaScript; dtype is a key of ``EXTENSION``."""
     return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
 
 
 def node(shape: "Shape") -> str:
-    """The path of a shape in the viewer's tree."""
+    """Return the path of a shape in the viewer's tree."""
     return f"/mechanism/{shape.role}/{shape.name.replace('/', '|')}"
 
 
 def mesh_data(mesh: "Mesh") -> dict[str, Any]:
-    """Return the data of a mesh for the page: triangles, by colour, or its file where that has pictures.
+    """Return the data of a mesh for the page: triangles, by colour, or its file if it has textures.
 
-    Points are 16 bits for each axis, in fractions of the box that holds them: 1e-5 of its edges. Corners of triangles
-    are numbers of points, each as the difference to the one before.
+    Points are 16 bits for each axis, in fractions of their bounding box: 1e-5 of its edges. Corners of triangles
+    are indices of points, each as the difference to the one before.
     """
     if found := surfaces(mesh):
         low, high = (f([f(s.points, axis=0) for s in found], axis=0) for f in (np.min, np.max))
@@ -67,12 +69,12 @@ def mesh_data(mesh: "Mesh") -> dict[str, Any]:
 
 
 def scene_object(shape: "Shape", meshes: list["Mesh"], layer: int = 0) -> dict[str, Any]:
-    """One shape in three.js' JSON; ``mesh`` is a number in ``meshes``, for `mesh_data`.
+    """Return a shape in three.js' JSON; ``mesh`` is an index of ``meshes``, for `mesh_data`.
 
     Args:
         shape: the shape to draw.
         meshes: the meshes of the scene.
-        layer: closures, seen through everything else, cover those of lower layers.
+        layer: closures are drawn over everything else, in the order of layers.
 
     Returns:
         The object with its geometry and material, all strings, numbers and lists.
@@ -95,7 +97,7 @@ def scene_object(shape: "Shape", meshes: list["Mesh"], layer: int = 0) -> dict[s
 
 
 def _geometry(shape: "Shape", meshes: list["Mesh"]) -> tuple[dict[str, Any], np.ndarray]:
-    """The geometry, and the (4, 4) matrix that brings it into the shape's frame."""
+    """Return the geometry, and the (4, 4) transform to the shape's frame."""
     size = [float(s) for s in shape.size]
     if shape.mesh is not None:
         kind = {"type": "_meshfile_geometry", "format": shape.mesh.format}
@@ -120,7 +122,7 @@ def _material(shape: "Shape") -> dict[str, Any]:
     red, green, blue, alpha = shape.rgba or (0.7, 0.7, 0.7, 1.0)
     colour = int.from_bytes(bytes(round(255 * c) for c in (red, green, blue)), "big")
     material = {"type": "MeshPhongMaterial", "color": colour, "opacity": alpha, "transparent": alpha < 1}
-    if shape.role == "closure":  # seen through the bodies that hide it
+    if shape.role == "closure":  # drawn over the bodies that hide it
         return {**material, "depthTest": False, "transparent": True}
     return {**material, "side": 2, "shininess": 40, "specular": 0x1C1C1C}
 

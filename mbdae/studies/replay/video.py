@@ -1,4 +1,4 @@
-"""Videos of a replay: a browser without a window draws the page's frames, and a library packs them."""
+"""Videos of a replay: a headless browser draws the frames of the page, and a library encodes them."""
 
 import base64
 import os
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
-BATCH = 40  # frames of one start of the browser, which holds them
-PATIENCE = 300.0  # s for a batch
+BATCH = 40  # frames per start of the browser, limited by its memory
+TIMEOUT = 300.0  # s for a batch
 
 
 def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[float], None] | None = None) -> None:
-    """Writes a video of a page of `mbdae.studies.replay.replay`, from the start of the motion to its end.
+    """Write a video of a page of `mbdae.studies.replay.replay`, from the start of the motion to its end.
 
     Args:
         page: the page.
-        path: the ``.mp4`` (H.264) or ``.gif`` to write, whole or not at all.
+        path: the ``.mp4`` (H.264) or ``.gif`` to write, atomically.
         fps: frames per second.
-        seconds: how long the video lasts.
-        progress: called with the fraction of the frames that are drawn.
+        seconds: duration of the video.
+        progress: called with the fraction of drawn frames.
 
     Raises:
-        InputError: no browser is found, the library for the format is missing, or the path cannot be written.
-        MbdaeError: the browser draws nothing.
+        InputError: for a missing browser or library, or an unwritable path.
+        MbdaeError: if the browser draws nothing.
     """
     browser = _browser()
     video = VIDEO[path.suffix]
@@ -54,11 +54,11 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
 
 
 def still(page: str, share: float, size: tuple[int, int]) -> "Image":
-    """Returns a picture of a page, (width, height) pixels, after a share of the motion from 0 to 1.
+    """Return a picture of a page, (width, height) pixels, at a fraction of the motion from 0 to 1.
 
     Raises:
-        InputError: no browser is found.
-        MbdaeError: the browser draws nothing.
+        InputError: if no browser is found.
+        MbdaeError: if the browser draws nothing.
     """
     k = round(1000 * share)
     return _frames(_browser(), page, k, k + 1, 1001, size)[0]
@@ -67,12 +67,12 @@ def still(page: str, share: float, size: tuple[int, int]) -> "Image":
 def _browser() -> str:
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
-        raise InputError(f"a video takes a browser that draws it, one of {', '.join(BROWSERS)}: none is found")
+        raise InputError(f"a video needs a browser, one of {', '.join(BROWSERS)}: none is found")
     return found
 
 
 def _frames(browser: str, page: str, first: int, last: int, count: int, size: tuple[int, int]) -> list["Image"]:
-    """Frames first to last - 1 of count: the browser leaves them in the page's text."""
+    """Return frames first to last - 1 of count, which the browser writes into the text of the page."""
     from PIL import Image
 
     with tempfile.TemporaryDirectory() as folder:
@@ -81,8 +81,8 @@ def _frames(browser: str, page: str, first: int, last: int, count: int, size: tu
         address = f"{file.as_uri()}#film={first},{last},{count},{size[0]}x{size[1]}"
         command = [browser, *FLAGS.split(), f"--user-data-dir={folder}/profile"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
-            command.append("--no-sandbox")  # root cannot have one
-        done = subprocess.run([*command, address], capture_output=True, timeout=PATIENCE, check=False)
+            command.append("--no-sandbox")  # not available for root
+        done = subprocess.run([*command, address], capture_output=True, timeout=TIMEOUT, check=False)
     pictures = re.findall(rb"data:image/png;base64,([\w+/=]+)\n", done.stdout)
     if len(pictures) != last - first:
         raise MbdaeError(f"{browser} drew {len(pictures)} of {last - first} frames")
@@ -93,7 +93,7 @@ def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
     try:
         import imageio_ffmpeg
     except ImportError:
-        raise InputError('a .mp4 takes imageio-ffmpeg: pip install "mbdae[video]"; a .gif needs nothing more') from None
+        raise InputError('a .mp4 needs imageio-ffmpeg: pip install "mbdae[video]"; a .gif needs nothing more') from None
     first = next(frames)
     writer = imageio_ffmpeg.write_frames(str(path), first.size, fps=fps, macro_block_size=2, quality=7)
     writer.send(None)
@@ -104,7 +104,7 @@ def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
 
 
 def _gif(path: Path, frames: Iterator["Image"], fps: float) -> None:
-    """One palette for all frames, of the first: colours do not flicker."""
+    """Write a .gif with the palette of the first frame for all, without flicker."""
     first = next(frames).quantize(255, kmeans=2)
     rest = [frame.quantize(palette=first) for frame in frames]
     first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=True)
@@ -114,7 +114,7 @@ class Video(NamedTuple):
     """A format of videos.
 
     Attributes:
-        fps: frames per second where nothing is said.
+        fps: default frames per second.
         size: (width, height) in pixels.
         pack: writes frames to a path.
     """

@@ -13,13 +13,13 @@ PAGE = output_file("-o", "--output", required=True, suffixes=PAGES, help="The HT
 
 @command("repeats workers", PAGE, shared="methods t_span rtol")
 def report(study: Study, out: Output, model: ChosenModel, t_span: tuple[float, ...] | None, **options: Any) -> None:
-    """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it.
+    """Write one page on a model: card, run with replay, drift, orders and comparison, with all data to reproduce it.
 
-    Ctrl-C writes what is finished.
+    Ctrl-C writes the finished parts.
     """
     mech, path = model.load(), out.written[0]
-    with progress_bar("report", 1.0) as tell:
-        result = study(mech, span(mech, t_span), progress=tell, **options)
+    with progress_bar("report", 1.0) as report_progress:
+        result = study(mech, span(mech, t_span), progress=report_progress, **options)
     try:
         result.save(path)
     except KeyboardInterrupt:

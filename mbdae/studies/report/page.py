@@ -9,7 +9,7 @@ from markupsafe import Markup
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
-from ..drift.drift import names_of_run
+from ..drift.drift import run_labels
 from ..drift.figure import drifts
 from ..order.figure import convergence
 from ..replay.figure import posture
@@ -49,7 +49,7 @@ def _ranking(report: "Report") -> str:
 
 def _model(report: "Report") -> str:
     c = report.card
-    note = "Reactions of dependent rows are not unique: lam is the one of minimum norm." if c.ng > c.rank else ""
+    note = "Reactions of dependent rows are not unique: lam has minimum norm." if c.ng > c.rank else ""
     picture = image(posture(report.sol), "the mechanism at the start of the run", small=True)
     return picture + elements().facts(c.facts()) + elements().note(note)
 
@@ -59,7 +59,7 @@ def _run(report: "Report") -> str:
     speed = pace(sol)
     ended, counts = map(str.strip, str(sol).splitlines())
     replay = Markup(frame(replay_page(sol, fps=30.0, speed=speed), 660))
-    return elements().run(names_of_run(sol)[1], ended, counts, speed) + replay + image(motion(sol), "motion over time")
+    return elements().run(run_labels(sol)[1], ended, counts, speed) + replay + image(motion(sol), "motion over time")
 
 
 def _drift(report: "Report") -> str:
@@ -85,9 +85,9 @@ def _orders(report: "Report") -> str:
         [name, *(elements().verdict(c, marks.get(s.verdict, "")) for c, s in zip(cells, row, strict=True))]
         for (name, *cells), row in zip(body, study.orders.values(), strict=True)
     ]
-    caption = f"Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2"
-    excuse = elements().note("; ".join(study.remarks()))
-    return elements().captioned(caption, [heads, *rows]) + excuse + image(convergence(study), "convergence")
+    caption = f"Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope may be 0.2 below its claim"
+    remarks = elements().note("; ".join(study.remarks()))
+    return elements().captioned(caption, [heads, *rows]) + remarks + image(convergence(study), "convergence")
 
 
 def _comparison(report: "Report") -> str:
@@ -109,8 +109,8 @@ def _repeat(report: "Report") -> str:
         "machine": meta["machine"],
         "date": meta["date"],
     }
-    whole = json.dumps(report.mechanism, indent=1)
-    return elements().facts(known) + elements().details("The mechanism as it was read", whole)
+    description = json.dumps(report.mechanism, indent=1)
+    return elements().facts(known) + elements().details("The mechanism as it was read", description)
 
 
 def image(figure: "Figure", words: str, *, small: bool = False) -> str:

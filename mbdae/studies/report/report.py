@@ -24,7 +24,7 @@ from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, drift
 from ..info.card import Card, card
-from ..method_variant import Variant, default, default_variants, variants
+from ..method_variant import Variant, default_variant, default_variants, variants
 from ..order.order import order
 from ..order.result import OrderStudy
 
@@ -32,7 +32,7 @@ __all__ = ["report"]
 
 METHODS = ("pherk6", "pherk5", "herk5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
-SHARES = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # end of each part, as a fraction of the work
+PROGRESS = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # at the end of each part
 Progress = Callable[[float, str], None]
 
 
@@ -62,9 +62,9 @@ class Report:
 
     @property
     def results(self) -> list[Any]:
-        """The results in order."""
-        every = (self.card, self.sol, *self.drifts, self.orders, self.comparison)
-        return [part for part in every if part is not None]
+        """The results, in order."""
+        results = (self.card, self.sol, *self.drifts, self.orders, self.comparison)
+        return [result for result in results if result is not None]
 
     @property
     def without(self) -> str:
@@ -110,14 +110,14 @@ def report(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Report:
-    """Study a mechanism from its start state. Stopped by Ctrl-C, it returns the finished parts.
+    """Study a mechanism from its start state. After Ctrl-C it returns the finished parts.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
+        mech: the mechanism, or an argument of `mbdae.load`.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
-        methods: as for `mbdae.compare`, the default first when left out. That one makes the run that is replayed, as
-            ``mbdae solve`` does, with positions kept where no formulation is said; those without a formulation
-            are judged for their orders.
+        methods: as for `mbdae.compare`, the default first when left out. The first one computes the run of the replay,
+            as ``mbdae solve`` does, with projection if no formulation is given; orders are measured for those without
+            a formulation.
         rtol: relative tolerance of the run and of the drift table; that of `mbdae.solve` when left out.
         tolerances: relative tolerances of the comparison.
         repeats: runs for the median of the wall time.
@@ -125,18 +125,18 @@ def report(
         progress: called with the fraction done and the next task.
 
     Raises:
-        InputError: for wrong arguments, or if the first run does not come to its end.
+        InputError: for wrong arguments, or if the first run fails.
     """
     mech = mechanism_of(mech, "report")
-    tell = progress or (lambda done, name: None)
+    report_progress = progress or (lambda done, name: None)
     chosen = variants(methods) if methods else default_variants(mech, METHODS, rtol=rtol)
-    first = chosen[0] if not methods or chosen[0].prefix else default(mech, rtol=rtol, method=chosen[0].method)
-    moved = list(dict.fromkeys([first, *chosen]))
+    first = chosen[0] if not methods or chosen[0].prefix else default_variant(mech, rtol=rtol, method=chosen[0].method)
+    run_variants = list(dict.fromkeys([first, *chosen]))
     span = checked_span(mech.duration if t_span is None else t_span)
-    study = _Study(mech, span, chosen, moved, tell)
+    study = _Study(mech, span, chosen, run_variants, report_progress)
     try:
         study.run(rtol)
-        study.judge()
+        study.measure_orders()
         study.compare(tolerances, repeats, workers)
     except KeyboardInterrupt:
         if not study.sols:
@@ -162,40 +162,42 @@ def report(
 
 
 class _Study:
-    """The results of a report as far as they are finished: runs, observed orders and a comparison of methods."""
+    """Finished results of a report: runs, observed orders and a comparison of methods."""
 
     def __init__(
-        self, mech: Mechanism, span: tuple[float, float], chosen: list[Variant], moved: list[Variant], tell: Progress
+        self, mech: Mechanism, span: tuple[float, float], chosen: list[Variant], run_variants: list[Variant],
+        report_progress: Progress,
     ) -> None:
-        self.mech, self.span, self.chosen, self.moved, self.tell = mech, span, chosen, moved, tell
+        self.mech, self.span, self.chosen, self.run_variants = mech, span, chosen, run_variants
+        self.report_progress = report_progress
         self.sols: list[Solution] = []
         self.orders: OrderStudy | None = None
         self.comparison: Comparison | None = None
 
     def run(self, rtol: float | None) -> None:
         """Run every method once."""
-        for i, v in enumerate(self.moved):
-            self.tell(SHARES["runs"] * i / len(self.moved), f"run, {v}")
+        for i, v in enumerate(self.run_variants):
+            self.report_progress(PROGRESS["runs"] * i / len(self.run_variants), f"run, {v}")
             self.sols.append(_finished(uninterrupted(solve(self.mech, self.span, rtol=rtol, **v.arguments()))))
 
     @property
-    def judged(self) -> list[Any]:
-        """The methods that have an order: those without a formulation."""
+    def order_methods(self) -> list[Any]:
+        """Methods whose order is measured: those without a formulation."""
         return [v.method for v in self.chosen if not v.prefix]
 
-    def judge(self) -> None:
+    def measure_orders(self) -> None:
         """Observe the orders of methods."""
-        if self.judged:
-            tell = self.tell
+        if self.order_methods:
+            report_progress = self.report_progress
             self.orders = order(
-                self.mech, self.judged, progress=lambda name: tell(SHARES["runs"], f"order, {name}")
+                self.mech, self.order_methods, progress=lambda name: report_progress(PROGRESS["runs"], f"order, {name}")
             )
 
     def compare(self, tolerances: Sequence[float], repeats: int, workers: int) -> None:
         """Compare the methods, unless the user stopped the study of orders."""
         if self.orders is not None and self.orders.missing:
             return
-        before = SHARES["orders"]
+        before = PROGRESS["orders"]
         self.comparison = compare(
             self.mech,
             self.span,
@@ -203,22 +205,23 @@ class _Study:
             rtol=tolerances,
             repeats=repeats,
             workers=workers,
-            progress=lambda done, name: self.tell(before + (1.0 - before) * done, f"compare, {name}"),
+            progress=lambda done, name: self.report_progress(before + (1.0 - before) * done, f"compare, {name}"),
         )
 
     def missing(self) -> Iterator[str]:
         """Yield the missing results of the study, in words."""
-        if runs := self.moved[len(self.sols) :]:
+        if runs := self.run_variants[len(self.sols) :]:
             yield f"runs of {', '.join(map(str, runs))}"
-        if self.judged and self.orders is None:
+        if self.order_methods and self.orders is None:
             yield "orders"
         elif self.orders and self.orders.missing:
             yield f"orders of {', '.join(self.orders.missing)}"
         if self.comparison is None:
             yield "the comparison"
         elif not self.comparison.complete:
-            left = self.comparison.requested - len(self.comparison.points)
-            yield f"{left} of {self.comparison.requested} runs of the comparison" if left else "times of the comparison"
+            remaining = self.comparison.requested - len(self.comparison.points)
+            what = f"{remaining} of {self.comparison.requested} runs" if remaining else "times"
+            yield f"{what} of the comparison"
 
 
 def _finished(sol: Solution) -> Solution:

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from ..comparison.comparison import Comparison
     from .report import Report
 
-MOST = 2_000_000  # bytes of a file inside a report
+MAX_BYTES = 2_000_000  # of an embedded file
 
 
 def component_tables(mech: Mechanism) -> str:
-    """Return bodies, joints, closures and forces, a table each."""
+    """Return tables of bodies, joints, closures and forces."""
     found = {
         "Bodies: mass, centre of mass in the frame of the joint, moments of inertia about it": _bodies(mech),
-        "Joints, each with the one before it": _joints(mech),
+        "Joints, each with its parent": _joints(mech),
         "Closures and drivers": _closures(mech),
         "Forces": _forces(mech),
     }
@@ -36,15 +36,15 @@ def ranking(result: "Comparison") -> str:
     """Return methods over accuracies: the work of each for an error in q, the best of a column in bold."""
     goals, out = result.targets(), []
     for work in get_args(Work):
-        places = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
-        least = [min((p.work for p in found.values() if p.work is not None), default=0.0) for found in places]
+        rankings = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
+        best_work = [min((p.work for p in found.values() if p.work is not None), default=0.0) for found in rankings]
         rows = [
-            [name, *(_cell(found[name], best) for found, best in zip(places, least, strict=True))]
+            [name, *(_cell(found[name], best) for found, best in zip(rankings, best_work, strict=True))]
             for name in result.methods
         ]
-        if any(least):
+        if any(best_work):
             words = "seconds" if work == "seconds" else "linear solves"
-            caption = f"Ranking: {words} to an error in q below the head of the column (rad or m); - was not reached"
+            caption = f"Ranking: {words} for an error in q below the column heading (rad or m); -: not reached"
             out.append(elements().captioned(caption, [["method", *(f"{goal:.0e}" for goal in goals)], *rows]))
     return "".join(out)
 
@@ -53,16 +53,16 @@ def downloads(report: "Report") -> str:
     """Return links to files embedded in the page: the run, the comparison, and all results."""
     results = {"report.json": json.dumps(report.to_dict(), default=str).encode()}
     with tempfile.TemporaryDirectory() as folder:
-        for name, kept in (("run.csv", report.sol), ("comparison.csv", report.comparison)):
-            if kept:
-                kept.save(Path(folder, name))
+        for name, result in (("run.csv", report.sol), ("comparison.csv", report.comparison)):
+            if result:
+                result.save(Path(folder, name))
                 results[name] = Path(folder, name).read_bytes()
     files = [
         (
             name,
             f"{len(data) / 1e3:.0f}",
             "application/json" if name.endswith(".json") else "text/csv",
-            base64.b64encode(data).decode() if len(data) <= MOST else "",
+            base64.b64encode(data).decode() if len(data) <= MAX_BYTES else "",
         )
         for name, data in sorted(results.items())
     ]
@@ -82,9 +82,9 @@ def _bodies(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
 def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     rows = []
     for i in range(1, mech.model.njoints):
-        joint, place = mech.model.joints[i], mech.model.jointPlacements[i]
+        joint, placement = mech.model.joints[i], mech.model.jointPlacements[i]
         parent = mech.model.names[mech.model.parents[i]] if mech.model.parents[i] else "the ground"
-        rows.append([mech.model.names[i], kind_of(joint), parent, *(f"{x:.5g}" for x in place.translation)])
+        rows.append([mech.model.names[i], kind_of(joint), parent, *(f"{x:.5g}" for x in placement.translation)])
     return ["joint", "kind", "on", "x", "y", "z (m)"], rows
 
 
@@ -99,22 +99,22 @@ def _closures(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
 def _forces(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     rows = []
     for force in mech.forces:
-        said: dict[str, Any] = force.model_dump(exclude_defaults=True) if isinstance(force, BaseModel) else {}
-        keys = ", ".join(f"{k} = {_brief(v)}" for k, v in said.items() if k not in ("name", "kind"))
+        given: dict[str, Any] = force.model_dump(exclude_defaults=True) if isinstance(force, BaseModel) else {}
+        keys = ", ".join(f"{k} = {_text(v)}" for k, v in given.items() if k not in ("name", "kind"))
         rows.append([getattr(force, "name", "") or str(force), getattr(force, "kind", "function"), keys])
-    return ["name", "kind", "what it is"], rows
+    return ["name", "kind", "parameters"], rows
 
 
-def _brief(value: Any) -> str:
+def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_brief, value)) + "]"
-    return " ".join(f"{k} {_brief(v)}" for k, v in value.items()) if isinstance(value, dict) else str(value)
+        return "[" + ", ".join(map(_text, value)) + "]"
+    return " ".join(f"{k} {_text(v)}" for k, v in value.items()) if isinstance(value, dict) else str(value)
 
 
-def _cell(place: RankingEntry, best: float) -> str:
-    if place.work is None:
+def _cell(entry: RankingEntry, best: float) -> str:
+    if entry.work is None:
         return "-"
-    text = ("< " if place.bound else "") + (f"{place.work:.3g}" if place.work < 100 else f"{place.work:.0f}")
-    return elements().best(text) if place.work <= best else text
+    text = ("< " if entry.bound else "") + (f"{entry.work:.3g}" if entry.work < 100 else f"{entry.work:.0f}")
+    return elements().best(text) if entry.work <= best else text

@@ -1,4 +1,4 @@
-"""Templates of pages: a document of sections, and the elements of sections; text is escaped, `Markup` is not."""
+"""Templates of pages: a document of sections, and the elements of sections; text is escaped, except `Markup`."""
 
 from functools import cache
 from typing import Any
@@ -23,7 +23,7 @@ def _environment() -> Environment:
 
 
 def document(title: str, summary: str, version: str, sections: dict[str, str]) -> str:
-    """Return a page of all sections that are not empty, HTML by heading, with a table of contents."""
+    """Return a page of all non-empty sections, HTML by heading, with a table of contents."""
     shown = {name: Markup(body) for name, body in sections.items() if body}
     template = _environment().get_template("report.htm")
     return template.render(title=title, summary=summary, version=version, sections=shown)

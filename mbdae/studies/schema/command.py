@@ -12,9 +12,9 @@ from ...cli.output import emit
 @click.argument("file", type=click.Choice(["mechanism", "sweep"]), default="mechanism")
 @SHARED["json"]
 def schema(file: str, as_json: bool) -> None:
-    """Print the JSON Schema of mechanism files or of sweep files, by which editors complete and check them.
+    """Print the JSON Schema of mechanism files or of sweep files, for completion and checks in editors.
 
-    mbdae schema > mechanism.schema.json; the first line of a file then says: #:schema mechanism.schema.json
+    mbdae schema > mechanism.schema.json; then the first line of a file is: #:schema mechanism.schema.json
     """
     from .schema import schema as study
 

@@ -18,14 +18,14 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class FileSchema(GenerateJsonSchema):
-    """Schema of a file: no Python functions, numbers for constant signals, one source for several."""
+    """Schema of a file: without Python functions; numbers are accepted as constant signals, one source as a list."""
 
     def callable_schema(self, schema: core_schema.CallableSchema) -> JsonSchemaValue:
-        """Leave Python functions out."""
+        """Omit Python functions."""
         raise PydanticOmit
 
     def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
-        """Add further accepted types, where a value is converted first."""
+        """Add the types that a validator accepts and converts."""
         inner, name = super().function_before_schema(schema), getattr(schema["function"]["function"], "__name__", "")
         if name == "_coerce":  # of signals
             return {"anyOf": [{"type": "number"}, inner]}
@@ -34,7 +34,7 @@ class FileSchema(GenerateJsonSchema):
         return inner
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        """Name the kinds, so that an unknown one is reported with them."""
+        """List the kinds, so that an error for an unknown kind lists them."""
         out = super().tagged_union_schema(schema)
         kind = out["discriminator"]
         return {**out, "properties": {kind["propertyName"]: {"enum": list(kind["mapping"])}}}

@@ -1,4 +1,4 @@
-"""The derivatives of columns that are read off bodies and forces, family by family, see `mbdae.solution.signals`."""
+"""Derivatives of columns of bodies and forces, by family; see `mbdae.solution.signals`."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -25,12 +25,12 @@ from ...tolerances import ITERATION_ROUNDING
 
 
 class DerivativeFamily(NamedTuple):
-    """Columns whose derivatives are found together.
+    """Columns whose derivatives are computed together.
 
     Attributes:
         names: of the columns.
         rows: their partial derivatives, (n, m).
-        rated: they depend on accelerations or multipliers.
+        rated: whether they depend on accelerations or multipliers.
     """
 
     names: Callable[[Mechanism], Mapping[str, str] | list[str]]
@@ -42,61 +42,61 @@ def _contact_names(mech: Mechanism) -> list[str]:
     return [f"{kind}.{c.name}" for c in rolling(mech) for kind in CONTACT]
 
 
-def _flat(rows: Array) -> Array:
+def _flattened(rows: Array) -> Array:
     return rows.reshape(-1, rows.shape[-1])
 
 
 def _loads(motion: MotionTangent) -> Array:
     values, derivatives = reaction_derivatives(motion)
-    world, own = derivatives
-    size = along(values[0], world)
-    return _flat(np.concatenate([size[:, :, None], world, own], axis=2))
+    world, local = derivatives
+    size = magnitude_derivatives(values[0], world)
+    return _flattened(np.concatenate([size[:, :, None], world, local], axis=2))
 
 
 def _speeds(motion: MotionTangent) -> Array:
-    """Positions, and velocities with their magnitudes before them."""
+    """Return derivatives of positions, and of velocities after their magnitudes."""
     values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
-    return np.concatenate([_flat(derivatives[0]), _with_size(values[1], derivatives[1])])
+    return np.concatenate([_flattened(derivatives[0]), _with_magnitude(values[1], derivatives[1])])
 
 
 def _accelerations(motion: MotionTangent) -> Array:
     values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
-    return _with_size(values[2], derivatives[2])
+    return _with_magnitude(values[2], derivatives[2])
 
 
-def _with_size(x: Array, derivatives: Array) -> Array:
-    return _flat(np.concatenate([along(x, derivatives)[:, None], derivatives], axis=1))
+def _with_magnitude(x: Array, derivatives: Array) -> Array:
+    return _flattened(np.concatenate([magnitude_derivatives(x, derivatives)[:, None], derivatives], axis=1))
 
 
-def along(x: Array, derivatives: Array) -> Array:
-    """Derivatives of the magnitudes of n vectors x (n, ..., 3), from those of their parts (n, ..., 3, m).
+def magnitude_derivatives(x: Array, derivatives: Array) -> Array:
+    """Return derivatives of the magnitudes of n vectors x (n, ..., 3), from those of their components (n, ..., 3, m).
 
-    They are 0 where a vector vanishes beside the largest of the n: its remainder has a direction by rounding only.
+    They are 0 for vectors that vanish relative to the largest one, whose direction is rounding.
     """
     size = np.linalg.norm(x, axis=-1, keepdims=True)
-    there = size > ITERATION_ROUNDING * size.max(axis=0, initial=0.0)
-    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=there), derivatives)
+    nonzero = size > ITERATION_ROUNDING * size.max(axis=0, initial=0.0)
+    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=nonzero), derivatives)
 
 
-def _of_frames(mech: Mechanism, rated: bool) -> list[str]:
+def _frame_columns(mech: Mechanism, rated: bool) -> list[str]:
     return [name for name in frame_units(mech) if name.startswith("acceleration.") == rated]
 
 
 FAMILIES = (
     DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling(mech) for x in "xyz"],
-           lambda motion: _flat(path_derivatives(motion)), False),
-    DerivativeFamily(_contact_names, lambda motion: _flat(contact_derivatives(motion)), True),
+           lambda motion: _flattened(path_derivatives(motion)), False),
+    DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
     DerivativeFamily(reaction_units, _loads, True),
     DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
     DerivativeFamily(effort_units, effort_derivatives, False),
-    DerivativeFamily(lambda mech: _of_frames(mech, False), _speeds, False),
-    DerivativeFamily(lambda mech: _of_frames(mech, True), _accelerations, True),
+    DerivativeFamily(lambda mech: _frame_columns(mech, False), _speeds, False),
+    DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
     DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
 )  # fmt: skip
 
 
 def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
-    """The family of a column, and its number there; None where it has no derivatives."""
+    """Return the family of a column, and its index in it; None if it has no derivatives."""
     for family in FAMILIES:
         if name in (names := list(family.names(mech))):
             return family, names.index(name)

@@ -19,12 +19,12 @@ class Signals(Mapping[str, Array]):
     """The signals of a run by name, each computed when first used."""
 
     def __init__(self, sol: Solution) -> None:
-        self.sol, self.found = sol, {}  # type: Solution, dict[str, Array]
+        self.sol, self.computed = sol, {}  # type: Solution, dict[str, Array]
 
     def __getitem__(self, name: str) -> Array:
-        if name not in self.found:
-            self.found |= signals(self.sol, [name])
-        return self.found[name]
+        if name not in self.computed:
+            self.computed |= signals(self.sol, [name])
+        return self.computed[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(units(self.sol.mechanism))
@@ -37,7 +37,7 @@ Cost = Callable[[Mapping[str, Array]], tuple[float, Mapping[str, Array]]]
 
 
 class NamedCost:
-    """A function of signals that messages call otherwise than a cost.
+    """A function of signals with a name for messages.
 
     Attributes:
         what: its name, for instance ``"constraint 'reach'"``.
@@ -51,7 +51,7 @@ class Squares:
     """The cost 1/2 sum ((signal - data)/sigma)^2 over signals and times of a run.
 
     Attributes:
-        data: for each signal its values at the times of the run, (n,); nan where there is none.
+        data: for each signal its values at the times of the run, (n,); nan for missing ones.
         sigma: noise level of all signals, or of each by name, in their units.
     """
 
@@ -66,7 +66,7 @@ class Squares:
             if not (is_number(level) and level > 0):
                 raise InputError(f"the noise level of {name!r} must be a positive number, got {level!r:.60}")
             if not np.isfinite(_numbers(name, known)).any():
-                raise InputError(f"data of {name!r} hold no number")
+                raise InputError(f"data of {name!r} have no number")
 
     def __call__(self, signals: Mapping[str, Array]) -> tuple[float, dict[str, Array]]:
         """Return the cost and its derivatives with respect to the signals."""
@@ -76,15 +76,15 @@ class Squares:
             known = _numbers(name, known)
             if known.shape != signals[name].shape:
                 raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")
-            left = np.where(np.isnan(known), 0.0, signals[name] - known) / sigma
-            value, derivatives[name] = value + 0.5 * float(left @ left), left / sigma
+            residual = np.where(np.isnan(known), 0.0, signals[name] - known) / sigma
+            value, derivatives[name] = value + 0.5 * float(residual @ residual), residual / sigma
         return value, derivatives
 
     def _sigma(self, name: str) -> float:
         if not isinstance(self.sigma, Mapping):
             return self.sigma
         if name not in self.sigma:
-            raise InputError(f"data of {name!r} have no noise level: sigma gives {', '.join(self.sigma)}")
+            raise InputError(f"data of {name!r} have no noise level: sigma has {', '.join(self.sigma)}")
         return self.sigma[name]
 
 
@@ -96,10 +96,10 @@ def _numbers(name: str, known: Any) -> Array:
 
 
 def real(x: Any) -> Array:
-    """Numbers as an array.
+    """Return real numbers as an array.
 
     Raises:
-        TypeError, ValueError: for what are none; complex numbers and dates are none.
+        TypeError, ValueError: for anything else, also complex numbers and dates.
     """
     found = np.asarray(x)
     if found.dtype.kind in "cmM":
@@ -107,20 +107,20 @@ def real(x: Any) -> Array:
     return found.astype(float)
 
 
-def named(cost: Any) -> str:
+def cost_name(cost: Any) -> str:
     """Return the name of a cost in messages."""
     return cost.what if isinstance(cost, NamedCost) else f"cost {function_name(cost)!r}"
 
 
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
-    """A cost of signals (n,) and its derivatives, checked.
+    """Return a cost of signals (n,) and its derivatives, after checks.
 
     Raises:
         InputError: for a cost that fails or is not finite, or derivatives of the wrong shape.
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, derivatives), got {cost!r:.60}")
-    found = attempted(what := named(cost), lambda: cost(signals))
+    found = attempted(what := cost_name(cost), lambda: cost(signals))
     try:
         given, table = found
         value, derivatives = float(real(given)), {key: real(x) for key, x in table.items()}

@@ -1,4 +1,4 @@
-"""The gradient of a cost of a run, by the adjoint: the steps backwards, for any number of parameters at once."""
+"""Gradient of a cost of a run by its discrete adjoint, for any number of parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,9 +13,9 @@ from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from .adjoint import NodeCotangents, adjoint_sweep
 from .cost import Cost, Signals, evaluated
-from .run_parameters import Model, Names, bound
+from .run_parameters import Model, Names, bind_parameters
 from .sensitivity import node_indices, start_columns, start_tangent
-from .terminal_event import ending
+from .terminal_event import terminal_event
 
 __all__ = ["gradient"]
 
@@ -26,22 +26,22 @@ class Gradient(Tabular):
 
     Attributes:
         value: the cost.
-        gradient: its derivative with respect to each parameter, and to (q, v, s) of the start where asked for.
+        gradient: its derivative with respect to each parameter, and to (q, v, s) of the start if requested.
     """
 
     value: float
     gradient: dict[str, float]
 
     def tabulated(self) -> Columns:
-        """Names and derivatives."""
+        """Return names and derivatives."""
         return Columns({"parameter": list(self.gradient), "derivative": list(self.gradient.values())})
 
     def cells(self) -> list[list[str]]:
-        """Names and derivatives."""
+        """Return names and derivatives."""
         return [["parameter", "derivative"], *([name, f"{x:.6e}"] for name, x in self.gradient.items())]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {"value": self.value, "gradient": self.gradient}
 
     def __str__(self) -> str:
@@ -58,36 +58,36 @@ def gradient(
     model: Model = None,
     event: Event | Callable[..., float] | str | None = None,
 ) -> Gradient:
-    """Differentiate a cost of a run: one pass back through its steps, whatever the number of parameters.
+    """Differentiate a cost of a run by one sweep backward through its steps, for any number of parameters.
 
-    The adjoint of `mbdae.sensitivity`, of which the arguments are: <w, J u> = <J^T w, u> to rounding. Beside the run
-    itself it keeps what the method carries from step to step, nv + ns + 1 numbers for each; stages are computed again.
+    The adjoint of `mbdae.sensitivity`, with the same arguments: <w, J u> = <J^T w, u> to rounding. Besides the run it
+    stores the carry of the method at each node, nv + ns + 1 numbers; stages are recomputed.
 
     Args:
         sol: the run.
         cost: signals -> (value, {signal: derivative (n,)}), with the signals of `mbdae.Solution.signals` by name at the
             times of the run; or `mbdae.Squares`.
         parameters: names, or name = value.
-        start: differentiate with respect to the start, too.
-        model: makes the mechanism with other parameters.
+        start: also differentiate with respect to the start.
+        model: factory of the mechanism with other parameters.
         event: the terminal event in which the run ended, its function or its signal.
 
     Raises:
         InputError: for a run of another kind, a parameter or a signal without a derivative, a cost that is not finite.
-        UnknownNameError: for names that lead nowhere.
+        UnknownNameError: for unknown names.
     """
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    values, numbers = bound(sol, parameters, model)
+    values, numbers = bind_parameters(sol, parameters, model)
     trace = Trajectory(sol, numbers)
-    end, at = ending(trace, event), node_indices(sol)
+    end, at = terminal_event(trace, event), node_indices(sol)
     between = np.flatnonzero(sol.t != trace.ts[at])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
         points[k] = trace.between(int(at[k]), float(sol.t[k]))
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
-    arriving = NodeCotangents(trace, sol.t, points, weights)
-    bar, p = adjoint_sweep(trace, arriving, end, len(values))
+    node_cotangents = NodeCotangents(trace, sol.t, points, weights)
+    bar, p = adjoint_sweep(trace, node_cotangents, end, len(values))
     both = start_tangent(trace, np.eye(len(values), len(values) + (trace.sensitivity.ny - 1) * start), start).T @ bar
     total = both + np.concatenate([p, np.zeros(len(both) - len(p))])
     names = [*values, *(start_columns(trace) if start else ())]

@@ -1,4 +1,4 @@
-"""The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
+"""Parameters of a mechanism for derivatives of runs, by dotted names, and factories of mechanisms."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -19,48 +19,48 @@ from ...mechanism.formats.template import Template
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
-from ..sweep.sweep_run import Made, maker_of
+from ..sweep.sweep_run import FunctionMaker, maker_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
-"""The parameters by which a mechanism was differentiated last: workspaces of one thread."""
+"""Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
 
-CHECKS = 9  # points of a run where differences are to hold
+CHECKS = 9  # points of a run at which parameters are checked
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
 
 
 class MechanismFactory(Protocol):
-    """Source of mechanisms with other parameters."""
+    """Factory of mechanisms with given parameters."""
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
-        """The mechanism with these values."""
+        """Return the mechanism with these values."""
 
 
 def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
-    """Return the source of mechanisms like one: its files, another file, or a function.
+    """Return the factory of a mechanism's variants: from its files, another file, or a function.
 
     Raises:
-        InputError: where a mechanism was not read from files and no model is given.
+        InputError: if the mechanism was not read from files and no model is given.
     """
     if model is None and mech is not None:
         return LoadedModel(mech)
     return model if hasattr(model, "make") else maker_of(model)
 
 
-def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
-    """Return the values of parameters of a run, and their derivatives; reject what opens dependent rows at its start.
+def bind_parameters(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
+    """Return values and derivatives of the parameters of a run; reject those that violate dependent rows at its start.
 
     Raises:
-        UnknownNameError: for a name that leads nowhere.
-        InputError: for a name without a number, a parameter without a derivative, or a force without direction there.
+        UnknownNameError: for an unknown name.
+        InputError: for a name without a number, a parameter without a derivative, or a force of undefined direction.
     """
-    values, parameters = _last_or_new(sol, names, model)
+    values, parameters = _cached_parameters(sol, names, model)
     parameters.refuse_lost(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
     return values, parameters
 
 
-def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
+def _cached_parameters(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
     mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
     if isinstance(names, Collection) and not isinstance(names, str) and not names:
         return {}, Parameters(lambda values: mech, {})
@@ -69,7 +69,7 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
         return _BOUND[mech][key]
     values, parameters = _bound(sol, names, mechanism_factory(mech, model))
     if isinstance(names, Mapping) or model is not None:
-        _moves_alike(parameters.mech, sol)
+        _require_same_motion(parameters.mech, sol)
     if parameters.mech.ng:
         parameters.require_consistent(t, y[: mech.nq])
     if model is None:
@@ -79,21 +79,21 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
 
 def _bound(sol: Solution, names: Names, make: MechanismFactory) -> tuple[dict[str, float], Parameters]:
     values, mech, (ts, ys) = named_values(make, names), sol.mechanism, sol.nodes[:2]
-    own = isinstance(make, Template) and not isinstance(names, Mapping)
+    from_file = isinstance(make, Template) and not isinstance(names, Mapping)
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
-    some = np.linspace(0, len(ts) - 1, CHECKS).round().astype(int)
-    along = [(float(ts[i]), q, v, s) for i in np.unique(some) for q, v, s, _ in [np.split(ys[i], cuts)]]
-    parameters = Parameters(make.make, values, backend.load(), own=own, along=along, mode=sol.mode(0) or ())
-    _compare(mech, parameters.mech)
+    indices = np.linspace(0, len(ts) - 1, CHECKS).round().astype(int)
+    along = [(float(ts[i]), q, v, s) for i in np.unique(indices) for q, v, s, _ in [np.split(ys[i], cuts)]]
+    parameters = Parameters(make.make, values, backend.load(), own=from_file, along=along, mode=sol.mode(0) or ())
+    _require_same_structure(mech, parameters.mech)
     return values, parameters
 
 
 def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
-    """The parameters by name, with their values.
+    """Return the parameters by name, with their values.
 
     Raises:
-        UnknownNameError: for a name that leads nowhere.
-        InputError: for what is no name, one that comes twice, or one without a number.
+        UnknownNameError: for an unknown name.
+        InputError: for an invalid or repeated name, or one without a number.
     """
     if isinstance(names, str) or not isinstance(names, Collection):
         raise InputError(f"parameters are a list of names, or name = value, got {names!r:.60}")
@@ -103,7 +103,7 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
         if name in listed[:i]:
             raise InputError(f"parameter {name!r} is named twice")
     if isinstance(names, Mapping):
-        if isinstance(make, Made):
+        if isinstance(make, FunctionMaker):
             make.check(names)
         return {name: _value(name, value) for name, value in names.items()}
     if not isinstance(make, Template):
@@ -111,27 +111,27 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
     return {name: number(make, name) for name in listed}
 
 
-def scaled(given: Any, usual: Mapping[str, float]) -> Array:
-    """By which sizes parameters typically change, (k,): those that are given, and else the usual ones.
+def scaled(given: Any, default: Mapping[str, float]) -> Array:
+    """Return the typical changes of parameters, (k,): the given ones, else the default ones.
 
     Raises:
-        UnknownNameError: for a name that is no parameter.
-        InputError: for a size that is no positive number.
+        UnknownNameError: for an unknown parameter.
+        InputError: for a size that is not a positive number.
     """
     require(given if given is not None else {}, Mapping, "scales are a table, name = size")
     for name, x in (given or {}).items():
-        if name not in usual:
-            raise UnknownNameError("parameter", name, usual)
+        if name not in default:
+            raise UnknownNameError("parameter", name, default)
         if not (is_number(x) and x > 0):
             raise InputError(f"the scale of parameter {name!r} is a positive number, got {x!r:.60}")
-    return np.array([float(x) for x in {**usual, **(given or {})}.values()])
+    return np.array([float(x) for x in {**default, **(given or {})}.values()])
 
 
-def teller(progress: Any) -> Callable[[str], None]:
-    """Return the function that reports progress to that of the user; without effect for None.
+def progress_reporter(progress: Any) -> Callable[[str], None]:
+    """Return a function that calls the user's progress function; without effect for None.
 
     Raises:
-        InputError: for what is no function, and where it fails.
+        InputError: for anything but a function, or if it fails.
     """
     if progress is None:
         return lambda text: None
@@ -141,10 +141,10 @@ def teller(progress: Any) -> Callable[[str], None]:
 
 
 def reals(given: Any) -> list[float]:
-    """The numbers of a list, which may be infinite; nothing where it is none."""
+    """Return the numbers of a list, which may be infinite; an empty list for anything else."""
     listed = list(given) if isinstance(given, list | tuple | np.ndarray) else []
-    fit = all(isinstance(x, Real) and not isinstance(x, bool) and not np.isnan(float(x)) for x in listed)
-    return [float(x) for x in listed] if fit else []
+    valid = all(isinstance(x, Real) and not isinstance(x, bool) and not np.isnan(float(x)) for x in listed)
+    return [float(x) for x in listed] if valid else []
 
 
 def _value(name: str, value: Any) -> float:
@@ -153,18 +153,26 @@ def _value(name: str, value: Any) -> float:
     return float(value)
 
 
-def _compare(mech: Mechanism, other: Mechanism) -> None:
-    """See that a mechanism that was made with the values is like the one that ran."""
+def _require_same_structure(mech: Mechanism, other: Mechanism) -> None:
+    """Require that a mechanism made with the values has the structure of the one that ran.
+
+    Raises:
+        InputError: if it has not.
+    """
     same = [(m.nq, m.nv, m.ng, list(m.states), m.joint_names) for m in (mech, other)]
     if same[0] != same[1]:
-        raise InputError("the model makes another mechanism than the one that ran")
+        raise InputError("the model makes a mechanism that differs from the one that ran")
 
 
-def _moves_alike(other: Mechanism, sol: Solution) -> None:
-    """See that a mechanism moves like that of a run at its two ends, where it can be told."""
+def _require_same_motion(other: Mechanism, sol: Solution) -> None:
+    """Require that a mechanism has the accelerations of a run at its two ends, where they can be computed.
+
+    Raises:
+        InputError: if they differ.
+    """
     for i in (0, -1):
         t, y = float(sol.nodes[0][i]), sol.nodes[1][i]
         with suppress(StepError):
-            own, found = (m.system().derivative(t, y)[0] for m in (sol.mechanism, other))
-            if np.abs(found - own).max() > COINCIDENT * (1 + np.abs(own).max()):
-                raise InputError("with these values the model moves otherwise than the run: give its own")
+            expected, found = (m.system().derivative(t, y)[0] for m in (sol.mechanism, other))
+            if np.abs(found - expected).max() > COINCIDENT * (1 + np.abs(expected).max()):
+                raise InputError("with these values the model moves differently from the run: give those of the run")

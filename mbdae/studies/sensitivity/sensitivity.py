@@ -1,4 +1,4 @@
-"""How a run moves with its parameters and its start: the tangent, exact for the numbers that the run printed."""
+"""Discrete tangent of a run: derivatives of the computed steps with respect to parameters and the start."""
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -16,25 +16,24 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import COINCIDENT
-from .run_parameters import Model, Names, bound
+from .run_parameters import Model, Names, bind_parameters
 from .signal_jacobian import SignalJacobian
-from .terminal_event import ending
+from .terminal_event import terminal_event
 
 __all__ = ["sensitivity"]
 
 
-
 @dataclass(frozen=True)
 class Sensitivity(Tabular):
-    """Derivatives of a run with respect to k numbers: parameters, and then (q, v, s) of the start where asked for.
+    """Derivatives of a run with respect to k columns: parameters, then (q, v, s) of the start if requested.
 
     Attributes:
         parameters: names and values.
         columns: names of the k columns.
-        t: times, (n,); at a jump there are two.
-        y: points, (n, ...): those of the run at its nodes, and between them those of short steps of its method.
+        t: times, (n,); jumps have two.
+        y: points, (n, ...): those of the run at its nodes, and of shortened steps of its method between them.
         dy: their derivatives, (n, 2 nv + ns + 1, k), those of q in the tangent.
-        dt: derivatives of the times, (n, k): of the end at a terminal event.
+        dt: derivatives of the times, (n, k): nonzero for the time of a terminal event.
     """
 
     parameters: dict[str, float]
@@ -44,11 +43,11 @@ class Sensitivity(Tabular):
     dy: Array
     dt: Array
     trace: Trajectory = field(repr=False)
-    places: Array = field(repr=False)
+    nodes: Array = field(repr=False)
 
     @property
     def q(self) -> Array:
-        """Derivatives of q in the tangent, (n, nv, k), in rad or m over the unit of the parameter."""
+        """Derivatives of q in the tangent, (n, nv, k), in rad or m per unit of the parameter."""
         return self.dy[:, : self.trace.system.nv]
 
     @property
@@ -71,33 +70,33 @@ class Sensitivity(Tabular):
         """Derivatives of the multipliers of all rows, (n, ng, k), from the hidden constraint."""
         trace, out = self.trace, np.zeros((len(self.t), self.trace.system.ng, len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            trace.enter_node(int(self.places[i]))
+            trace.enter_node(int(self.nodes[i]))
             found = trace.sensitivity.rate(float(t), y).lam
             out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
     @property
     def dp(self) -> Array:
-        """The parameters among the columns, (k_p, k)."""
+        """Derivatives of the parameters, (k_p, k): identity and zeros."""
         return np.eye(len(self.parameters), len(self.columns))
 
     def signal(self, name: str) -> Array:
-        """Derivatives of a signal of `mbdae.Solution.signals`, (n, k).
+        """Return derivatives of a signal of `mbdae.Solution.signals`, (n, k).
 
         Raises:
             UnknownNameError: for a signal that does not exist.
             InputError: for one without a derivative.
         """
-        require(name, str, "a signal is asked for by its name")
+        require(name, str, "a signal is given by its name")
         jacobian = SignalJacobian(self.trace, [name])
         out = np.zeros((len(self.t), len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            row = jacobian.rows(int(self.places[i]), float(t), y)[0]
+            row = jacobian.rows(int(self.nodes[i]), float(t), y)[0]
             out[i] = row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
     def tabulated(self) -> Columns:
-        """Derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""
+        """Return derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""
         names = [n[2:] for n in coordinate_units(self.trace.system.mechanism) if n.startswith("v.")]
         columns: dict[str, Array] = {"t": self.t}
         for letter, x in (("q", self.q), ("v", self.v)):
@@ -106,7 +105,7 @@ class Sensitivity(Tabular):
         return Columns(columns, {"t": "s"}, "t")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {
             "parameters": self.parameters,
             "columns": list(self.columns),
@@ -129,38 +128,37 @@ def sensitivity(
     model: Model = None,
     event: Event | Callable[..., float] | str | None = None,
 ) -> Sensitivity:
-    """Differentiate a run with respect to numbers of its mechanism and to its start: half-explicit methods, Radau IIA.
+    """Differentiate a run by half-explicit methods or Radau IIA with respect to parameters and its start.
 
-    The steps that were taken stand, with their sizes and rows: the derivative is that of the computed numbers, and
-    exact for them to rounding (mbdae/native/sensitivity). Where the run began at its
-    mechanism's start, that is assembled again with the parameters; a start that was given stays. Sampling instants and
-    times of jumps are data.
+    Step sizes and independent rows are frozen: the derivative is that of the computed steps, exact to rounding
+    (mbdae/native/sensitivity). If the run began at the mechanism's start, this depends on the parameters through the
+    assembly; a given start is constant. Sampling instants and times of jumps are constant.
 
     Args:
-        sol: the run. At times of ``t_eval`` between its nodes, derivatives are those of short steps of the method.
+        sol: the run. At times of ``t_eval`` between its nodes, derivatives are those of shortened steps of the method.
         parameters: dotted names, as of sweeps (``force.spring.stiffness``, ``joint.crank.mass``, ``start.v.crank``), or
-            name = value where the model does not tell. At the end of what a number can be (a damping of 0) the
+            name = value for models without known values. At the limit of a parameter's range (a damping of 0) the
             derivative is one-sided, with a warning.
-        start: differentiate with respect to (q, v, s) at the start, too, q in its tangent, all of them free.
-        model: makes the mechanism with other parameters, see `mbdae.sweep`: a file or a function; the
-            source of the mechanism when left out.
-        event: the terminal event in which the run ended, its function or its signal: its time moves, too.
+        start: also differentiate with respect to (q, v, s) at the start, q in its tangent, without constraints.
+        model: factory of the mechanism with other parameters, see `mbdae.sweep`: a file or a function; the source of
+            the mechanism when left out.
+        event: the terminal event in which the run ended, its function or its signal, whose time is differentiated, too.
 
     Raises:
         InputError: for a run of another kind, or a parameter without a derivative; without the compiled core.
-        UnknownNameError: for a name that leads nowhere.
+        UnknownNameError: for an unknown name.
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    values, numbers = bound(sol, parameters, model)
+    values, numbers = bind_parameters(sol, parameters, model)
     if not values and not start:
-        raise InputError("a sensitivity is by parameters, a list of dotted names, or by the start, start=True")
+        raise InputError("a sensitivity takes parameters, a list of dotted names, or start=True")
     trace = Trajectory(sol, numbers)
-    end = ending(trace, event)
+    end = terminal_event(trace, event)
     columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
     dy, carry = start_tangent(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
-    dy, carry = _forward(trace.start_parts(), dy, carry, dp)
+    dy, carry = _apply(trace.start_parts(), dy, carry, dp)
     out, i, ny = _Tangents(sol, trace, dp), 0, len(dy)
     while i + 1 < len(trace.ts):
         j = trace.core.segment_end(i, end is not None)
@@ -168,79 +166,76 @@ def sensitivity(
             found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
             out.at_nodes(i, found)
             i, dy, carry = i + len(found) - 1, found[-1, :, :ny].T, found[-1, :, ny:].T
-            dy, carry = _forward(trace.carry_restart_parts(i), dy, carry, dp)
+            dy, carry = _apply(trace.carry_restart_parts(i), dy, carry, dp)
             continue
         out.at_node(i, dy, carry)
         if end and i + 2 == len(trace.ts):
-            dh = end.move(dy, carry, dp)
+            dh = end.time_derivative(dy, carry, dp)
             out.dt[sol.t == trace.ts[-1]] = dh
             dy, carry = end.forward(dy, carry, dp, dh)
         else:
-            dy, carry = _forward(trace.step_parts(i), dy, carry, dp)
+            dy, carry = _apply(trace.step_parts(i), dy, carry, dp)
         i += 1
     out.at_node(i, dy, carry)
-    return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trace, out.after)
+    return Sensitivity(values, columns, np.asarray(sol.t), out.y, out.dy, out.dt, trace, out.nodes)
 
 
 class _Tangents:
-    """Points y (n, ...), their derivatives dy (n, ny, k) and those of the times dt (n, k), at the times of a run.
-
-    They are filled in node by node.
-    """
+    """Points y (n, ...), their derivatives dy (n, ny, k), and dt (n, k) of the times, filled in node by node."""
 
     def __init__(self, sol: Solution, trace: Trajectory, dp: Array) -> None:
         n, k = len(sol.t), dp.shape[1]
         self.t, self.trace, self.dp = sol.t, trace, dp
-        self.after = node_indices(sol)
-        self.bounds = np.searchsorted(self.after, np.arange(len(trace.ts) + 1))
+        self.nodes = node_indices(sol)
+        self.bounds = np.searchsorted(self.nodes, np.arange(len(trace.ts) + 1))
         self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trace.sensitivity.ny, k)), np.zeros((n, k))
 
     def at_node(self, i: int, dy: Array, carry: Array) -> None:
-        """Fill in the times from a node on, before the next one."""
+        """Fill in the times from node i up to the next one."""
         for k in range(self.bounds[i], self.bounds[i + 1]):
             self.y[k], self.dy[k] = _between(self.trace, i, float(self.t[k]), dy, carry, self.dp)
 
     def at_nodes(self, i: int, found: Array) -> None:
-        """Fill in the times from node i to the last of those that are found, (m, k, ny + ...), which stays out."""
+        """Fill in the times from node i up to the last of the m nodes of ``found`` (m, k, ny + ...), excluding it."""
         trace, ny = self.trace, self.dy.shape[1]
         times = slice(self.bounds[i], self.bounds[i + len(found) - 1])
-        nodes = self.after[times]
+        nodes = self.nodes[times]
         self.y[times], self.dy[times] = trace.ys[nodes], found[nodes - i, :, :ny].transpose(0, 2, 1)
         for k in np.flatnonzero(self.t[times] != trace.ts[nodes]) + times.start:
-            m, (dy, carry) = self.after[k], np.split(found[self.after[k] - i].T, [ny])
+            m, (dy, carry) = self.nodes[k], np.split(found[self.nodes[k] - i].T, [ny])
             self.y[k], self.dy[k] = _between(trace, m, float(self.t[k]), dy, carry, self.dp)
 
 
-def _forward(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
-    """The derivatives behind the maps of a step, one after the other."""
-    for one in maps:
-        dy, carry = one.forward(dy, carry, dp)
+def _apply(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+    """Return the derivatives after the maps of a step."""
+    for step_map in maps:
+        dy, carry = step_map.forward(dy, carry, dp)
     return dy, carry
 
 
 def node_indices(sol: Solution) -> Array:
-    """The node at or before each time of a run, (n,)."""
+    """Return the node at or before each time of a run, (n,)."""
     return sol.before(sol.t) if sol.steps else np.arange(len(sol.t))
 
 
 def start_tangent(trace: Trajectory, dp: Array, start: bool) -> Array:
-    """Variations of the start, (ny, k)."""
+    """Return derivatives of the start, (ny, k)."""
     k, ny = trace.sensitivity.k, trace.sensitivity.ny
     dy = np.zeros((ny, dp.shape[1]))
     if k:
-        dy[:, :k] = trace.at_start("start", lambda: _own_start(trace))
+        dy[:, :k] = trace.at_start("start", lambda: _model_start_derivatives(trace))
     if start:
         dy[:-1, k:] = np.eye(ny - 1)
     return dy
 
 
-def _own_start(trace: Trajectory) -> Array:
-    """Derivatives of the mechanism's own start, (ny, k): zeros for (q, v), and for s, where the run began elsewhere."""
+def _model_start_derivatives(trace: Trajectory) -> Array:
+    """Return derivatives of the mechanism's start, (ny, k); zeros for (q, v), or s, if the run began elsewhere."""
     t, y, s, sensitivity = float(trace.ts[0]), trace.given, trace.system, trace.sensitivity
-    out, own, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
-    with suppress(MbdaeError):  # it may not close
-        own = np.concatenate(s.mechanism.start_at(t))
-    if len(own) and np.abs(own - y[:nx]).max() <= COINCIDENT * (1 + np.abs(own).max()):
+    out, model_start, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
+    with suppress(MbdaeError):  # its loops may not close
+        model_start = np.concatenate(s.mechanism.start_at(t))
+    if len(model_start) and np.abs(model_start - y[:nx]).max() <= COINCIDENT * (1 + np.abs(model_start).max()):
         out = sensitivity.start(t, y)
     given = (np.array(list(s.mechanism.states.values())) != y[nx:-1]).any()
     out[2 * s.nv : -1] = 0.0 if given else sensitivity.start_states()
@@ -248,7 +243,7 @@ def _own_start(trace: Trajectory) -> Array:
 
 
 def _between(trace: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
-    """The point at a time behind node i, and its derivatives."""
+    """Return the point at time t after node i, and its derivatives."""
     if t == trace.ts[i]:
         return trace.ys[i], dy
     found = trace.core.tangent(trace.core.shortened_step(i, t), np.concatenate([dy, carry]).T, dp.T)

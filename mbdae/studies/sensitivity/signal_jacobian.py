@@ -1,4 +1,4 @@
-"""The derivatives of signals with respect to the state, the parameters and the time of a node."""
+"""Derivatives of signals with respect to state, parameters and time."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,23 +15,23 @@ from .column_derivatives import DerivativeFamily, find_column
 
 ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
 KNOWN = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
-NONE = {
+NOT_DIFFERENTIABLE = {
     **dict.fromkeys(RESIDUALS, "it is the largest magnitude over all rows"),
     "mode": "it counts the states of a switch",
-    "impulse": "it exists at the time of an impact alone",
+    "impulse": "it exists only at times of impacts",
 }
 
 
 class _PointDerivatives(NamedTuple):
-    """Derivatives at a point, as far as signals take them.
+    """Derivatives at a point that signals need.
 
     Attributes:
-        coordinates: of q by the tangent, (nq, nv).
+        coordinates: of q with respect to the tangent, (nq, nv).
         energies: of the kinetic and the potential energy, (2, ny + k).
         lam: multipliers of all rows, (ng,).
         rates: of Y', (ny, ny + k + 1).
         multipliers: of lam, (ng, ny + k + 1).
-        columns: of what is read off bodies and forces by name, (ny + k + 1,) each.
+        columns: of bodies and forces by name, (ny + k + 1,) each.
     """
 
     coordinates: Array
@@ -42,7 +42,7 @@ class _PointDerivatives(NamedTuple):
     columns: dict[str, Array]
 
     def of_multipliers(self, kind: str, rows: list[int]) -> Array:
-        """Those of one multiplier, or of the magnitude of several: zero where the force is."""
+        """Return derivatives of one multiplier, or of the magnitude of several; zero for zero force."""
         lam = self.lam[rows]
         weights = np.ones(1) if kind == "lam" else lam / (np.linalg.norm(lam) or 1.0)
         return weights @ self.multipliers[rows]
@@ -57,7 +57,7 @@ class SignalJacobian:
 
     Raises:
         UnknownNameError: for a signal that does not exist.
-        InputError: for one that has no gradient.
+        InputError: for a signal that has no gradient.
     """
 
     def __init__(self, trace: Trajectory, names: Sequence[str]) -> None:
@@ -73,24 +73,24 @@ class SignalJacobian:
         self.rated = bool(self.kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
         self._fixed: Array | None = None
         ny, ng, m = trace.system.ny, trace.system.ng, trace.sensitivity.ny + trace.sensitivity.k + 1
-        self._still = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
-        self.placed = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
-        turns = self.placed and not trace.system.manifold.flat
-        self.fixed = self.kinds <= {"t", "y", "angle"} and not turns  # the same everywhere
+        self._zeros = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
+        self.uses_positions = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
+        varying = self.uses_positions and not trace.system.manifold.flat
+        self.fixed = self.kinds <= {"t", "y", "angle"} and not varying  # constant derivatives
 
     def rows(self, i: int, t: float, y: Array) -> Array:
-        """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1).
+        """Return the derivatives at a point after node i with respect to (y, p, t), (len(names), ny + k + 1).
 
         Raises:
-            InputError: where a signal is not a number there, as a force that nothing tells.
+            InputError: if a derivative is not finite, as for an undetermined force.
         """
         if self._fixed is not None:
             return self._fixed
         trace, s = self.trace, self.trace.system
         q, v = s.split(y)
-        N = s.manifold.coordinate_partials(q) if self.placed else np.empty(0)
+        N = s.manifold.coordinate_partials(q) if self.uses_positions else np.empty(0)
         energies = trace.sensitivity.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
-        F, lam, rates, derivatives = self._rates(i, t, y) if self.rated else self._still
+        F, lam, rates, derivatives = self._rates(i, t, y) if self.rated else self._zeros
         columns = self._columns(t, y, F, lam, rates, derivatives)
         point = _PointDerivatives(N, energies, lam, rates, derivatives, columns)
         out = np.zeros((len(self.signals), s.ny + trace.sensitivity.k + 1))
@@ -123,30 +123,30 @@ class SignalJacobian:
             row[signal.i - s.nq + s.nv] = 1.0
 
     def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Y' and lam of all rows, and their partial derivatives."""
+        """Return Y' and lam of all rows, and their partial derivatives."""
         self.trace.enter_node(i)
         F, lam = self.trace.system.derivative(t, y)
         return F, lam[: self.trace.system.ng], *self.trace.sensitivity.rate(t, y)
 
     def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, derivatives: Array) -> dict[str, Array]:
-        """Derivatives of what is read off bodies and forces."""
+        """Return derivatives of the columns of bodies and forces."""
         if self.motion is None:
             return {}
         s, (q, v) = self.trace.system, self.trace.system.split(y)
-        nv, k, every = s.nv, self.trace.sensitivity.k, np.eye(rates.shape[1])
-        parts = every[:nv], every[nv : 2 * nv], every[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
-        d = TangentDirections(*parts, every[s.ny : s.ny + k], every[-1])
+        nv, k, identity = s.nv, self.trace.sensitivity.k, np.eye(rates.shape[1])
+        parts = identity[:nv], identity[nv : 2 * nv], identity[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
+        d = TangentDirections(*parts, identity[s.ny : s.ny + k], identity[-1])
         self.motion.evaluate(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
         found = {at: family.rows(self.motion) for at, family in self.families.items()}
         return {name: found[id(family)][i] for name, (family, i) in self.columns.items()}
 
 
 def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
-    """The signal of that name.
+    """Return the differentiable signal with this name.
 
     Raises:
         UnknownNameError: for a signal that does not exist.
-        InputError: for one that has no gradient.
+        InputError: for a signal that has no gradient.
     """
     found = find_signal(mech, name, known)
     if found.kind not in KNOWN:
@@ -155,12 +155,12 @@ def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | N
 
 
 def column_of(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int]:
-    """The family of a column, and its number there.
+    """Return the family of a column, and its index in it.
 
     Raises:
-        InputError: for one that has no gradient.
+        InputError: for a signal that has no gradient.
     """
     if found := find_column(mech, name):
         return found
-    why = NONE.get(name.partition(".")[0], "its derivative is not known")
+    why = NOT_DIFFERENTIABLE.get(name.partition(".")[0], "its derivative is not known")
     raise InputError(f"signal {name!r} has no gradient: {why}")

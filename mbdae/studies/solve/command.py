@@ -15,23 +15,23 @@ from ...errors import InputError
 if TYPE_CHECKING:
     from ...solution.solution import Problem, Solution
 
-SHOWN = 5  # printed times of an event
+PRINTED_TIMES = 5  # of an event
 REPLAYS = ("html", "video", "glb")
 REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures")
 FILES = (
     output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the solution as .npz, or as a .csv table."),
     output_file("--html", suffixes=PAGES, help="Write a replay as one HTML page."),
-    output_file("--video", suffixes=VIDEOS, help="Write it as .mp4 or .gif; takes Chromium."),
-    output_file("--glb", suffixes=(".glb",), help="Write it as a .glb scene for slides and Blender."),
+    output_file("--video", suffixes=VIDEOS, help="Write a replay as .mp4 or .gif; needs Chromium."),
+    output_file("--glb", suffixes=(".glb",), help="Write a replay as a .glb scene for slides and Blender."),
     output_file("--plot", suffixes=PICTURES, help="Draw the run as .png, .svg or .pdf."),
 )
 MORE = (
-    click.option("--event", "events", multiple=True, help="List when a signal passes: 'q.slider = 0.3', 'v.crank'."),
-    click.option("--until", multiple=True, help="The same, and end the run there: 'force.wrist pin > 100'."),
+    click.option("--event", "events", multiple=True, help="Level crossing to list: 'q.slider = 0.3', 'v.crank'."),
+    click.option("--until", multiple=True, help="End the run at a level crossing: 'force.wrist pin > 100'."),
     click.option("--plots", multiple=True,
-                 help="A signal in the replay, or several on common axes: q.crank,q.rod."),
+                 help="Signal in the replay, or several on common axes: q.crank,q.rod."),
     click.option("--signal", "signals", multiple=True,
-                 help="Print extrema, mean and RMS of these, and plot them: force.crank, power.motor, q."),
+                 help="Print extrema, mean and RMS of signals, and plot them: force.crank, power.motor, q."),
 )  # fmt: skip
 
 
@@ -48,7 +48,7 @@ def solve(
     """Simulate a model, and save, replay or plot the motion.
 
     Events are signals of `mbdae solve MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
-    with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
+    with = for both directions, > for rising and < for falling through a number; a signal alone means its zeros.
     """
     from ...integrate.events.event import Event
 
@@ -68,13 +68,13 @@ def solve(
 
 
 def _problem(model: ChosenModel, out: Output, replay: dict[str, Any]) -> "Problem":
-    """Return the problem of a run, with bodies where a replay is requested."""
+    """Return the problem of a run; a replay needs one with bodies."""
     from ...mechanism import Mechanism
 
     requested = any(replay[name] for name in REPLAY_ARGUMENTS[1:])
     if requested and not (out.paths["html"] or out.paths["video"]):
         options = "--plots, --trace, --arrows, --camera, --follow and --closures"
-        raise InputError(f"{options} belong to a replay: --html run.html, or --video run.mp4")
+        raise InputError(f"{options} need a replay: --html run.html, or --video run.mp4")
     found = model.problem()
     if any(out.paths[name] for name in REPLAYS) and not isinstance(found, Mechanism):
         raise InputError(f"{found.title!r} has no bodies to replay: --plot run.png draws y and z over time")
@@ -82,7 +82,7 @@ def _problem(model: ChosenModel, out: Output, replay: dict[str, Any]) -> "Proble
 
 
 def _signals(problem: "Problem", signals: tuple[str, ...], plot: str | None) -> tuple[str, ...]:
-    """Return the names of signals; of textbook problems they are only drawn."""
+    """Return the names of signals; those of textbook problems are only drawn."""
     from ...mechanism import Mechanism
     from ...solution.signals import find
 
@@ -132,10 +132,10 @@ def _impacts(sol: "Solution") -> str:
     """Return the impacts in words: participants, times, and energy loss."""
     names = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
     times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
-    return f"  impacts on {names}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drives'}"
+    return f"  impacts on {names}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drivers'}"
 
 
 def _times(times: Any) -> str:
-    """Return the times of an event, the first of many."""
-    some = ", ".join(f"{t:.9g}" for t in times[:SHOWN])
-    return f"t = {some}{', ...' if len(times) > SHOWN else ''} s ({len(times)})" if len(times) else "never"
+    """Return the times of an event as text, at most the first few."""
+    some = ", ".join(f"{t:.9g}" for t in times[:PRINTED_TIMES])
+    return f"t = {some}{', ...' if len(times) > PRINTED_TIMES else ''} s ({len(times)})" if len(times) else "never"

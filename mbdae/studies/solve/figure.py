@@ -10,13 +10,24 @@ from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.signals import find, signals, units
 from ...solution.solution import Solution
-from ..figures import COLOURS, NAMES, WIDTH, beside, escaped, fixed_layout, logarithmic, own_style, positive, sheet
+from ..figures import (
+    COLOURS,
+    QUANTITY_NAMES,
+    WIDTH,
+    curve_style,
+    empty_figure,
+    escaped,
+    fixed_layout,
+    legend_right,
+    logarithmic,
+    positive,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LABELLED = 24  # largest number of curves in a legend
+MAX_LEGEND = 24  # curves in a legend
 RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 
 
@@ -24,7 +35,7 @@ RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     """Draw signals over time by unit; by default coordinates, velocities, residuals and the energy balance.
 
-    For a textbook problem y and z.
+    For a textbook problem these are y and z.
 
     Raises:
         UnknownNameError: for an unknown signal.
@@ -38,13 +49,13 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
         groups.setdefault(unit[name], []).append(name)
     heights = [max(1.35, 0.16 * len(group)) for group in groups.values()] + ([] if names else [1.0, 1.0])
     columns = signals(sol, [*shown, *(() if names else ("g", "Gv", "energy", "work"))])
-    figure = sheet(WIDTH, sum(heights) + 0.6)
+    figure = empty_figure(WIDTH, sum(heights) + 0.6)
     axes: Any = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
     for ax, (u, group) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(group):
-            ax.plot(sol.t, columns[name], label=escaped(name), **own_style(i))
-        ax.set_ylabel(f"{NAMES.get(u, u)} ({u})" if u not in ("1", "") else NAMES[u])
-        beside(ax, labelspacing=0.3)
+            ax.plot(sol.t, columns[name], label=escaped(name), **curve_style(i))
+        ax.set_ylabel(f"{QUANTITY_NAMES.get(u, u)} ({u})" if u not in ("1", "") else QUANTITY_NAMES[u])
+        legend_right(ax, labelspacing=0.3)
     if not names:
         _balance(axes[-2:], sol, columns)
     axes[-1].set_xlabel("$t$ (s)")
@@ -57,20 +68,20 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
 def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
     """Draw y and z over time, or some of them: ``"y.1"``, ``"z"``."""
     columns = sol.signals()
-    asked = as_list(names or ("y", "z"), "signals are a list of names")
-    for name in asked:
+    requested = as_list(names or ("y", "z"), "signals are a list of names")
+    for name in requested:
         if name not in columns and name not in ("y", "z"):
             raise UnknownNameError("signal", name, ["y", "z", *columns])
-    groups = {k: [n for n in columns if n[0] == k and (n in asked or k in asked)] for k in ("y", "z")}
+    groups = {k: [n for n in columns if n[0] == k and (n in requested or k in requested)] for k in ("y", "z")}
     shown = {k: group for k, group in groups.items() if group}
-    figure = sheet(WIDTH, 2.2 * len(shown) + 0.6)
+    figure = empty_figure(WIDTH, 2.2 * len(shown) + 0.6)
     axes: Any = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for ax, (k, group) in zip(axes, shown.items(), strict=True):
         for i, name in enumerate(group):
-            ax.plot(sol.t, columns[name], label=escaped(name), **own_style(i))
+            ax.plot(sol.t, columns[name], label=escaped(name), **curve_style(i))
         ax.set_ylabel(f"${k}$")
-        if len(group) <= LABELLED:
-            beside(ax, labelspacing=0.3)
+        if len(group) <= MAX_LEGEND:
+            legend_right(ax, labelspacing=0.3)
     axes[-1].set_xlabel("$t$")
     axes[-1].set_xlim(sol.t[0], sol.t[-1])
     figure.suptitle(escaped(f"{sol.problem.title}, {sol.settings.get('method', '')}"), fontsize=9)
@@ -83,7 +94,7 @@ def _balance(axes: "Sequence[Axes]", sol: Solution, columns: Mapping[str, np.nda
         axes[0].plot(sol.t, positive(columns[name]), style, color=COLOURS[0], label=label)
     logarithmic(axes[0].yaxis, 5)
     axes[0].set_ylabel("residuals")
-    beside(axes[0])
+    legend_right(axes[0])
     work = columns["work"] - columns["work"][0]
     axes[1].plot(sol.t, columns["energy"] - columns["energy"][0] - work, color=COLOURS[0])
     axes[1].set_ylabel("$E - E_0 - W$ (J)")

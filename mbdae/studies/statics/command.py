@@ -19,16 +19,16 @@ FACTORS = (
 
 @study_command("find", TABLE, shared=STATE, exit_code=lambda found: CODES[found.stability])
 def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Find where a model rests or moves steadily, what holds it, and whether it is stable.
+    """Find an equilibrium or a steady motion of a model, its holding forces and its stability.
 
-    Exit code 0 stable, 1 unstable or none found, 3 neutral or not to be judged.
+    Exit code 0 stable, 1 unstable or none found, 3 neutral or undecided.
     """
     return study(model.load(), **options)
 
 
 @command("drive", shared="from to hold")
 def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **options: Any) -> None:
-    """Find all equilibria of a mechanism with one degree of freedom over a joint: exit 1 where there is none."""
+    """Find all equilibria of a mechanism with one degree of freedom over a joint; exit 1 if there is none."""
     found = study(model.load(), drive, **options)
     text = "\n".join(map(str, found)) or f"no equilibrium over {drive}"
     emit([e.to_dict() for e in found], text, out.as_json)
@@ -39,5 +39,5 @@ def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **opti
     "load", TABLE, PLOT, shared=STATE, more=FACTORS, exit_code=lambda path: HOLDS if path.complete else FAILED
 )
 def load_path(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Follow an equilibrium while a force is scaled: load-deflection curve, snap-through, loss of stability."""
+    """Trace an equilibrium while a force is scaled: load-deflection curve, snap-through, loss of stability."""
     return study(model.load(), **options)

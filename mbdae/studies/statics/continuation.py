@@ -1,13 +1,13 @@
-"""The continuation of an equilibrium over a factor on a load.
+"""Continuation of an equilibrium over a load factor.
 
 With the forces f + (p - 1) f_load, p the factor on the load, rho(y, p) = 0 is a curve of tangent tau,
 
     [H  -Z^T f_load] tau = 0,   predictor q (+) h Z tau_y, p + h tau_p,   corrector [H  -Z^T f_load; tau^T] x = [rho; 0]
 
-tau_p changes sign at limit points, where the equilibrium snaps through if the load goes on. At branch points, where a
-symmetric mechanism buckles, eigenvalues of H pass zero, one or several at once: those whose numbers lie between the
-numbers of negative eigenvalues before and behind, each the root of that eigenvalue along the path. Forces without a
-potential leave the sign of the determinant of the corrector's matrix, which two roots at once do not change.
+tau_p changes sign at limit points, where the equilibrium snaps through if the load increases further. At branch points,
+where a symmetric mechanism buckles, one or several eigenvalues of H change sign: those with indices between the numbers
+of negative eigenvalues before and after the step, each located as a root along the path. For forces without a potential
+branch points are sign changes of the determinant of the corrector's matrix, which double roots do not change.
 Source: Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems (1977).
 """
 
@@ -23,22 +23,21 @@ from ...system import Array
 from ...tolerances import EPS, ITERATION_ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
 from .trust_region import symmetric
 
-LARGEST, LEAST = 0.03, SMALLEST_PART  # of a step: rad or characteristic lengths, and of the range of the factor
-CORRECTIONS, POINTS, LOCATED = 8, 5000, 40
-TURNED = 0.95  # cosine of the largest angle between tangents of neighbours
-BACK = -2.0  # ranges of the factor: where a path that runs away ends
+MAX_STEP, MIN_STEP = 0.03, SMALLEST_PART  # in rad or characteristic lengths, and the range of the factor
+MAX_CORRECTIONS, MAX_POINTS, MAX_BISECTIONS = 8, 5000, 40
+MIN_COSINE = 0.95  # between tangents at both ends of a step
+LOWEST_FRACTION = -2.0  # of the factor range, at which a diverging path ends
 
 
 class CriticalPoint(NamedTuple):
     """A limit point or a branch point on a path.
 
     Attributes:
-        kind: ``"limit"``: the load can be no larger nearby; ``"branch"``: paths cross.
+        kind: ``"limit"``: the load has an extremum; ``"branch"``: paths intersect.
         factor: on the load.
         q: configuration, (nq,).
-        shapes: motions dq against which there is no stiffness, (m, nv), dq^T M dq = 1 and each orthogonal to the
-            others: at a branch point the buckling shapes, in whose directions, or in combinations of them, the other
-            paths lead off. m is the multiplicity; none are known at a branch point of forces without a potential.
+        shapes: M-orthonormal motions dq without stiffness, (m, nv): at a branch point the buckling shapes, which span
+            the directions of the other paths. m is the multiplicity; 0 at a branch point of forces without a potential.
     """
 
     kind: str
@@ -48,11 +47,11 @@ class CriticalPoint(NamedTuple):
 
     @property
     def multiplicity(self) -> int:
-        """How many eigenvalues of the stiffness are zero."""
+        """Number of zero eigenvalues of the stiffness."""
         return max(1, len(self.shapes))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {"kind": self.kind, "factor": self.factor, "q": self.q.tolist(), "shapes": self.shapes.tolist()}
 
 
@@ -60,10 +59,10 @@ class PathPoint(NamedTuple):
     """A point of a path.
 
     Attributes:
-        u: the factor's share of its range.
-        here: the balance.
+        u: the fraction of the factor's range.
+        here: the force balance.
         dq, du: the tangent.
-        bent: the signs of the eigenvalues of H; None where forces have no potential.
+        bent: eigenvalues of H and their signs; None for forces without a potential.
         sign: of the determinant of the corrector's matrix.
     """
 
@@ -76,21 +75,21 @@ class PathPoint(NamedTuple):
 
 
 class Continuation:
-    """Follows a path: u in [0, 1] is the factor's share of its range."""
+    """Path of equilibria over u in [0, 1], the fraction of the factor's range."""
 
     def __init__(self, statics: Statics, first: float, range: float) -> None:
         self.statics, self.first, self.range = statics, first, range
         self.l = statics.sizes.l
 
     def run(self, start: ForceBalance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
-        """Follow the path from an equilibrium at u = 0; return whether it came to u = 1."""
+        """Trace the path from an equilibrium at u = 0; return points, critical points, and whether it reached u = 1."""
         here = self.tangent(0.0, start, None)
-        points, critical, h = [here], list[CriticalPoint](), LARGEST
-        while len(points) < POINTS:
+        points, critical, h = [here], list[CriticalPoint](), MAX_STEP
+        while len(points) < MAX_POINTS:
             there = self.step(here, h)
             if there is None:
                 h /= 2
-                if h < LEAST:
+                if h < MIN_STEP:
                     return points, critical, False
                 continue
             if ended := there.u >= 1.0:
@@ -99,13 +98,13 @@ class Continuation:
                 points.append(at)
                 critical.append(point)
             points.append(there)
-            if ended or there.u < BACK:
+            if ended or there.u < LOWEST_FRACTION:
                 return points, critical, ended
-            here, h = there, min(LARGEST, 1.5 * h)
+            here, h = there, min(MAX_STEP, 1.5 * h)
         return points, critical, False
 
     def critical(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
-        """The critical points of a step, in their order along it."""
+        """Return the critical points of a step, in order."""
         if there.du * here.du < 0:
             at = self.located(here, h, lambda p: p.du)[1]
             return [(at, self._point("limit", at, at.dq[None] / np.linalg.norm(at.here.free.U @ at.dq)))]
@@ -117,19 +116,19 @@ class Continuation:
         return self._branches(here, there, h)
 
     def _branches(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
-        """The branch points of a step, each where one eigenvalue, or several, pass zero."""
+        """Return the branch points of a step: roots of one or several eigenvalues."""
         assert here.bent is not None
         assert there.bent is not None
-        beside = here if here.bent.flat <= there.bent.flat else there  # a step may begin at a branch point
+        regular = here if here.bent.flat <= there.bent.flat else there  # an end of the step may be a branch point
         flat = min(here.bent.flat, there.bent.flat)
         numbers = range(*sorted((here.bent.negative, there.bent.negative)))
-        roots = [self.located(here, h, lambda p, k=k: passing(p, k, flat)) for k in numbers]  # type: ignore[misc]
+        roots = [self.located(here, h, lambda p, k=k: eigenvalue(p, k, flat)) for k in numbers]  # type: ignore[misc]
         out: list[tuple[PathPoint, CriticalPoint]] = []
         roots.sort(key=lambda root: root[0])
         while roots:
             at = roots[0][1]
             m = sum(abs(other.u - at.u) <= SAME_STATE for _, other in roots)
-            out.append((at, self._point("branch", at, buckling_shapes(at, m, beside))))
+            out.append((at, self._point("branch", at, buckling_shapes(at, m, regular))))
             roots = roots[m:]
         return out
 
@@ -137,18 +136,18 @@ class Continuation:
         return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q, shapes)
 
     def balance(self, q: Array, s: Array, u: float) -> ForceBalance:
-        """The balance at a closed configuration under a share of the load."""
+        """Return the balance at a closed configuration under a fraction of the load."""
         self.statics.factor = self.first + self.range * u
         return self.statics.point(q, s)
 
     def step(self, at: PathPoint, h: float) -> PathPoint | None:
-        """A step of the given length; None where it cannot be taken."""
+        """Return the point after a step of length h; None if it fails."""
         residual = self.statics.residual
         try:
             u, manifold = at.u + h * at.du, self.statics.system.manifold
             q = self.statics.close(manifold.integrate(at.here.q, h * at.dq), at.here.s)
             here = self.balance(q, at.here.s, u)
-            for _ in range(CORRECTIONS):
+            for _ in range(MAX_CORRECTIONS):
                 size = residual(here)
                 x = self.correction(here, at)
                 q = self.statics.close(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
@@ -163,20 +162,20 @@ class Continuation:
             return None
         found = self.tangent(u, self.balance(here.q, here.s, u), at)
         before, after = (np.append(p.dq / self.l, p.du) for p in (at, found))
-        return found if before @ after >= TURNED * np.linalg.norm(before) * np.linalg.norm(after) else None
+        return found if before @ after >= MIN_COSINE * np.linalg.norm(before) * np.linalg.norm(after) else None
 
     def rows(self, here: ForceBalance) -> tuple[Array, Array]:
-        """The matrix [H  -Z^T f_load] (k, k + 1) for unknowns (d y, u), in scaled rows too, and d with 1, (k + 1,)."""
+        """Return [H  -Z^T f_load] (k, k + 1) with scaled rows for unknowns (d y, u), and scales (d, 1), (k + 1,)."""
         d = np.append(scale_of(here.noise), 1.0)
         return np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)]) / np.outer(d[:-1], d), d
 
     def tangent_map(self, here: ForceBalance, d: Array) -> Array:
-        """How (dq / l, u) follow from (d y, u), (nv + 1, k + 1)."""
+        """Return the map from (d y, u) to (dq / l, u), (nv + 1, k + 1)."""
         Z = here.free.Z / self.l[:, None]
         return np.block([[Z, np.zeros((len(Z), 1))], [np.zeros(Z.shape[1]), np.ones(1)]]) / d
 
     def correction(self, here: ForceBalance, at: PathPoint) -> Array:
-        """The change (y, u) that balances forces across the tangent of another point."""
+        """Return the correction (y, u) that balances forces, orthogonal to the tangent of another point."""
         rows, d = self.rows(here)
         along = np.append(at.dq / self.l, at.du) @ self.tangent_map(here, d)
         size = np.linalg.norm(rows[:, -1]) or 1.0
@@ -186,33 +185,33 @@ class Continuation:
         return x * columns / d
 
     def tangent(self, u: float, here: ForceBalance, before: PathPoint | None) -> PathPoint:
-        """The unit tangent at a point of the path, in the direction of the point before it.
+        """Return the unit tangent at a point of the path, directed along that of the point before.
 
-        Motions against which there is no force are no part of it.
+        It has no component of motions without stiffness.
 
         Raises:
-            InputError: where the first equilibrium does not move with the load.
+            InputError: if the first equilibrium does not move with the load.
         """
         rows, d = self.rows(here)
-        met = EPS * abs(self.range) * self.statics.term_sizes(here)
-        null = null_space(rows, np.column_stack([here.noise, met]) / np.outer(d[:-1], d)).vectors
+        load_noise = EPS * abs(self.range) * self.statics.term_sizes(here)
+        null = null_space(rows, np.column_stack([here.noise, load_noise]) / np.outer(d[:-1], d)).vectors
         Q, R = np.linalg.qr(self.tangent_map(here, d) @ null)
-        onward = np.eye(len(Q))[-1] if before is None else np.append(before.dq / self.l, before.du)
-        c = Q.T @ onward
+        direction = np.eye(len(Q))[-1] if before is None else np.append(before.dq / self.l, before.du)
+        c = Q.T @ direction
         if before is None and np.linalg.norm(c) < VISIBLE:
-            at = f"at factor {self.first:g} forces let it rest anywhere or turn back"
-            raise InputError(f"{at}: no path leads on from there; begin at another factor")
-        way = Q @ c / np.abs(Q @ c).max()
+            at = f"the equilibrium at factor {self.first:g} is neutral or a limit point"
+            raise InputError(f"{at}: no unique path starts there; begin at another factor")
+        tau = Q @ c / np.abs(Q @ c).max()
         x = null @ np.linalg.solve(R, c)
         x /= np.linalg.norm(x)
         basis = np.linalg.qr(null)[0].T
         neutral = np.linalg.svd(basis - np.outer(basis @ x, x))[2][: len(basis) - 1]
         sign = float(np.linalg.slogdet(np.vstack([rows + neutral[:, :-1].T @ neutral, x]))[0])
         bent = curvature(here.H, here.noise) if symmetric(here.H, here.noise) else None
-        return PathPoint(u, here, way[:-1] * self.l, float(way[-1]), bent, sign)
+        return PathPoint(u, here, tau[:-1] * self.l, float(tau[-1]), bent, sign)
 
     def located(self, at: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
-        """Where in a step a value changes its sign, by bisection and the rule of false position, and the point."""
+        """Return the step length at a sign change of a value, and the point, by bisection and false position."""
         low, high = 0.0, h
         here, end = at, self.step(at, h)
         if end is None:
@@ -221,7 +220,7 @@ class Continuation:
         if a == 0:
             return 0.0, at
         best = h, end
-        for k in range(LOCATED):
+        for k in range(MAX_BISECTIONS):
             middle = (low + high) / 2 if k % 3 == 2 or abs(a) == abs(b) == 1.0 else high - b * (high - low) / (b - a)
             found = self.step(here, middle) if low < middle < high else None
             if found is None:
@@ -233,13 +232,13 @@ class Continuation:
         return best
 
 
-def passing(p: PathPoint, k: int, flat: int) -> float:
-    """Eigenvalue k of H among those that are not always zero, as it passes zero; 0 where it is zero to rounding.
+def eigenvalue(p: PathPoint, k: int, flat: int) -> float:
+    """Return eigenvalue k of H, not counting those that are always zero; 0 if it is zero to rounding.
 
     Args:
         p: a point of a path.
-        k: number of the eigenvalue, from the most negative one.
-        flat: how many are zero along the path.
+        k: index of the eigenvalue, in ascending order.
+        flat: number of eigenvalues that are zero along the path.
     """
     bent = p.bent
     if bent is None or bent.negative <= k < bent.negative + bent.flat - flat:
@@ -248,13 +247,13 @@ def passing(p: PathPoint, k: int, flat: int) -> float:
 
 
 def buckling_shapes(at: PathPoint, m: int, before: PathPoint) -> Array:
-    """The m motions of a point without stiffness that have some at the point before, (m, nv), with unit mass."""
+    """Return m M-orthonormal motions without stiffness, which have stiffness at the point before, (m, nv)."""
     assert at.bent is not None
     assert before.bent is not None
     U, flat = at.here.free.U, before.bent.flat
     cluster = np.abs(at.bent.values).argsort()[: m + flat]
-    ways = U @ at.here.free.Z @ np.linalg.qr(at.bent.vectors[:, cluster])[0]
+    shapes = U @ at.here.free.Z @ np.linalg.qr(at.bent.vectors[:, cluster])[0]
     if flat:
         free = np.linalg.qr(U @ before.here.free.Z @ before.bent.vectors[:, before.bent.signs == 0])[0]
-        ways = np.linalg.svd(ways - free @ (free.T @ ways), full_matrices=False)[0][:, :m]
-    return np.linalg.solve(U, ways).T
+        shapes = np.linalg.svd(shapes - free @ (free.T @ shapes), full_matrices=False)[0][:, :m]
+    return np.linalg.solve(U, shapes).T

@@ -1,4 +1,4 @@
-"""All equilibria of a mechanism with one degree of freedom, on the curves of poses of all circuits."""
+"""All equilibria of a mechanism with one degree of freedom, along the curves of poses of all circuits."""
 
 import warnings
 from collections.abc import Iterable, Iterator
@@ -15,10 +15,10 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import RANK, SAME_STATE, TINY
 from ..kinematics.assembly_modes import assembly_modes
-from ..kinematics.driven_mechanism import driven_mechanism, left_open, require_one_dof, start_pose
+from ..kinematics.driven_mechanism import driven_mechanism, omitted_elements, require_one_dof, start_pose
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from .equilibrium import Equilibrium, labels, velocities
+from .equilibrium import Equilibrium, velocities, velocity_labels
 from .stability import verdict
 from .trust_region import TrustRegion
 
@@ -26,7 +26,7 @@ __all__ = ["equilibria"]
 
 POINTS = 361
 INPUTS = 3  # values of the input, over its range, at which circuits are searched
-BESIDE = 0.25  # of the way between two poses of a curve: a pose so near is on it
+ON_CURVE = 0.25  # of the distance between two poses: tolerance for a pose on the curve
 
 
 def equilibria(
@@ -38,26 +38,26 @@ def equilibria(
 ) -> list[Equilibrium]:
     """Find all equilibria of a mechanism with one degree of freedom: the zeros of Z^T f along its curves of poses.
 
-    Besides the curve of the start, those of the other circuits are followed: the assembly modes at three values of the
-    input, over its range, that lie on no curve yet (see `mbdae.assembly_modes`).
+    Besides the curve of the start, those of the other circuits are traced, from assembly modes at three values of the
+    input over its range that do not lie on earlier curves (see `mbdae.assembly_modes`).
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
-        drive: the joint over which the poses are followed. See `mbdae.kinematics`.
+        mech: the mechanism, or an argument of `mbdae.load`.
+        drive: the joint over which the poses are traced. See `mbdae.kinematics`.
         span: its range in rad or m; one turn to both sides of the start when left out.
         hold: locked joints.
 
     Returns:
-        The equilibria, stable and unstable ones, along the curves, that of the start first; each once.
+        Stable and unstable equilibria in the order of the curves, that of the start first; each once.
 
     Raises:
-        InputError: where drivers or integrators leave no degree of freedom, and as `mbdae.kinematics`.
+        InputError: if drivers or integrators leave no degree of freedom, and as `mbdae.kinematics`.
         UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
     """
     mech = mechanism_of(mech, "equilibria")
     held = as_list(hold, "hold is a list of joints")
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
-    statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), labels(mech, fixed)
+    statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), velocity_labels(mech, fixed)
     s0 = np.array(list(mech.states.values()))
     _require_branch(statics, drive, tuple(held), s0)
     first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
@@ -67,39 +67,39 @@ def equilibria(
     out: list[Equilibrium] = []
     for curve in _circuits(first, span, tuple(held)):
         for here, search in _balanced(statics, curve, s0):
-            if all(np.abs(_apart(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
-                still, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
-                judged, left = verdict(statics, here), search.residual
+            if all(np.abs(_offsets(mech, e.q[None], here.q)).max() > SAME_STATE for e in out):
+                v, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
+                judged, residual = verdict(statics, here), search.residual
                 out.append(
-                    Equilibrium(mech, 0.0, here.q, still, here.s, here.lam, holding, left, search.iterations, judged)
+                    Equilibrium(mech, 0.0, here.q, v, here.s, here.lam, holding, residual, search.iterations, judged)
                 )
     return out
 
 
 def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Array) -> None:
-    """Reject a mechanism whose poses have one degree of freedom that drivers and integrators take, before any search.
+    """Reject a mechanism whose degree of freedom is prescribed by drivers or integrators, before any search.
 
     Raises:
         InputError: with the reason; and as `mbdae.kinematics` does for the start pose.
     """
     mech, begin = statics.mech, start_pose(statics.mech)
-    moved = driven_mechanism(mech, drive, hold, begin)
-    if statics.point(begin, s0).free.Z.shape[1]:  # as many in all poses but singular ones
+    driven = driven_mechanism(mech, drive, hold, begin)
+    if statics.point(begin, s0).free.Z.shape[1]:  # the same in all regular poses
         return
-    held = [d.joint or d.name for d in moved.drivers[:-1]]
-    require_one_dof(moved, moved.system(), begin, drive, held, left_open(mech))
+    held = [d.joint or d.name for d in driven.drivers[:-1]]
+    require_one_dof(driven, driven.system(), begin, drive, held, omitted_elements(mech))
     raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
 
 
 def _given(mech: Mechanism, drive: str) -> str:
-    """Name what removes the degree of freedom that a mechanism has without its drivers and integrators."""
+    """Return the reason why the degree of freedom is prescribed, in words."""
     if any(d.speed is not None for d in mech.drivers):
-        return f"a driver says how fast {drive!r} moves"
-    return f"{'a driver' if mech.drivers else 'an integrator'} says where {drive!r} is"
+        return f"a driver prescribes the speed of {drive!r}"
+    return f"{'a driver' if mech.drivers else 'an integrator'} prescribes {drive!r}"
 
 
 def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[str, ...]) -> list[Kinematics]:
-    """The curve of the start, and those of assembly modes that are not on it."""
+    """Return the curve of the start, and those of assembly modes that are not on earlier ones."""
     mech, drive, curves = first.mechanism, first.drive, [first]
     if not mech.closures:
         return curves
@@ -111,12 +111,12 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
     for u in (start.u, *inputs.tolist()):
         try:
             found = start if u == start.u else assembly_modes(mech, drive, u, hold=hold)
-        except InputError:  # it does not reach there
+        except InputError:  # it cannot reach this input
             continue
         for warning in found.warnings:
             warnings.warn(f"equilibria over {drive!r}: {warning}", stacklevel=3)
         for mode in found.modes:
-            if mode.margin < RANK or any(_passes(mech, curve, mode.q) for curve in curves):
+            if mode.margin < RANK or any(_contains(mech, curve, mode.q) for curve in curves):
                 continue
             try:
                 curves.append(kinematics(mech, drive, span=span, hold=hold, points=POINTS, q=mode.q))
@@ -126,22 +126,22 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
     return curves
 
 
-def _passes(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
-    """Whether a curve passes a pose."""
+def _contains(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
+    """Return whether a curve contains a pose."""
     for stretch in curve.stretches:
         poses = curve.q[stretch.first : stretch.last]
-        away = _apart(mech, poses, q)
-        steps = np.diff(away, axis=0)
+        offsets = _offsets(mech, poses, q)
+        steps = np.diff(offsets, axis=0)
         size = np.maximum((steps**2).sum(1), TINY)
-        share = np.clip(-(away[:-1] * steps).sum(1) / size, 0, 1)
-        nearest = np.linalg.norm(away[:-1] + share[:, None] * steps, axis=1)
-        if (nearest <= BESIDE * np.sqrt(size)).any():
+        fraction = np.clip(-(offsets[:-1] * steps).sum(1) / size, 0, 1)
+        nearest = np.linalg.norm(offsets[:-1] + fraction[:, None] * steps, axis=1)
+        if (nearest <= ON_CURVE * np.sqrt(size)).any():
             return True
     return False
 
 
 def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[ForceBalance, TrustRegion]]:
-    """The equilibria along a curve, where the force along it changes its sign."""
+    """Yield the equilibria along a curve, at sign changes of the force along it."""
     manifold = statics.system.manifold
 
     def along(q: Array, tangent: Array) -> float:
@@ -157,8 +157,8 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[
                 continue
             x, tau = manifold.difference(curve.q[i], curve.q[i + 1]), curve.tangent[i]
             try:
-                share = brentq(lambda c, i=i, x=x, tau=tau: along(manifold.integrate(curve.q[i], c * x), tau), 0, 1)
-                near = statics.close(manifold.integrate(curve.q[i], share * x), s0)
+                c = brentq(lambda c, i=i, x=x, tau=tau: along(manifold.integrate(curve.q[i], c * x), tau), 0, 1)
+                near = statics.close(manifold.integrate(curve.q[i], c * x), s0)
                 search = TrustRegion(statics, statics.point(near, s0))
                 found = search.run("any")
             except (StepError, ValueError):
@@ -167,7 +167,7 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[
                 yield search.here, search
 
 
-def _apart(mech: Mechanism, poses: Array, q: Array) -> Array:
-    """How far poses (n, nq) are from q, in rad and characteristic lengths, (n, nv); full turns of a hinge are none."""
+def _offsets(mech: Mechanism, poses: Array, q: Array) -> Array:
+    """Return q (-) poses (n, nq), in rad and characteristic lengths, (n, nv), up to full turns."""
     x = np.array([mech.manifold.difference(pose, q) for pose in poses]) / mech.coordinate_scales
     return np.where(angle_components(mech.model), x - 2 * np.pi * np.round(x / (2 * np.pi)), x)

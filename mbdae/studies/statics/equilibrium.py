@@ -1,4 +1,4 @@
-"""Where a mechanism rests, or moves steadily, what holds it there, and whether it stays."""
+"""Equilibria and steady motions of a mechanism: holding forces and stability."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -44,10 +44,10 @@ class Equilibrium(Tabular):
         v: constant speeds, (nv,); zero at rest.
         s: states of controllers and actuators, (ns,).
         lam: multipliers of all rows, (ng,), of minimum norm.
-        holding: torque in N m or force in N that holds each coordinate of the joints that are held, by name.
-        residual: the remaining forces along free motions, as a share of the largest met.
-        iterations: steps tried.
-        verdict: stability, and from what.
+        holding: torque in N m or force in N on each coordinate of locked joints, by name.
+        residual: unbalanced force along free motions, relative to the largest force.
+        iterations: number of trial steps.
+        verdict: stability, and its criterion.
     """
 
     mechanism: Mechanism
@@ -63,7 +63,7 @@ class Equilibrium(Tabular):
 
     @property
     def stability(self) -> str:
-        """``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` (no degree of freedom is left) or ``"singular"``."""
+        """``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` (no degree of freedom) or ``"singular"``."""
         return self.verdict.stability
 
     @property
@@ -79,7 +79,7 @@ class Equilibrium(Tabular):
         return {name: float(x[0]) for name, x in coordinates(at).items() if name.startswith("q.")}
 
     def reaction(self, name: str) -> Reaction:
-        """Force and torque of a closure between frames, see `mbdae.Solution.reaction`.
+        """Return force and torque of a closure between frames, see `mbdae.Solution.reaction`.
 
         Raises:
             UnknownNameError: for a name that does not exist.
@@ -87,7 +87,7 @@ class Equilibrium(Tabular):
         return reaction(self.mechanism, name, np.array([self.t]), self.q[None], self.lam[None])
 
     def tabulated(self) -> Columns:
-        """One row: coordinates, states, what is held, and the forces of closures, by the names of signals."""
+        """Return one row: coordinates, states, holding forces, and forces of closures, by names of signals."""
         units, values = coordinate_units(self.mechanism), {"t": self.t, **self.coordinates}
         known = {"t": "s", **{name: units[name] for name in self.coordinates if name in units}}
         values |= {f"s.{name}": float(x) for name, x in zip(self.mechanism.states, self.s, strict=True)}
@@ -103,13 +103,13 @@ class Equilibrium(Tabular):
         return Columns({name: [x] for name, x in (values | {"stability": self.stability}).items()}, known)
 
     def cells(self) -> list[list[str]]:
-        """Every quantity with its value and unit."""
+        """Return every quantity with its value and unit."""
         found = self.tabulated()
         rows = [[n, x if isinstance(x, str) else f"{_shown(x):.8g}"] for n, (x,) in found.values.items()]
         return [["quantity", "value", "unit"], *([*row, found.units.get(row[0], "")] for row in rows)]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         names = [c.name for c in self.mechanism.constraints if c.frames]
         forces = {name: self.reaction(name) for name in names}
         return {
@@ -133,7 +133,7 @@ class Equilibrium(Tabular):
         named = coordinate_units(self.mechanism)
         lines = [
             f"equilibrium of {self.mechanism.title}: {self.verdict}",
-            f"  {self.iterations} iterations, forces balance to {self.residual:.1e} of the largest met",
+            f"  {self.iterations} iterations, unbalanced {self.residual:.1e} of the largest force",
         ]
         lines += [f"  {name} = {_shown(x):.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
@@ -148,7 +148,7 @@ class Equilibrium(Tabular):
 
 
 def _shown(x: float) -> float:
-    """A number as text shows it: rounding is none."""
+    """Return a number for display, with rounding errors as 0."""
     return x if abs(x) > ROUNDING else 0.0
 
 
@@ -163,28 +163,28 @@ def equilibrium(
 ) -> Equilibrium:
     """Find an equilibrium, 0 = f(t, q, v, s) + G^T lam, 0 = g(t, q), 0 = h(t, q, v, s), from a configuration.
 
-    From anywhere, by a trust region over the free motions that asks for no potential, so with controllers, motors and
-    follower forces, too. States are found with it: currents, and integrators, which ask for their reference. Drivers
-    stand where they are at time t. With speeds it is a relative equilibrium: the coordinates given a speed turn or
-    slide steadily and nothing may depend on them (the shaft of a governor); the torque that keeps them so is reported.
+    By a trust region over the free motions that needs no potential, so that controllers, motors and follower forces are
+    allowed. States such as currents and integrators are determined, too; an integrator requires its reference value.
+    Drivers are frozen at time t. With speeds it is a relative equilibrium: the coordinates with a speed move steadily
+    and nothing may depend on them (the shaft of a governor); the torque that sustains them is reported.
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
-        q: joint values to start from by name, or a whole configuration (nq,); the model's start when left out.
+        mech: the mechanism, or an argument of `mbdae.load`.
+        q: start values of joints by name, or a full configuration (nq,); the model's start when left out.
         t: time in s.
         v: constant speeds by joint, in rad/s or m/s.
-        hold: joints that are held where they start; the torques that hold them are reported.
-        find: which equilibrium. ``"stable"`` leaves saddles and maxima; ``"any"`` goes to the nearest equilibrium of
-            any kind.
+        hold: joints to lock at their start; their holding torques are reported.
+        find: kind of equilibrium. ``"stable"`` leaves saddles and maxima; ``"any"`` accepts the nearest
+            equilibrium of any kind.
 
     Returns:
         The equilibrium, with a verdict.
 
     Raises:
-        EquilibriumError: where forces balance nowhere; says what is left at best, and at which joint.
+        EquilibriumError: if no equilibrium is found; with the smallest residual and its joint.
         InputError: for a wrong argument, or speeds that are not steady.
         UnknownNameError: for a joint that does not exist.
-        AssemblyError: where the start cannot be closed.
+        AssemblyError: if the start cannot be closed.
 
     Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7.
     """
@@ -202,7 +202,7 @@ def equilibrium(
 def complete_arguments(
     mech: Mechanism, q: Any, t: float, v: Any, hold: str | Iterable[str]
 ) -> tuple[Array, Array, Array, list[str]]:
-    """Return a closed start (nq,), speeds (nv,), the indices of held velocities, and the names of these.
+    """Return a closed start (nq,), speeds (nv,), the indices of locked velocities, and their names.
 
     Raises:
         InputError, UnknownNameError: for wrong values or names.
@@ -215,11 +215,11 @@ def complete_arguments(
         moving = np.flatnonzero(speeds)
     fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
     held = np.unique(np.array([*fixed, *moving], int))
-    return start, speeds, held, labels(mech, held)
+    return start, speeds, held, velocity_labels(mech, held)
 
 
 def velocities(mech: Mechanism, name: str) -> range:
-    """The indices of a joint in v.
+    """Return the indices of a joint in v.
 
     Raises:
         UnknownNameError: for a joint that does not exist.
@@ -228,19 +228,19 @@ def velocities(mech: Mechanism, name: str) -> range:
     return range(joint.idx_v, joint.idx_v + joint.nv)
 
 
-def labels(mech: Mechanism, indices: Array) -> list[str]:
-    """Names of velocities: that of the joint, with the number of the coordinate where it has several."""
+def velocity_labels(mech: Mechanism, indices: Array) -> list[str]:
+    """Return names of velocities: the joint, with the number of the coordinate if it has several."""
     joints = [mech.coordinate_joint(int(i)) for i in indices]
     spans = [velocities(mech, name) for name in joints]
     return [n if len(at) == 1 else f"{n}.{i - at[0] + 1}" for n, at, i in zip(joints, spans, indices, strict=True)]
 
 
 def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float, int]:
-    """Search from a configuration; return the balance, its residual, and the number of steps tried.
+    """Search from a configuration; return the balance, its residual, and the number of trial steps.
 
     Raises:
-        EquilibriumError: where forces balance nowhere.
-        InputError: where speeds are not steady.
+        EquilibriumError: if no equilibrium is found.
+        InputError: for speeds that are not steady.
     """
     mech = statics.mech
     try:
@@ -250,9 +250,9 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float
         raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e
     here = search.here
     if not found:
-        pull = np.abs(here.free.Z @ here.rho) / statics.sizes.l
-        worst = mech.coordinate_joint(int(pull.argmax()))
-        where = f"{search.residual:.2e} of the largest force met is left, most at joint {worst!r}"
+        unbalanced = np.abs(here.free.Z @ here.rho) / statics.sizes.l
+        worst = mech.coordinate_joint(int(unbalanced.argmax()))
+        where = f"{search.residual:.2e} of the largest force is unbalanced, most at joint {worst!r}"
         text = f"no {'stable ' * (find == 'stable')}equilibrium found in {search.iterations} iterations: {where}"
         raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
     if statics.v.any():

@@ -1,4 +1,4 @@
-"""The figure of a path of equilibria: the load over a coordinate."""
+"""Figure of a path of equilibria: the load factor over a coordinate."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import UnknownNameError
 from ...mechanism.coordinate_units import coordinate_units
-from ..figures import COLOURS, WIDTH, beside, escaped, fixed_layout, sheet
+from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout, legend_right
 from .load_path import LoadPath
 
 if TYPE_CHECKING:
@@ -25,18 +25,18 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     found, name = path.coordinates, coordinate or path.moving
     if name not in found:
         raise UnknownNameError("coordinate", name, found)
-    figure = sheet(WIDTH, 3.2)
+    figure = empty_figure(WIDTH, 3.2)
     ax = figure.subplots()
-    x, loose = found[name], path.unstable > 0
-    changes = np.flatnonzero(np.diff(loose)) + 1
+    x, unstable = found[name], path.unstable > 0
+    changes = np.flatnonzero(np.diff(unstable)) + 1
     seen = set[bool]()
     for part in np.split(np.arange(len(x)), changes):
-        wrong = bool(loose[part[0]])
+        dashed = bool(unstable[part[0]])
         run = np.append(part, part[-1] + 1)[: len(x) - part[0]]
-        style: Any = {"color": COLOURS[1], "linestyle": "--"} if wrong else {"color": COLOURS[0], "linestyle": "-"}
-        label = None if wrong in seen else "unstable" if wrong else "stable"
+        style: Any = {"color": COLOURS[1], "linestyle": "--"} if dashed else {"color": COLOURS[0], "linestyle": "-"}
+        label = None if dashed in seen else "unstable" if dashed else "stable"
         ax.plot(x[run], path.factor[run], label=label, **style)
-        seen.add(wrong)
+        seen.add(dashed)
     for kind, (label, marker) in STYLES.items():
         at = [e for e in path.critical if e.kind == kind]
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
@@ -45,5 +45,5 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     ax.set_xlabel(escaped(f"{name} ({coordinate_units(path.mechanism).get(name, '')})"))
     ax.set_ylabel(escaped(f"factor on {path.load}"))
     ax.set_title(escaped(path.mechanism.title))
-    beside(ax)
+    legend_right(ax)
     return figure

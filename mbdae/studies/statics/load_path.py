@@ -1,4 +1,4 @@
-"""Equilibria over a load that grows slowly: load-deflection curves through limit points."""
+"""Equilibria over a quasi-static load: load-deflection curves through limit points."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -39,8 +39,8 @@ class LoadPath(Tabular):
         q: configurations, (n, nq).
         unstable: number of negative eigenvalues of the stiffness, (n,).
         critical: limit points and branch points.
-        complete: the path came to the end of the range.
-        potential: the forces have one all along: no branch point can be missed between two points.
+        complete: whether the path reached the end of the range.
+        potential: whether forces have a potential along the path: then no branch point can be missed.
     """
 
     mechanism: Mechanism
@@ -68,7 +68,7 @@ class LoadPath(Tabular):
         return max(self.coordinates.items(), key=lambda item: float(np.ptp(item[1])))[0]
 
     def plot(self, path: str | Path | None = None, coordinate: str | None = None) -> "Figure":
-        """Draw the load over a coordinate, the one that moves the most when left out; written where a path is given.
+        """Draw the load over a coordinate, the one that moves the most when left out; saved if a path is given.
 
         Raises:
             UnknownNameError: for a coordinate that does not exist.
@@ -77,16 +77,16 @@ class LoadPath(Tabular):
         from .. import figures
         from .figure import load_deflection
 
-        return figures.given(load_deflection(self, coordinate), path)
+        return figures.save_if_path(load_deflection(self, coordinate), path)
 
     def tabulated(self) -> Columns:
-        """Factor, coordinates, and numbers of negative eigenvalues along the path."""
+        """Return factor, coordinates, and numbers of negative eigenvalues along the path."""
         known, found = coordinate_units(self.mechanism), self.coordinates
         columns = {"factor": self.factor, **found, "unstable": self.unstable}
         return Columns(columns, {name: known[name] for name in found if name in known})
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {
             "title": self.mechanism.title,
             "load": self.load,
@@ -105,13 +105,13 @@ class LoadPath(Tabular):
             f"path of {self.mechanism.title} under {self.load}: {len(self.factor)} equilibria, "
             f"factor {self.factor[0]:.6g} to {self.factor[-1]:.6g}, {name} {values[0]:.6g} to {values[-1]:.6g} {unit}"
         ]
-        said = {"limit": "limit point: it snaps", "branch": "branch point: it buckles"}
-        lines += [f"  {said[e.kind]} at factor {e.factor:.12g}{_several(e)}" for e in self.critical]
+        words = {"limit": "limit point: snap-through", "branch": "branch point: buckling"}
+        lines += [f"  {words[e.kind]} at factor {e.factor:.12g}{_several(e)}" for e in self.critical]
         if not self.potential:
-            lines.append("  forces have no potential: branch points where two roots pass zero at once may be missing")
-        share = float((self.unstable > 0).mean())
-        lines.append(f"  {100 * share:.0f} % of the equilibria are unstable")
-        return "\n".join(lines if self.complete else [*lines, "  the path did not come to the end of the range"])
+            lines.append("  forces have no potential: branch points with double roots may be missing")
+        fraction = float((self.unstable > 0).mean())
+        lines.append(f"  {100 * fraction:.0f} % of the equilibria are unstable")
+        return "\n".join(lines if self.complete else [*lines, "  the path did not reach the end of the range"])
 
 
 def _several(point: CriticalPoint) -> str:
@@ -128,44 +128,44 @@ def load_path(
     v: "Coordinates | Array | None" = None,
     hold: str | Iterable[str] = (),
 ) -> LoadPath:
-    """Follow an equilibrium while a force is scaled from one factor p to another.
+    """Trace an equilibrium while a force is scaled from one factor p to another.
 
         0 = f(t, q, v) + (p - 1) f_load + G^T lam,   0 = g(t, q)
 
-    over the arclength, so that p may turn back at limit points. Source: Keller, Numerical solution of bifurcation and
-    nonlinear eigenvalue problems (1977).
+    by continuation in arclength, so that p may reverse at limit points. Source: Keller, Numerical solution of
+    bifurcation and nonlinear eigenvalue problems (1977).
 
     Args:
-        mech: the mechanism, or what `mbdae.load` takes.
-        load: a force, or gravity, that is scaled. The force has no states.
+        mech: the mechanism, or an argument of `mbdae.load`.
+        load: the scaled force, without states, or gravity.
         span: the first and the last factor on it.
         q: where the search for the first equilibrium starts, see `mbdae.equilibrium`; so t, v and hold.
         t: time in s.
         v: constant speeds.
-        hold: joints that are held.
+        hold: joints to lock.
 
     Returns:
-        The path, also where it leads back through limit points.
+        The path, through limit points.
 
     Raises:
-        EquilibriumError: where there is no equilibrium at the first factor.
+        EquilibriumError: if no equilibrium is found at the first factor.
         UnknownNameError: for a force that does not exist.
-        InputError: for a span that is none, or a mechanism without a degree of freedom.
+        InputError: for an invalid span, or a mechanism without degrees of freedom.
     """
     mech = mechanism_of(mech, "load_path")
     first, last = (float(x) for x in span)
     if not np.isfinite([first, last]).all() or first == last:
         raise InputError(f"a path leads from one factor to another, got {first:g} to {last:g}")
     q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
-    follow = Continuation(Statics(mech, t, speeds, held, [load]), first, last - first)
-    if follow.statics.loads.names == [] and load != "gravity":
+    continuation = Continuation(Statics(mech, t, speeds, held, [load]), first, last - first)
+    if continuation.statics.loads.names == [] and load != "gravity":
         raise UnknownNameError("force", load, [f.name for f in mech.forces])
-    follow.statics.factor = first
-    start = balanced(follow.statics, q0, "stable")[0]
+    continuation.statics.factor = first
+    start = balanced(continuation.statics, q0, "stable")[0]
     if not len(start.rho):
         raise InputError(f"{mech.title!r} has no degree of freedom left: nothing moves with the load")
-    points, critical, complete = follow.run(start)
-    bad = [curvature(p.here.H, p.here.noise).negative for p in points]
+    points, critical, complete = continuation.run(start)
+    unstable = [curvature(p.here.H, p.here.noise).negative for p in points]
     factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.here.q for p in points])
     potential = all(p.bent is not None for p in points)
-    return LoadPath(mech, load, factor, q, np.array(bad), tuple(critical), complete, potential)
+    return LoadPath(mech, load, factor, q, np.array(unstable), tuple(critical), complete, potential)

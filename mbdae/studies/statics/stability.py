@@ -14,7 +14,7 @@ from ...tolerances import COARSE
 from .trust_region import symmetric, symmetric_part
 
 PERTURBATION = 1e-2  # rad or characteristic lengths: a neighbouring pose
-RANK_DROP = COARSE  # of the smallest singular value at a neighbouring pose: the rank has dropped
+RANK_DROP = COARSE  # of the smallest singular value at a neighbouring pose, below which the rank has dropped
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Verdict:
     by: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """Return JSON data."""
         return {
             "stability": self.stability,
             "unstable": self.unstable,
@@ -49,7 +49,7 @@ class Verdict:
         k = len(self.squares)
         dof = f"{k} degree{'s' if k != 1 else ''} of freedom"
         return {
-            "rigid": "no degree of freedom is left",
+            "rigid": "no degree of freedom",
             "singular": f"no verdict, the closures lose rank here ({dof} in this pose)",
             "stable": f"stable, {dof}",
             "neutral": f"neutral in {self.neutral} of {dof}, unstable in none",
@@ -60,8 +60,8 @@ class Verdict:
 def verdict(statics: Statics, here: ForceBalance) -> Verdict:
     """Assess the stability of an equilibrium.
 
-    By the stiffness where it has a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the eigenvalues
-    of the linearised motion where controllers have states, forces have no potential, or gyroscopic terms act.
+    By the stiffness if forces have a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the
+    eigenvalues of the linearised motion for controllers with states, forces without a potential, or gyroscopic terms.
     """
     w = symmetric_part(here.H)[0]
     if not len(w) and not len(here.s):
@@ -80,18 +80,18 @@ def verdict(statics: Statics, here: ForceBalance) -> Verdict:
 
 
 def _zero_modes(motion: LinearMotion) -> int:
-    """The number of independent displacements y at which the linearised motion rests: ker A without ker A[:, k:].
+    """Return the number of independent displacements y in ker A, without ker A[:, k:].
 
     An undamped one has a Jordan chain of length 2 of the eigenvalue 0, a damped one a single 0. Null vectors
     without a displacement are states that do not affect the motion.
     """
     k = motion.positions.shape[1]
-    still = null_space(motion.A[:, k:], motion.noise[:, k:])
-    return len(null_space(motion.A, motion.noise).free) - len(still.free)
+    velocity_null = null_space(motion.A[:, k:], motion.noise[:, k:])
+    return len(null_space(motion.A, motion.noise).free) - len(velocity_null.free)
 
 
 def loses_rank(statics: Statics, here: ForceBalance) -> bool:
-    """Whether the closures have a higher rank in a neighbouring pose than here."""
+    """Return whether the closures have a higher rank in a neighbouring pose than here."""
     Z, system = here.free.Z, statics.system
     if not Z.shape[1] or not system.ng:
         return False
@@ -103,8 +103,8 @@ def loses_rank(statics: Statics, here: ForceBalance) -> bool:
     except StepError:
         return True
     U = system.inertia(statics.t, q)
-    beside = statics.free(U, q, here.s)[0]
-    return len(beside.S) > len(here.free.S) or here.free.pivot < RANK_DROP * beside.pivot
+    neighbour = statics.free(U, q, here.s)[0]
+    return len(neighbour.S) > len(here.free.S) or here.free.pivot < RANK_DROP * neighbour.pivot
 
 
 def _classified(unstable: int, neutral: int, w: Array, by: str) -> Verdict:

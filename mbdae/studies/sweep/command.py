@@ -1,4 +1,4 @@
-"""The sub-command ``sweep``: a file of TOML, a table of runs."""
+"""The sub-command ``sweep``: from a TOML file to a table of runs."""
 
 import sys
 from pathlib import Path
@@ -13,9 +13,9 @@ from ...progress import progress_bar as bar
 if TYPE_CHECKING:
     from .table import Sweep
 
-KEPT = ".parquet"
+STORED = ".parquet"
 TABLE = output_file(
-    "-o", "--output", suffixes=(KEPT, *TABLES), help="Save as .csv, .json or .tex; .parquet keeps each run."
+    "-o", "--output", suffixes=(STORED, *TABLES), help="Save as .csv, .json or .tex; .parquet stores each run."
 )
 FIGURE = output_file("--plot", suffixes=PICTURES, help="Draw the first output as .png, .svg or .pdf.")
 FILE = click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.toml")
@@ -25,24 +25,24 @@ FILE = click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.tom
     "workers executor fresh", TABLE, FIGURE, subject=FILE, types={"executor": click.Choice(["threads", "processes"])}
 )
 def sweep(study: Study, out: Output, file: str, fresh: bool, **chosen: Any) -> None:
-    """Run a model for many values of its parameters, as a file of TOML says: a grid, a list or a random sample.
+    """Run a model for many values of its parameters from a TOML file: a grid, a list or a random sample.
 
-    Runs that fail are rows with a status. Ctrl-C writes what is finished; a .parquet file, which takes pyarrow, keeps
-    each run, and the same command goes on from there.
+    Failed runs are rows with a status. Ctrl-C writes the finished runs; a .parquet file, which needs pyarrow, stores
+    each run, and the same command resumes from it.
     """
     from .toml_file import read_sweep
 
     output = out.paths["output"]
-    path = output if output and Path(output).suffix == KEPT else None
+    path = output if output and Path(output).suffix == STORED else None
     arguments = read_sweep(file) | {key: value for key, value in chosen.items() if value is not None}
-    with bar("sweep", 1.0) as tell:
-        result = study(**arguments, path=path, fresh=fresh, progress=tell)
+    with bar("sweep", 1.0) as report_progress:
+        result = study(**arguments, path=path, fresh=fresh, progress=report_progress)
     if output and not path and (result.complete or len(result)):
         result.save(output)
     if not result.complete:
         out.emit(result.to_dict(), str(result), [output] if output and not path and len(result) else [])
-        kept = f"; {path}.part keeps what is finished, the same command goes on from there" if path else ""
-        exit_interrupted(f"after {len(result)} of {result.total} runs{kept}")
+        resume = f"; {path}.part has the finished runs, the same command resumes from them" if path else ""
+        exit_interrupted(f"after {len(result)} of {result.total} runs{resume}")
     if out.paths["plot"]:
         result.plot(out.paths["plot"])
     out.emit(result.to_dict(), str(result))

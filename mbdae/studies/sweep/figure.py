@@ -1,11 +1,11 @@
-"""The figure of a sweep: a result over each parameter, and its distribution."""
+"""Figure of a sweep: a result over each parameter, and its distribution."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ..figures import WIDTH, escaped, fixed_layout, sheet
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout
 from .table import Sweep
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ COLOURS = ("#0072B2", "#D55E00")
 
 @fixed_layout
 def spread(sweep: Sweep, output: str | None = None) -> "Figure":
-    """Draw a result of every run over each parameter that is a number, and how often it has which value.
+    """Draw a result of every run over each numeric parameter, and its histogram.
 
     Args:
         sweep: the table.
@@ -35,10 +35,10 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     y = sweep[name].astype(float)
     known = np.isfinite(y)
     if not known.any():
-        raise InputError(f"no run of the sweep has a {name!r}: there is nothing to draw")
+        raise InputError(f"no run of the sweep has a value of {name!r} to draw")
     parameters = [n for n in sweep.parameters if n in numeric and n != name]
     rows = -(-(len(parameters) + 1) // COLUMNS)
-    figure = sheet(WIDTH, HEIGHT * rows + 0.3)
+    figure = empty_figure(WIDTH, HEIGHT * rows + 0.3)
     axes = figure.subplots(rows, min(COLUMNS, len(parameters) + 1), squeeze=False)
     panels = list(axes.flat)
     for ax, parameter in zip(panels, parameters, strict=False):

@@ -1,4 +1,4 @@
-"""Fingerprints of functions that are equal across runs of Python: of their code and all that they hold."""
+"""Fingerprints of functions, equal across Python processes: of their code and all objects they refer to."""
 
 import pickle
 from collections.abc import Callable, Iterable
@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-Inner = Callable[[Any], Any]  # the fingerprint of what an object holds
+Inner = Callable[[Any], Any]  # fingerprint of the contents of an object
 
 
 def fingerprint(x: Any, seen: tuple[int, ...] = ()) -> Any:
-    """Return plain data for JSON that differs where functions do: in code, defaults, closures, partial arguments.
+    """Return JSON data that identify a function by its code, defaults, closure variables and partial arguments.
 
-    Objects are distinguished by their pickles, and by their type alone where they cannot be pickled.
+    Objects are distinguished by their pickles, or by their type if they cannot be pickled.
     """
     if x is None or isinstance(x, bool | int | float | str):
         return x

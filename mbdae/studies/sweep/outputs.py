@@ -1,15 +1,15 @@
-"""Outputs kept of each run of a sweep: signals at given times, and single numbers.
+"""Outputs of each run of a sweep: signals at given times, and scalars.
 
-"q.slider"                     a signal, kept at the times of the sweep
+"q.slider"                     a signal at the times of the sweep
 "final q.slider"               its value at the end; max, min, and peak, the largest magnitude
 "rms effort.motor"             over time; also mean and integral
 "peak force.wrist pin"         of a joint or closure: force in N and torque in N m, magnitudes or components
 "max effort.motor"             of a coupling or a driver; power of a driver or a force
-"min normal.front"             of a rolling body; also longitudinal, lateral and friction, the coefficient that it takes
+"min normal.front"             of a rolling body; also longitudinal, lateral and friction, the required coefficient
 a function of the Solution     returns a table of numbers: {"period": 1.2}
 
-Extrema and integrals come from the solution between the steps, `mbdae.solution.statistics`: they depend on the error of
-the run alone, not on where its steps or the sweep's times are.
+Extrema and integrals come from the solution between the steps, `mbdae.solution.statistics`: they depend only on
+the error of the run, not on the times of its steps or of the sweep.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -35,26 +35,30 @@ EXTREMA: dict[str, Callable[[tuple[Extremum, Extremum]], float]] = {
 REDUCTIONS = ("final", *EXTREMA, *Integrals._fields)
 
 
-class Wanted(NamedTuple):
-    """An output that a text asks for: a signal, and what is made of it; None keeps it at the times of the sweep."""
+class ParsedOutput(NamedTuple):
+    """A parsed output: a signal, and its reduction to a scalar; None for values at the times of the sweep."""
 
     text: str
     reduction: str | None
     signal: str
 
 
-def parse(text: str) -> Wanted:
+def parse(text: str) -> ParsedOutput:
     """Read an output: a signal, or a reduction and a signal."""
     first, _, rest = text.strip().partition(" ")
-    return Wanted(text, first, rest.strip()) if first in REDUCTIONS and rest else Wanted(text, None, text.strip())
+    return (
+        ParsedOutput(text, first, rest.strip())
+        if first in REDUCTIONS and rest
+        else ParsedOutput(text, None, text.strip())
+    )
 
 
 def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
-    """Refuse outputs that no run can have.
+    """Reject outputs that no run can have.
 
     Raises:
         UnknownNameError: for a signal or a reduction that does not exist.
-        InputError: for a signal to be kept at times when there are none, or what is neither text nor function.
+        InputError: for a signal without times, or an output that is neither text nor function.
     """
     known = units(mech) if any(isinstance(x, str) for x in outputs) else {}
     for output in outputs:
@@ -69,23 +73,23 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
         if wanted.signal not in known:
             raise UnknownNameError("signal", wanted.signal, known)
         if wanted.reduction is None and not timed:
-            raise InputError(f"output {output!r} is kept at times: say which, or what of it, as in 'max {output}'")
+            raise InputError(f"output {output!r} needs times=, or a reduction as in 'max {output}'")
     if len(set(outputs)) < len(outputs):
         raise InputError(f"an output is given twice: {', '.join(map(label, outputs))}")
 
 
 def label(output: Output) -> str:
-    """An output as text."""
+    """Return an output as text."""
     return output if isinstance(output, str) else function_name(output)
 
 
 def evaluate(
     sol: Solution, outputs: Sequence[Output], n: int | None
 ) -> tuple[dict[str, float], dict[str, Array], dict[str, float]]:
-    """The outputs of a run: numbers, signals at ``n`` times (nan where the run ended before), results of functions.
+    """Return the outputs of a run: scalars, signals at ``n`` times (nan after its end), results of functions.
 
     Raises:
-        InputError: for a function that fails, or returns what is no table of numbers.
+        InputError: for a function that fails, or does not return a table of numbers.
     """
     wanted = [parse(x) for x in outputs if isinstance(x, str)]
     found = signals(sol, [w.signal for w in wanted if w.reduction in (None, "final")])
@@ -96,33 +100,33 @@ def evaluate(
     return numbers, samples, _computed(sol, [x for x in outputs if not isinstance(x, str)])
 
 
-def _reduced(sol: Solution, wanted: Sequence[Wanted], found: Mapping[str, Array]) -> dict[str, float]:
-    """The outputs that are single numbers; found has the signals of those that are final values."""
-    extreme = extrema(sol, [w.signal for w in wanted if w.reduction in EXTREMA])
-    summed = integrals(sol, [w.signal for w in wanted if w.reduction in Integrals._fields])
+def _reduced(sol: Solution, wanted: Sequence[ParsedOutput], found: Mapping[str, Array]) -> dict[str, float]:
+    """Return the scalar outputs; ``found`` has the signals of final values."""
+    extremes = extrema(sol, [w.signal for w in wanted if w.reduction in EXTREMA])
+    integrated = integrals(sol, [w.signal for w in wanted if w.reduction in Integrals._fields])
     numbers = {}
     for w in wanted:
         if w.reduction in EXTREMA:
-            numbers[w.text] = EXTREMA[w.reduction](extreme[w.signal])
+            numbers[w.text] = EXTREMA[w.reduction](extremes[w.signal])
         elif w.reduction in Integrals._fields:
-            numbers[w.text] = getattr(summed[w.signal], w.reduction)
+            numbers[w.text] = getattr(integrated[w.signal], w.reduction)
         elif w.reduction:
             numbers[w.text] = float(found[w.signal][-1])
     return numbers
 
 
 def _computed(sol: Solution, functions: Sequence[Function]) -> dict[str, float]:
-    """The results of all functions as one table."""
+    """Return the results of all functions as one table."""
     out: dict[str, float] = {}
     for function in functions:
-        result = _called(function, sol)
+        result = _call(function, sol)
         if twice := sorted(result.keys() & out.keys()):
             raise InputError(f"two output functions return {twice[0]!r}")
         out |= result
     return out
 
 
-def _called(function: Function, sol: Solution) -> dict[str, float]:
+def _call(function: Function, sol: Solution) -> dict[str, float]:
     name = function_name(function)
     try:
         result = function(sol)

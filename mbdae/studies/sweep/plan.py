@@ -16,8 +16,8 @@ DISTRIBUTIONS = (  # methods of numpy.random.Generator
     "uniform", "normal", "lognormal", "triangular", "choice", "integers", "exponential", "gamma", "beta", "weibull",
 )  # fmt: skip
 RANGE = {"from", "to", "n"}
-LARGEST = 1_000_000  # runs of a sweep: their table is made before the first of them
-VALUES, OWN = 0, 1  # the streams of random numbers of a run: its parameters, and what its seed is for
+MAX_RUNS = 1_000_000  # of a sweep, planned before the first one
+PARAMETER_STREAM, SEED_STREAM = 0, 1  # random streams of a run: for its parameters, and for its seed
 
 
 @dataclass(frozen=True)
@@ -25,18 +25,18 @@ class Random:
     """A random sample of parameters.
 
     Run i draws from numpy's ``SeedSequence(seed, spawn_key=(i, 0))``, parameter by parameter in their order: the values
-    depend on the seed and on i, not on who computes the run, and not on n.
+    depend on the seed and on i, not on n or on the worker.
 
     Attributes:
         n: number of runs.
         parameters: name = distribution. A distribution is a table with the name of a method of numpy.random.Generator
             and its arguments, ``{"distribution": "normal", "loc": 0.35, "scale": 1e-3}``, or, in Python, a frozen
-            distribution of scipy.stats; a plain value is shared by all runs.
+            distribution of scipy.stats; other values are common to all runs.
 
     Raises:
-        InputError: when the sweep begins, for an n that is no positive number, or arguments that the distribution
-            refuses.
-        UnknownNameError: when the sweep begins, for a distribution that does not exist; lists those that do.
+        InputError: at the start of the sweep, for an n that is not a positive number, or invalid arguments of a
+            distribution.
+        UnknownNameError: at the start of the sweep, for an unknown distribution; lists the valid ones.
     """
 
     n: int
@@ -58,10 +58,10 @@ class Task(NamedTuple):
 
 
 def tasks(parameters: Parameters, seed: int) -> list[Task]:
-    """The runs in their order: of a grid the last parameter changes first.
+    """Return the runs in order; in a grid the last parameter varies fastest.
 
     Raises:
-        InputError: for parameters that are none of the three, or values that no table holds.
+        InputError: for other parameters, or values that a table cannot store.
         UnknownNameError: for a distribution that does not exist.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
@@ -69,20 +69,20 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
     runs = enumerate(_runs(parameters, int(seed)))
-    out = [Task(i, own_seed(int(seed), i), {n: builtin_value(n, x) for n, x in run.items()}) for i, run in runs]
+    out = [Task(i, run_seed(int(seed), i), {n: builtin_value(n, x) for n, x in run.items()}) for i, run in runs]
     if not out:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
     return out
 
 
 def _runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
-    """The values of each run, from a sample, a grid or a list."""
+    """Return the values of each run, from a sample, a grid or a list."""
     if isinstance(parameters, Random):
-        _refuse_many(parameters.n)
+        _check_number(parameters.n)
         return _sample(parameters, seed)
     if isinstance(parameters, Mapping):
         lists = [_listed(name, values) for name, values in parameters.items()]
-        _refuse_many(prod(map(len, lists)))
+        _check_number(prod(map(len, lists)))
         return (dict(zip(parameters, values, strict=True)) for values in product(*lists))
     if isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
         return parameters
@@ -92,9 +92,9 @@ def _runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
     )
 
 
-def _refuse_many(runs: Any) -> None:
-    if isinstance(runs, int | np.integer) and runs > LARGEST:
-        raise InputError(f"a sweep has at most {LARGEST} runs, got {runs}")
+def _check_number(runs: Any) -> None:
+    if isinstance(runs, int | np.integer) and runs > MAX_RUNS:
+        raise InputError(f"a sweep has at most {MAX_RUNS} runs, got {runs}")
 
 
 def _named(parameters: Any) -> Iterable[Any]:
@@ -106,21 +106,23 @@ def _named(parameters: Any) -> Iterable[Any]:
     return (name for run in runs if isinstance(run, Mapping) for name in run)
 
 
-def own_seed(seed: int, run: int) -> int:
-    """The seed of a run, 63 bits: from the seed of the sweep and the number of the run alone."""
-    return int(np.random.SeedSequence(seed, spawn_key=(run, OWN)).generate_state(1, np.uint64)[0] >> np.uint64(1))
+def run_seed(seed: int, run: int) -> int:
+    """Return the seed of a run, 63 bits, from the seed of the sweep and the number of the run."""
+    return int(
+        np.random.SeedSequence(seed, spawn_key=(run, SEED_STREAM)).generate_state(1, np.uint64)[0] >> np.uint64(1)
+    )
 
 
 def names(runs: Iterable[Task]) -> list[str]:
-    """Names of all parameters, in their order."""
+    """Return the names of all parameters, in order."""
     return list(dict.fromkeys(name for task in runs for name in task.values))
 
 
 def builtin_value(name: str, value: Any) -> Any:
-    """A value as a number, a text, a truth value or a list of numbers.
+    """Return a value as a number, text, Boolean or list of numbers.
 
     Raises:
-        InputError: for another one.
+        InputError: for any other value.
     """
     value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, bool | int | float | str):
@@ -133,13 +135,13 @@ def builtin_value(name: str, value: Any) -> Any:
 
 
 def _listed(name: str, values: Any) -> Sequence[Any]:
-    """The values of one axis of a grid."""
+    """Return the values of one axis of a grid."""
     if isinstance(values, Mapping) and set(values) == RANGE:
-        _refuse_many(values["n"])
+        _check_number(values["n"])
         try:
             return np.linspace(values["from"], values["to"], values["n"]).tolist()
         except (TypeError, ValueError, OverflowError) as e:
-            raise InputError(f"{name}: from and to are numbers, and n says how many, got {dict(values)}: {e}") from None
+            raise InputError(f"{name}: from and to are numbers, and n is a number, got {dict(values)}: {e}") from None
     if isinstance(values, str | Mapping) or not isinstance(values, Sequence | np.ndarray) or not len(values):
         raise InputError(f"{name}: a grid takes a list of values, or from, to and n, got {values!r:.60}")
     return list(values)
@@ -148,14 +150,14 @@ def _listed(name: str, values: Any) -> Sequence[Any]:
 def _sample(random: Random, seed: int) -> Iterable[dict[str, Any]]:
     if isinstance(random.n, bool) or not isinstance(random.n, int | np.integer) or random.n < 1:
         raise InputError(f"n, the number of runs of a random sample, is a positive number, got {random.n!r}")
-    draws = {name: _drawer(name, value) for name, value in random.parameters.items()}
+    draws = {name: _sampler(name, value) for name, value in random.parameters.items()}
     for i in range(random.n):
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(i, VALUES)))
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(i, PARAMETER_STREAM)))
         yield {name: draw(rng) for name, draw in draws.items()}
 
 
-def _drawer(name: str, value: Any) -> Callable[[np.random.Generator], Any]:
-    """A function that draws a value of one parameter."""
+def _sampler(name: str, value: Any) -> Callable[[np.random.Generator], Any]:
+    """Return a function that draws a value of one parameter."""
     if hasattr(value, "rvs"):
         return lambda rng: value.rvs(random_state=rng)
     if not isinstance(value, Mapping):

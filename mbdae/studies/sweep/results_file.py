@@ -1,7 +1,7 @@
-"""The file of a sweep: an Arrow stream beside it takes each run as it finishes; when all are done it becomes Parquet.
+"""The file of a sweep: an Arrow stream of finished runs, which is replaced by a Parquet file when all are finished.
 
-The stream, ``runs.parquet.part``, grows by one record batch for each run, in one write: a process that is killed leaves
-every finished run readable. The same sweep goes on from there; a half-written last batch is cut off.
+Each run is appended to the stream ``runs.parquet.part`` as one record batch in one write, so that all finished runs are
+readable after a crash. The same sweep resumes from it; an incomplete last batch is removed.
 """
 
 import json
@@ -16,25 +16,25 @@ from ...file_io import atomic_write
 
 PART, SUFFIX = ".part", ".parquet"
 META = b"mbdae.sweep"
-MORE = "more"  # results of functions: which there are is known when all runs are done
+MORE = "more"  # results of functions, whose names are unknown until all runs are finished
 Row = dict[str, Any]
 Kinds = Mapping[str, str]  # name of a column: int, float, text, bool or floats
 
 
 class SweepFile:
-    """Keeps the runs of a sweep, each when it is finished.
+    """File that stores each run of a sweep when it is finished.
 
     Args:
-        path: of the Parquet file that will be.
+        path: of the final Parquet file.
         kinds: the columns.
-        meta: plain data; its ``"manifest"`` tells sweeps apart.
-        fresh: leave what is there unread, and replace it.
+        meta: JSON data; its ``"manifest"`` identifies the sweep.
+        fresh: replace an existing file without reading it.
 
     Attributes:
-        rows: runs finished before, by number of the run.
+        rows: runs finished earlier, by number.
 
     Raises:
-        InputError: without pyarrow; for a file of another sweep, of none, in use, or that cannot be written.
+        InputError: without pyarrow; for a file of another sweep, another file, one in use, or an unwritable one.
     """
 
     def __init__(self, path: Path, kinds: Kinds, meta: Mapping[str, Any], fresh: bool) -> None:
@@ -45,16 +45,16 @@ class SweepFile:
         self.rows: dict[int, Row] = {}
         self.part = path.with_name(path.name + PART)
         self._file: int | None = None
-        self._replaces = fresh and path.exists()  # until the first run is done
+        self._replace_old = fresh and path.exists()  # removed after the first run
         if not fresh and path.exists():
             rows, found = read(path)
-            self._same(found)
+            self._require_same_sweep(found)
             self.rows = {row["run"]: row for row in rows}
         else:
             self._open(fresh)
 
     def _open(self, fresh: bool) -> None:
-        """Open the stream, read its batches, and cut off an incomplete one."""
+        """Open the stream, read its batches, and remove an incomplete one."""
         try:
             self._file = os.open(self.part, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as e:
@@ -65,7 +65,7 @@ class SweepFile:
         end = 0
         if len(content) >= len(head) or not head.startswith(content):
             rows, found, end = _stream(content, self.part)
-            self._same(found)
+            self._require_same_sweep(found)
             self.rows = {row["run"]: row for row in rows}
         os.ftruncate(self._file, end)
         os.lseek(self._file, end, os.SEEK_SET)
@@ -82,17 +82,17 @@ class SweepFile:
                 self.close()
                 raise InputError(f"{self.part} is in use: another process computes this sweep") from None
 
-    def _same(self, found: Mapping[str, Any]) -> None:
-        mine, there = self.meta["manifest"], found["manifest"]
-        other = [key for key in mine if mine[key] != there.get(key)]
+    def _require_same_sweep(self, found: Mapping[str, Any]) -> None:
+        expected, stored = self.meta["manifest"], found["manifest"]
+        other = [key for key in expected if expected[key] != stored.get(key)]
         if other:
             self.close()
             raise InputError(
-                f"{self.path} holds another sweep, with other {' and '.join(other)}: name another file, or delete it"
+                f"{self.path} has another sweep, with other {' and '.join(other)}: give another file, or delete it"
             )
 
     def append(self, row: Row) -> None:
-        """Write one finished run."""
+        """Append one finished run."""
         batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())}], self.schema)
         if self._file is None:
             return
@@ -100,26 +100,26 @@ class SweepFile:
         try:
             while data:
                 data = data[os.write(self._file, data) :]
-            if self._replaces:
+            if self._replace_old:
                 self.path.unlink(missing_ok=True)
         except OSError as e:
-            raise InputError(f"cannot write {self.part}, runs that are finished are kept: {e.strerror}") from None
+            raise InputError(f"cannot write {self.part}, finished runs are stored: {e.strerror}") from None
 
     def finish(self, rows: list[Row]) -> None:
-        """Write the table of all runs, and remove the stream."""
+        """Write the Parquet file of all runs, and remove the stream."""
         if self._file is not None:
             write(self.path, rows, self.kinds, self.meta)
             self.part.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Leave the file as it is."""
+        """Close the stream."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
 
 
 def write(path: Path, rows: Iterable[Row], kinds: Kinds, meta: Mapping[str, Any]) -> None:
-    """Write rows as Parquet, whole or not at all: the same rows give the same bytes.
+    """Write rows as Parquet, atomically; the same rows give the same bytes.
 
     Raises:
         InputError: without pyarrow, or for an unwritable path.
@@ -134,10 +134,10 @@ def write(path: Path, rows: Iterable[Row], kinds: Kinds, meta: Mapping[str, Any]
 
 
 def read(path: Path) -> tuple[list[Row], dict[str, Any]]:
-    """Read the rows and the meta data of a sweep's file, or of its stream where that is not complete.
+    """Read the rows and the metadata of a sweep's file, or of its stream if that is incomplete.
 
     Raises:
-        InputError: without pyarrow, or for a file that is missing, damaged, or of no sweep.
+        InputError: without pyarrow, or for a missing or damaged file, or one without a sweep.
     """
     pa, part = arrow(), path.with_name(path.name + PART)
     if not path.exists() and part.exists():
@@ -155,7 +155,7 @@ def read(path: Path) -> tuple[list[Row], dict[str, Any]]:
 
 
 def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]:
-    """The rows of a stream, its meta data, and where its last whole batch ends."""
+    """Return the rows of a stream, its metadata, and the end of its last complete batch."""
     pa, rows = arrow(), []
     source = pa.BufferReader(content)
     try:
@@ -163,7 +163,7 @@ def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]
         end = source.tell()
         meta = _meta(reader.schema, path)
     except (OSError, ValueError, pa.ArrowException):
-        raise InputError(f"{path} is no file of a sweep, or damaged") from None
+        raise InputError(f"{path} is not a file of a sweep, or damaged") from None
     with suppress(StopIteration, OSError, ValueError, pa.ArrowException):
         while True:
             rows += reader.read_next_batch().to_pylist()
@@ -175,7 +175,7 @@ def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]
 
 def _meta(schema: Any, path: Path) -> dict[str, Any]:
     if META not in (schema.metadata or {}):
-        raise InputError(f"{path} is no file of a sweep")
+        raise InputError(f"{path} is not a file of a sweep")
     return json.loads(schema.metadata[META])
 
 
@@ -193,13 +193,13 @@ def _schema(kinds: Kinds, meta: Mapping[str, Any]) -> Any:
 
 
 def arrow() -> Any:
-    """The module pyarrow.
+    """Return the module pyarrow.
 
     Raises:
-        InputError: when it is not installed.
+        InputError: if it is not installed.
     """
     try:
         import pyarrow.parquet
     except ImportError:
-        raise InputError('the file of a sweep takes pyarrow: pip install "mbdae[sweep]"') from None
+        raise InputError('the file of a sweep needs pyarrow: pip install "mbdae[sweep]"') from None
     return pyarrow

@@ -1,4 +1,4 @@
-"""Thousands of runs: one model, many values of its parameters, one table."""
+"""Parameter sweeps: a table of the runs of a model for many values of its parameters."""
 
 import hashlib
 import json
@@ -36,8 +36,8 @@ __all__ = ["sweep"]
 
 Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
-TRIED = 50  # of the first runs, and as many of the others, until one can be made
-MOST = 1_000_000  # times of a run
+TRIALS = 50  # of the first runs, and of the others, to make one mechanism
+MAX_TIMES = 1_000_000  # of a run
 
 
 def sweep(
@@ -59,36 +59,35 @@ def sweep(
 
     A parameter is named by
 
-    * its own name, for a ``mechanism.py`` or a function that takes it;
+    * its name, for a ``mechanism.py`` or a function that takes it;
     * a dotted path into the mechanism file: ``"force.spring.stiffness"``, ``"frame.rod_tip.xyz.0"``,
       ``"body.rod.mass"``, ``"gravity.2"``, ``"start.v.crank"``;
-    * ``"joint.crank_pin.xyz.0"`` for what a URDF or MJCF file says of a joint: ``xyz`` and ``rpy`` of its place in the
-      body before it, ``mass``, ``com``, ``inertia`` of the body behind it;
+    * ``"joint.crank_pin.xyz.0"`` for a joint of a URDF or MJCF file: ``xyz`` and ``rpy`` of its placement in the parent
+      body, ``mass``, ``com``, ``inertia`` of the child body;
     * ``"solve.rtol"`` for an argument of `mbdae.solve`.
 
-    Names that do not exist are refused before anything runs. A run that fails (a value that does not fit, no consistent
-    start, a status of `mbdae.solve`) is a row with that status and its message. The table is the same bit for bit
-    from threads, processes and clusters.
+    Unknown names are rejected before any run. A failed run (an invalid value, no consistent start, a status of
+    `mbdae.solve`) is a row with that status and its message. The table is bitwise the same for threads, processes and
+    clusters.
 
-    With ``path`` each run is on the disk when it is finished, in ``runs.parquet.part``; when all are, the table is
-    ``runs.parquet``. Stopped or killed, the same call goes on where it was. Stopped by Ctrl-C, it returns what was
-    finished.
+    With ``path`` each finished run is stored in ``runs.parquet.part``, and the complete table in ``runs.parquet``. The
+    same call resumes after an interruption or a crash. After Ctrl-C it returns the finished runs.
 
     Args:
-        model: what `mbdae.load` takes, or a function of the parameters that returns a Mechanism. For processes it must
-            be one that can be imported, and scripts need ``if __name__ == "__main__":``.
+        model: an argument of `mbdae.load`, or a function of the parameters that returns a Mechanism. For processes it
+            must be importable, and scripts need ``if __name__ == "__main__":``.
         parameters: a grid, name = list of values (all combinations); a list of runs, name = value each; or a
             `mbdae.Random` sample.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
-        outputs: results kept of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
+        outputs: results of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
             ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table.
-        times: number of equidistant times, or the times, at which signals are taken; ends of steps when left out.
-        path: file of the table, ``.parquet``; takes pyarrow.
+        times: number of equidistant times, or the times, at which signals are taken; the ends of steps when left out.
+        path: file of the table, ``.parquet``; needs pyarrow.
         seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
         executor: threads when left out, with the core; else processes. ``"threads"``, ``"processes"`` or any executor
             of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``.
-        workers: threads or processes; one for each processor when left out.
-        fresh: do not go on from the file, replace it.
+        workers: threads or processes; one per processor when left out.
+        fresh: do not resume from the file, but replace it.
         progress: called with the fraction done and a text.
         settings: arguments of `mbdae.solve`.
 
@@ -99,12 +98,12 @@ def sweep(
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
         InputError: for wrong arguments, a model that cannot be made with any of the values, or the file of another
             sweep.
-        MbdaeError: when the executor loses a run; finished runs are kept.
+        MbdaeError: if a worker fails; finished runs are stored.
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
-    check = checked_backend if isinstance(executor, Executor) else select_core  # an executor may use other machines
-    check(settings.get("backend", "auto"))
+    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # an executor: other machines
+    check_backend(settings.get("backend", "auto"))
     plan = tasks(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)
@@ -112,13 +111,13 @@ def sweep(
     job = replace(job, key=json.dumps(meta["manifest"]))
     with closing(_Collector(meta, None if path is None else Path(path), fresh, progress)) as collector:
         if open_tasks := [task for task in plan if task.run not in collector.rows]:
-            with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
-                shop.work(open_tasks, collector.record)
+            with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as workers_pool:
+                workers_pool.run(open_tasks, collector.record)
         return collector.finish()
 
 
 class _Collector:
-    """The table of finished runs: in memory, and run by run in a file where a path is given."""
+    """Table of finished runs: in memory, and in a file if a path is given."""
 
     def __init__(self, meta: dict[str, Any], path: Path | None, fresh: bool, progress: Progress | None) -> None:
         self.file = None if path is None else SweepFile(path, meta["kinds"], meta, fresh)
@@ -126,8 +125,8 @@ class _Collector:
         self.rows = dict(self.file.rows) if self.file else {}
 
     def record(self, task: Task, found: dict[str, Any]) -> None:
-        """Take the row of a run that came to its end or failed."""
-        if found["status"] == "interrupted":  # by a signal that reached the worker: the run is still to be made
+        """Record the row of a completed or failed run."""
+        if found["status"] == "interrupted":  # by a signal to the worker: the run is still pending
             return
         row = completed(found, task, self.result.kinds)
         if self.file:
@@ -138,14 +137,14 @@ class _Collector:
             self.progress(n / total, f"{n} of {total} runs")
 
     def finish(self) -> Sweep:
-        """The table of what was finished, written where that is all."""
+        """Return the table of finished runs; write the file if all are finished."""
         self.result.rows = [self.rows[i] for i in sorted(self.rows)]
         if self.file and self.result.complete:
             self.file.finish(self.result.rows)
         return self.result
 
     def close(self) -> None:
-        """Leave the file as it is."""
+        """Close the file."""
         if self.file:
             self.file.close()
 
@@ -153,20 +152,20 @@ class _Collector:
 def _meta(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
     """Return the metadata of a table, see `Sweep`."""
     wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
-    numbers, samples = ([w.text for w in wanted if bool(w.reduction) is kept] for kept in (True, False))
-    of = units(mech) if wanted else {}
+    numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
+    all_units = units(mech) if wanted else {}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": column_kinds(plan, numbers, samples),
         "parameters": names(plan),
         "outputs": numbers,
         "samples": samples,
-        "units": {w.text: of[w.signal] for w in wanted if of[w.signal]},
+        "units": {w.text: all_units[w.signal] for w in wanted if all_units[w.signal]},
     }
 
 
 def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
-    """Check the arguments that need no mechanism."""
+    """Return the job after checks that need no mechanism."""
     if isinstance(outputs, str) or not isinstance(outputs, Sequence):
         raise InputError(f"outputs is a list of texts and functions, got {outputs!r:.60}")
     check_settings(list(settings))
@@ -175,21 +174,23 @@ def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], setti
 
 
 def _absolute_path(model: Model) -> str | Callable[..., Mechanism]:
-    """A path as other processes, which may run in other folders, find it."""
+    """Return an absolute path, for processes that run in other folders."""
     if not isinstance(model, str | Path):
         return model
-    plain, _ = split_name(str(model))
-    if plain in model_names() or not Path(plain).exists():
+    file, _ = split_name(str(model))
+    if file in model_names() or not Path(file).exists():
         return str(model)
-    return str(Path(plain).resolve()) + str(model)[len(plain) :]
+    return str(Path(file).resolve()) + str(model)[len(file) :]
 
 
 def _times(times: Any) -> int | tuple[float, ...] | None:
     if times is None:
         return None
     if isinstance(times, int | np.integer) and not isinstance(times, bool):
-        if not 2 <= times <= MOST:
-            raise InputError(f"times is a number of times, at least 2 and at most {MOST}, or the times, got {times}")
+        if not 2 <= times <= MAX_TIMES:
+            raise InputError(
+                f"times is a number of times, at least 2 and at most {MAX_TIMES}, or the times, got {times}"
+            )
         return int(times)
     try:
         found = tuple(float(t) for t in times)
@@ -201,7 +202,7 @@ def _times(times: Any) -> int | tuple[float, ...] | None:
 
 
 def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
-    """Refuse names that do not exist; return the mechanism of the first run that can be made.
+    """Reject unknown names; return the mechanism of the first run that can be made.
 
     Raises:
         UnknownNameError, InputError: as `sweep`.
@@ -217,11 +218,11 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
 
 
 def _first_made(maker: Maker, plan: Sequence[Task]) -> Mechanism:
-    """Check the names of all runs, or of some where all have the same; return the first mechanism that can be made."""
+    """Check the names of all runs, or of some if all have the same; return the first mechanism that can be made."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
-    some = [*plan[:TRIED], *plan[TRIED :: max(1, len(plan) // TRIED)]]
-    for task in some if len({tuple(t.values) for t in plan}) == 1 else plan:
+    sample = [*plan[:TRIALS], *plan[TRIALS :: max(1, len(plan) // TRIALS)]]
+    for task in sample if len({tuple(t.values) for t in plan}) == 1 else plan:
         values, _ = split(task.values, maker, task.seed)
         if mech is not None and tuple(values) in checked:
             continue
@@ -234,19 +235,19 @@ def _first_made(maker: Maker, plan: Sequence[Task]) -> Mechanism:
         except Exception as e:
             problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
     if mech is None:
-        raise InputError(f"no mechanism can be made of these values ({len(some)} runs were tried): {problem}")
+        raise InputError(f"no mechanism can be made of these values ({len(sample)} runs were tried): {problem}")
     return mech
 
 
 def _made(maker: Maker, values: dict[str, Any]) -> Mechanism:
     try:
         return maker.make(values)
-    except UnknownNameError as e:  # a value is a name: that of a frame, for instance
+    except UnknownNameError as e:  # a value may be a name, for instance of a frame
         raise InputError(str(e)) from e
 
 
 def _method(job: Job, task: Task) -> tuple[str, str]:
-    """Formulation and method of a run."""
+    """Return formulation and method of a run."""
     given = {**job.settings, **{n.removeprefix(SOLVE): x for n, x in task.values.items() if n.startswith(SOLVE)}}
     return tuple(given.get(key) or DEFAULTS[key] for key in ("formulation", "method"))  # type: ignore[return-value]
 

@@ -1,4 +1,4 @@
-"""One run of a sweep: from parameter values to a row, here, in another thread, in another process or machine."""
+"""One run of a sweep, from parameter values to a row, in any thread, process or machine."""
 
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -23,8 +23,8 @@ from .plan import Task
 SOLVE = "solve."
 NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
 COUNTS = ("steps", "rejected", *Counts().to_dict())
-FAILURES = {  # statuses of runs that did not come to a solution
-    "input": "a value does not fit",
+FAILURES = {  # statuses of runs without a solution
+    "input": "an invalid value",
     "assembly": "no consistent start was found",
     "output": "an output could not be computed",
     "error": "an unexpected error",
@@ -32,26 +32,26 @@ FAILURES = {  # statuses of runs that did not come to a solution
 
 
 class Maker(Protocol):
-    """Source of the mechanisms of a sweep."""
+    """Factory of the mechanisms of a sweep."""
 
     parameters: tuple[str, ...]
 
     def check(self, values: Mapping[str, Any]) -> None:
-        """Refuse names that lead nowhere."""
+        """Reject unknown names."""
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
-        """The mechanism with these values."""
+        """Return the mechanism with these values."""
 
 
-class Made:
-    """Mechanisms that a function of the user makes: its arguments are the parameters, besides start values."""
+class FunctionMaker:
+    """Factory from a user's function: its arguments are the parameters, besides start values."""
 
     def __init__(self, function: Callable[..., Mechanism]) -> None:
         self.function, self.name = function, function_name(function)
         try:
             found = inspect.signature(function).parameters.values()
-        except (TypeError, ValueError):  # of what is written in C
-            raise InputError(f"model {self.name!r} does not tell its parameters: give a function of Python") from None
+        except (TypeError, ValueError):  # for a function written in C
+            raise InputError(f"model {self.name!r} has no known parameters: give a Python function") from None
         self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
         self.any = any(p.kind == p.VAR_KEYWORD for p in found)
 
@@ -71,12 +71,12 @@ class Made:
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """See `Maker`."""
         start = {name: x for name, x in values.items() if name.startswith(START)}
-        plain = {name: x for name, x in values.items() if name not in start}
+        arguments = {name: x for name, x in values.items() if name not in start}
 
-        def at() -> str:
-            return ", ".join(f"{name} = {x!r:.60}" for name, x in plain.items())
+        def arguments_text() -> str:
+            return ", ".join(f"{name} = {x!r:.60}" for name, x in arguments.items())
 
-        mech = attempted(f"model {self.name!r}", lambda: self.function(**plain), at, MbdaeError)
+        mech = attempted(f"model {self.name!r}", lambda: self.function(**arguments), arguments_text, MbdaeError)
         require(mech, Mechanism, f"{self.name} must return a Mechanism")
         return with_start(mech, start)
 
@@ -86,12 +86,12 @@ class Job:
     """Data that all runs of a sweep share; sent to other processes.
 
     Attributes:
-        model: what `mbdae.load` takes, or a function that returns a Mechanism.
+        model: an argument of `mbdae.load`, or a function that returns a Mechanism.
         t_span: start and end in s; from 0 to the model's duration when None.
         times: number of equidistant times or the times at which signals are taken; the steps when None.
-        outputs: results kept of each run.
+        outputs: results of each run.
         settings: arguments of `mbdae.solve`.
-        key: tells sweeps apart whose files differ.
+        key: identifies the sweep, for caches of its files.
     """
 
     model: str | Path | Callable[..., Mechanism]
@@ -102,41 +102,41 @@ class Job:
     key: str = ""
 
     def maker(self) -> Maker:
-        """Return the source of the mechanisms, with files read again."""
+        """Return the factory of the mechanisms, rereading files."""
         return maker_of(self.model)
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
-        """Start and end in s."""
+        """Return start and end in s."""
         return (0.0, mech.duration) if self.t_span is None else self.t_span
 
     def sample_times(self, mech: Mechanism) -> np.ndarray | None:
-        """The times at which signals are taken; None for the steps."""
+        """Return the times at which signals are evaluated; None for the steps."""
         if isinstance(self.times, int):
             return np.linspace(*self.span(mech), self.times)
         return None if self.times is None else np.array(self.times)
 
 
 def maker_of(model: Any) -> Maker:
-    """Return the source of the mechanisms of a model.
+    """Return the factory of the mechanisms of a model.
 
     Args:
-        model: what `mbdae.load` takes, or a function that returns a Mechanism.
+        model: an argument of `mbdae.load`, or a function that returns a Mechanism.
 
     Raises:
-        UnknownNameError, InputError: as `mbdae.load`, and for something else.
+        UnknownNameError, InputError: as `mbdae.load`, and for any other argument.
     """
     if isinstance(model, str | Path):
         return Template(model)
     if not callable(model):
         raise InputError(f"a model is a name, a path or a function that returns a Mechanism, got {model!r:.60}")
-    return Made(model)
+    return FunctionMaker(model)
 
 
 def split(values: Mapping[str, Any], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Values for the mechanism, with the run's seed where it takes one, and settings of `mbdae.solve`."""
+    """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
     settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
-    made = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
-    return ({"seed": seed, **made} if "seed" in maker.parameters else made), settings
+    parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
+    return ({"seed": seed, **parameters} if "seed" in maker.parameters else parameters), settings
 
 
 @lru_cache(4)
@@ -145,11 +145,11 @@ def _maker(model: Any, key: str) -> Maker:
 
 
 def run(job: Job, task: Task, stop: Stop | None = None) -> dict[str, Any]:
-    """Make one run and return its row; whatever goes wrong is a status and a message in it.
+    """Run one task and return its row; any failure is a status and a message in it.
 
     Returns:
         ``run``, ``status``, ``message``, the end time ``t``, counts of work, ``numbers``, ``samples`` and ``more`` (see
-            `mbdae.studies.sweep.outputs.evaluate`), and ``seconds``, which belong to no table.
+            `mbdae.studies.sweep.outputs.evaluate`), and ``seconds``, which are not part of the table.
     """
     started = perf_counter()
     row: dict[str, Any] = {"run": task.run, "numbers": {}, "samples": {}, "more": {}}
@@ -170,8 +170,8 @@ def _solved(job: Job, task: Task, stop: Stop | None) -> dict[str, Any]:
     values, settings = split(task.values, maker, task.seed)
     mech = maker.make(values)
     times = job.sample_times(mech)
-    tell = _teller(stop) if stop else None
-    sol = solve(mech, job.span(mech), t_eval=times, progress=tell, **{**job.settings, **settings})
+    progress = _stop_check(stop) if stop else None
+    sol = solve(mech, job.span(mech), t_eval=times, progress=progress, **{**job.settings, **settings})
     row = {"status": sol.status, "message": sol.message, "t": float(sol.nodes[0][-1])}
     row |= {name: sol.stats.get(name) for name in (*COUNTS, "backend")}
     if not sol.success:
@@ -183,21 +183,21 @@ def _solved(job: Job, task: Task, stop: Stop | None) -> dict[str, Any]:
     return {**row, "numbers": numbers, "samples": samples, "more": more}
 
 
-def _teller(stop: Stop) -> Callable[[float], None]:
-    def tell(done: float) -> None:
+def _stop_check(stop: Stop) -> Callable[[float], None]:
+    def check(done: float) -> None:
         if stop():
             raise KeyboardInterrupt
 
-    return tell
+    return check
 
 
 def check_settings(
     settings: Iterable[str], function: Callable[..., Any] = solve, others: Collection[str] = NOT_SETTINGS
 ) -> None:
-    """Refuse names that are no settings of a run, or of another function, whose ``others`` are none.
+    """Reject names that are not arguments of a function, or are among ``others``.
 
     Raises:
-        UnknownNameError: lists those that are.
+        UnknownNameError: lists the valid ones.
     """
     valid = [name for name in inspect.signature(function).parameters if name not in others]
     for name in settings:

@@ -21,7 +21,7 @@ __all__ = ["Sweep"]
 
 STATE = {"status": "text", "message": "text", "t": "float", **dict.fromkeys(COUNTS, "int"), "backend": "text"}
 SUCCESS = ("finished", "event")
-SHOWN = 12  # rows as text
+MAX_ROWS = 12  # as text
 
 
 @dataclass
@@ -30,11 +30,11 @@ class Sweep(Tabular):
 
     Attributes:
         rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
-            counts of work, ``backend``, and outputs; those of a run that did not come to its end are None. Results of
-            functions are a table ``more``.
+            counts of work, ``backend``, and outputs; those of an incomplete run are None. Results of functions are
+            a table ``more``.
         meta: manifest, names of parameters, numbers and signals, and units of these, if the file defines them.
-        seconds: wall time of each run that was computed now, by its number. No column of the table, which is the same
-            bit for bit whoever computes it.
+        seconds: wall time of each run of this call, by number; not a column of the table, which is reproducible bit for
+            bit.
         path: the file, if any.
     """
 
@@ -55,12 +55,12 @@ class Sweep(Tabular):
 
     @property
     def outputs(self) -> list[str]:
-        """Names of the numbers kept of each run, results of functions last."""
+        """Names of the scalar outputs, results of functions last."""
         return [*self.meta["outputs"], *sorted({name for row in self.rows for name in row[MORE]})]
 
     @property
     def samples(self) -> list[str]:
-        """Names of the signals kept of each run."""
+        """Names of the sampled signals."""
         return self.meta["samples"]
 
     @property
@@ -70,24 +70,24 @@ class Sweep(Tabular):
 
     @property
     def total(self) -> int:
-        """Number of runs asked for."""
+        """Number of requested runs."""
         return self.meta["manifest"]["runs"]
 
     @property
     def complete(self) -> bool:
-        """True when every run has its row."""
+        """Whether every run has its row."""
         return len(self.rows) == self.total
 
     @property
     def failed(self) -> list[Row]:
-        """The rows of runs that did not come to their end."""
+        """Rows of failed or incomplete runs."""
         return [row for row in self.rows if row["status"] not in SUCCESS]
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A column as an array, (n,), or (n, times) for a signal; nan where a run has no number.
+        """Return a column as an array, (n,), or (n, times) for a signal; nan for missing values.
 
         Raises:
             UnknownNameError: for a column that does not exist.
@@ -103,23 +103,23 @@ class Sweep(Tabular):
         return np.array(values, object if kind in ("text", "floats") else None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, for JSON."""
+        """Return JSON data."""
         names = self.names
-        rows = [{name: _plain(_value(row, name)) for name in names} for row in self.rows]
+        rows = [{name: _json_value(_value(row, name)) for name in names} for row in self.rows]
         about = {key: self.meta[key] for key in ("manifest", "parameters", "samples")}
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
 
     def tabulated(self) -> Columns:
-        """All columns by name; of signals at times an array for each run, (n, times). Units are those of signals."""
+        """Return all columns by name, sampled signals as (n, times); units are those of signals."""
         return Columns({name: self[name] for name in self.names}, {"t": "s"} | self.meta.get("units", {}))
 
     def cells(self) -> list[list[str]]:
-        """Parameters, status and outputs of all runs."""
+        """Return parameters, status and outputs of all runs."""
         heads = ["run", *self.parameters, "status", *self.outputs]
-        return [heads, *([_brief(_value(row, name)) for name in heads] for row in self.rows)]
+        return [heads, *([_text(_value(row, name)) for name in heads] for row in self.rows)]
 
     def save(self, path: str | Path) -> None:
-        """Write the table as Parquet, whole or not at all; the same table gives the same bytes. Or .csv, .json, .tex.
+        """Write the table as .parquet, atomically and reproducibly, or as .csv, .json, .tex.
 
         Raises:
             InputError: for .parquet without pyarrow, for another suffix, or an unwritable path.
@@ -130,7 +130,7 @@ class Sweep(Tabular):
         write(Path(path), self.rows, self.kinds, self.meta)
 
     def plot(self, path: str | Path | None = None, output: str | None = None) -> "Figure":
-        """Draw a result of all runs over each parameter; written where a path is given.
+        """Draw a result of all runs over each parameter; saved if a path is given.
 
         Raises:
             UnknownNameError: for a column that does not exist.
@@ -139,27 +139,27 @@ class Sweep(Tabular):
         from .. import figures
         from .figure import spread
 
-        return figures.given(spread(self, output), path)
+        return figures.save_if_path(spread(self, output), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Sweep":
-        """Read the file of a sweep, also of one that is not complete.
+        """Read the file of a sweep, also of an incomplete one.
 
         Raises:
-            InputError: for a file that is missing, damaged, or of no sweep.
+            InputError: for a missing or damaged file, or one without a sweep.
         """
         rows, meta = read(Path(path))
         return cls(sorted(rows, key=lambda row: row["run"]), meta, path=Path(path))
 
     def __str__(self) -> str:
         counts = Counter(row["status"] for row in self.rows)
-        said = ", ".join(f"{n} {status}" for status, n in counts.most_common())
-        left = "" if self.complete else f"; stopped, {self.total - len(self)} are left"
+        statuses = ", ".join(f"{n} {status}" for status, n in counts.most_common())
+        remaining = "" if self.complete else f"; stopped, {self.total - len(self)} remain"
         heads, *body = self.cells()
-        lines = [f"sweep of {self.meta['manifest']['model']}: {len(self)} runs, {said or 'none'}{left}", ""]
-        lines += align_columns([heads, *body[:SHOWN]])
-        if len(self) > SHOWN:
-            lines.append(f"... and {len(self) - SHOWN} more")
+        lines = [f"sweep of {self.meta['manifest']['model']}: {len(self)} runs, {statuses or 'none'}{remaining}", ""]
+        lines += align_columns([heads, *body[:MAX_ROWS]])
+        if len(self) > MAX_ROWS:
+            lines.append(f"... and {len(self) - MAX_ROWS} more")
         if len(self) > 1 and self.outputs:
             lines += [
                 "",
@@ -181,7 +181,7 @@ class Sweep(Tabular):
 
 
 def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequence[str]) -> dict[str, str]:
-    """Names and kinds of the columns of a sweep.
+    """Return names and kinds of the columns of a sweep.
 
     Raises:
         InputError: for a parameter with the name of another column, or with values of several kinds.
@@ -196,7 +196,7 @@ def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequenc
 
 
 def completed(row: Mapping[str, Any], task: Task, kinds: Mapping[str, str]) -> Row:
-    """A row of the table, from what a run returned."""
+    """Return a row of the table from the result of a run."""
     found = {**task.values, "seed": task.seed, **row, **row["numbers"], **row["samples"]}
     taken = sorted(name for name in row[MORE] if name in kinds)
     if taken:
@@ -217,23 +217,23 @@ def _kind(name: str, values: Sequence[Any]) -> str:
 
 
 def _padded(values: Sequence[Any]) -> np.ndarray:
-    """Signals of runs, (n, times); nan where a run has none."""
+    """Return signals of runs, (n, times); nan for runs without."""
     width = max((len(x) for x in values if x is not None), default=0)
     return np.array([np.full(width, np.nan) if x is None else x for x in values]).reshape(len(values), width)
 
 
 def _value(row: Row, name: str) -> Any:
-    """The value of a column, also of a result of functions; None where a run has none."""
+    """Return the value of a column or of a function result; None if missing."""
     return row[name] if name in row else row[MORE].get(name)
 
 
-def _brief(value: Any) -> str:
+def _text(value: Any) -> str:
     if value is None:
         return "-"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, np.ndarray | list):
-        return [_plain(x) for x in np.asarray(value).tolist()]
+        return [_json_value(x) for x in np.asarray(value).tolist()]
     return None if isinstance(value, float) and not np.isfinite(value) else value

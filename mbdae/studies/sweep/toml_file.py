@@ -1,6 +1,6 @@
 """A sweep described by a TOML file.
 
-    model = "slider_crank"                # a name, or a path beside this file
+    model = "slider_crank"                # a name, or a path relative to this file
     end = 5.0
     times = 501
     outputs = ["peak force.wrist pin", "final q.crank"]
@@ -10,7 +10,7 @@
     [random.parameters]
     frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 1e-3 }
 
-Dotted names may be written as they are, or in quotes where they contain blanks or dots.
+Dotted names may be written as they are, or in quotes if they contain blanks or dots.
 """
 
 import tomllib
@@ -41,14 +41,14 @@ class SweepTable(Table):
     """All keys of the file of a sweep; see `mbdae.sweep`.
 
     Attributes:
-        model: a name, or a path beside the file.
+        model: a name, or a path relative to the file.
         end: end time in s; the model's own when left out.
         start: start time in s.
-        times: number of times, or the times, at which signals are taken.
-        outputs: results kept of each run.
+        times: number of times, or the times, at which signals are evaluated.
+        outputs: results of each run.
         seed: of the sweep.
-        executor: where it runs.
-        workers: how many.
+        executor: threads or processes.
+        workers: number of workers.
         settings: arguments of `mbdae.solve`.
         grid: name = list of values, or { from, to, n }: all combinations.
         run: ``[[run]]`` tables, name = value each.
@@ -73,7 +73,7 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
     """Read a file and return the arguments of `mbdae.sweep`.
 
     Raises:
-        InputError: one line with the key, what is wrong with it, and the known keys.
+        InputError: with the key, the error, and the known keys.
     """
     path = Path(path)
     try:
@@ -85,7 +85,7 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
             raise
         raise InputError(f"{path} is not TOML: {e}") from None
     if table.start and table.end is None:
-        raise InputError(f"{path}: start goes with end")
+        raise InputError(f"{path}: start needs end")
     check_settings(list(table.settings))
     return {
         "model": _model(table.model, path),
@@ -101,14 +101,14 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
 
 
 def _model(name: str, path: Path) -> str:
-    """The model that a file names, beside it if there is one; a Python file among them is named before it is run."""
-    plain, _ = split(name)
-    if plain in model_names() or not (path.parent / plain).exists():
+    """Return the model of a file, relative to it if it exists there; warns before a Python file is run."""
+    file, _ = split(name)
+    if file in model_names() or not (path.parent / file).exists():
         return name
-    found = find(str(path.parent / plain))
+    found = find(str(path.parent / file))
     if found.suffix == PARAMETRIC:
         warnings.warn(f"{path}: the Python file {found} is run", stacklevel=3)
-    return str(found) + name[len(plain) :]
+    return str(found) + name[len(file) :]
 
 
 def _known_keys(at: Sequence[Any]) -> list[str]:
@@ -126,7 +126,7 @@ def _parameters(table: SweepTable, path: Path) -> Parameters:
 
 
 def dotted(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Tables in tables as one table of dotted names; a distribution and a range are values."""
+    """Return nested tables as one table of dotted names; distributions and ranges are values."""
     out: dict[str, Any] = {}
     for key, value in table.items():
         name = f"{above}{key}"

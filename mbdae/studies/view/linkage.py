@@ -1,4 +1,4 @@
-"""Data with which a page moves several coordinates at once: joints, rows, and geometry carried by joints."""
+"""Data for a page that moves several coordinates at once: joints, rows, and geometry of joints."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -26,13 +26,13 @@ def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, A
     its coordinates it is at transform exp(S x). Joints with configuration-dependent axes are expanded, so that S is
     constant.
     """
-    free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
+    undriven = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
     try:
         tree = expand(mech.model)
-        pairs, rows, _ = constraints_of(free.system().constraints)
+        pairs, rows, _ = constraints_of(undriven.system().constraints)
     except (InputError, NotCompiled):
         return None
-    if free.switches or any(row.get("kind") not in ROWS for row in rows):
+    if undriven.switches or any(row.get("kind") not in ROWS for row in rows):
         return None
     last = np.cumsum([0, *(len(factor_joints(joint)) for joint in list(mech.model.joints)[1:])]).tolist()
     return {
@@ -43,12 +43,12 @@ def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, A
         "held": [find_joint(mech.model, s.joint).idx_v for s in sliders],
         "curves": [typed(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],
         "limits": _limits(mech),
-        **_hung(mech.scene, last),
+        **_attachments(mech.scene, last),
     }
 
 
 def _joints(tree: Any, q: Array) -> list[dict[str, Any]]:
-    """Parent, place, transform at q (nq,) and motion subspace of each joint."""
+    """Return parent, placement, transform at q (nq,) and motion subspace of each joint."""
     joints = list(zip(tree.parents, tree.jointPlacements, tree.joints, strict=True))[1:]
     return [
         {
@@ -63,7 +63,7 @@ def _joints(tree: Any, q: Array) -> list[dict[str, Any]]:
 
 
 def _values(mech: Mechanism, q: Array) -> Array:
-    """Coordinates of joints that have one, (nv,); zero for the others."""
+    """Return coordinates of joints that have one, (nv,); zero for the others."""
     out = np.zeros(mech.nv)
     for joint in list(mech.model.joints)[1:]:
         if joint.nv == 1:
@@ -72,7 +72,7 @@ def _values(mech: Mechanism, q: Array) -> Array:
 
 
 def _limits(mech: Mechanism) -> list[dict[str, Any]]:
-    """The ranges of joints that have limits."""
+    """Return the ranges of joints that have limits."""
     found = {name: limits_of(mech, name) for name in mech.joint_names}
     return [
         {"joint": name, "at": find_joint(mech.model, name).idx_v, "low": float(pair[0]), "high": float(pair[1])}
@@ -81,19 +81,21 @@ def _limits(mech: Mechanism) -> list[dict[str, Any]]:
     ]
 
 
-def _hung(scene: Scene, last: Sequence[int]) -> dict[str, Any]:
+def _attachments(scene: Scene, last: Sequence[int]) -> dict[str, Any]:
     """Return shapes fixed to joints or between two joints, and springs: joints and placements."""
 
-    def hung(anchors: Sequence[Anchor]) -> list[dict[str, Any]]:
+    def attached(anchors: Sequence[Anchor]) -> list[dict[str, Any]]:
         return [{"joint": last[joint], "place": _matrix(place)} for joint, place in anchors]
 
     both = [(s, on) for s, on in zip(scene.shapes, scene.anchors, strict=True) if len(on) == 2 or on[0][0]]
     return {
-        "shapes": [{"path": node(s), "on": hung(on), "length": s.size[1] if len(on) == 2 else 0.0} for s, on in both],
-        "springs": [{"name": s.name, "on": hung([s.first, s.second])} for s in scene.springs],
+        "shapes": [
+            {"path": node(s), "on": attached(on), "length": s.size[1] if len(on) == 2 else 0.0} for s, on in both
+        ],
+        "springs": [{"name": s.name, "on": attached([s.first, s.second])} for s in scene.springs],
     }
 
 
 def _matrix(place: Any) -> list[float]:
-    """Return sixteen numbers, column by column, as the page's library takes them."""
+    """Return sixteen numbers, column by column, as in three.js."""
     return place.homogeneous.T.ravel().tolist()

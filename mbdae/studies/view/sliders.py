@@ -1,4 +1,4 @@
-"""Free coordinates of a mechanism, one by one, with all poses that close its loops, the others fixed."""
+"""Free coordinates of a mechanism, each with the closed poses over it while the others are fixed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
 POSES = 121  # per slider
-MOST = 16  # sliders per page
+MAX_SLIDERS = 16  # per page
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +29,14 @@ class Slider:
     Attributes:
         joint: name of its joint.
         unit: ``"rad"`` or ``"m"``.
-        u: the coordinate, (n,), along the curve of poses: it turns back at a dead point, or ends there if there are
+        u: the coordinate, (n,), along the curve of poses: it reverses at a dead point, or ends there if there are
             several sliders.
         q: configurations, (n, nq).
         start: index of the pose nearest to the start.
-        dead_points: values at which it turns back.
-        ended: why the poses end: ``"closed"`` (periodic), ``"limits"`` of the joint, ``"range"``, ``"dead"`` points,
-            or ``"open"``: beyond, the loops cannot be closed.
-        beyond: for each pose the joint that is beyond its limits there, ``""`` for none, (n,).
+        dead_points: values at which it reverses.
+        ended: reason why the poses end: ``"closed"`` (periodic), ``"limits"`` of the joint, ``"range"``, ``"dead"``
+            points, or ``"open"``: beyond, the loops cannot be closed.
+        beyond: for each pose a joint beyond its limits, ``""`` for none, (n,).
     """
 
     joint: str
@@ -50,15 +50,15 @@ class Slider:
 
 
 def sliders(mech: Mechanism, q: Array) -> list[Slider]:
-    """Return the independent coordinates at a closed configuration q (nq,), at most `MOST`.
+    """Return the independent coordinates at a closed configuration q (nq,), at most `MAX_SLIDERS`.
 
     Among the joints with one coordinate, driven ones and those in the start table come first, then the others in order,
     each if independent of those before. A single one covers its whole range, through dead points.
     """
     free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
-    names = independent(mech, free.system(), q)[:MOST]
+    names = independent(mech, free.system(), q)[:MAX_SLIDERS]
     found = [_slider(free, name, [n for n in names if n != name], q) for name in names]
-    return [_stretch(s) for s in found] if len(found) > 1 else found
+    return [_between_dead_points(s) for s in found] if len(found) > 1 else found
 
 
 def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
@@ -84,7 +84,7 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
     unit = coordinate_units(mech)[f"v.{name}"].removesuffix("/s")
     dead: tuple[float, ...] = ()
     system = mech.system()
-    u, poses = _alone(mech, name, q)
+    u, poses = _single_motion(mech, name, q)
     if max(_gap(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < HALF_DIGITS:
         ended = "limits" if limits_of(mech, name) is not None else "closed" if unit == "rad" else "range"
     else:
@@ -93,15 +93,15 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
             u, poses, ended = found.u, found.q, found.stretches[0].ended
             ended = "closed" if unit == "rad" and abs(abs(u[-1] - u[0]) - 2 * np.pi) < INPUT_DIGITS else ended
             dead = tuple(sorted({round(float(x), 12) for x, _ in found.dead_points}))
-        except MbdaeError:  # a mobility without such a joint, an unlimited stroke, or a singular pose
-            u, poses, ended = _marched(mech, name, others, q)
+        except MbdaeError:  # another mobility, an unlimited stroke, or a singular pose
+            u, poses, ended = _stepped_poses(mech, name, others, q)
     here = u[np.abs(u - value_of(q, joint)).argmin()]
     near = np.flatnonzero(u == here)
     start = near[np.argmin([round(np.linalg.norm(mech.manifold.difference(q, poses[k])), 6) for k in near])]
     return Slider(name, unit, u, poses, int(start), dead, ended, tuple(_beyond(mech, poses)))
 
 
-def _stretch(slider: Slider) -> Slider:
+def _between_dead_points(slider: Slider) -> Slider:
     """Return the poses around the start between two dead points, over which the coordinate increases.
 
     If several coordinates are moved together, a pose is defined by their values, and these by the sliders.
@@ -112,8 +112,8 @@ def _stretch(slider: Slider) -> Slider:
         rounds, k = np.divmod(here + k - n // 2, n - 1)
         u, here = u[k] + rounds * (u[-1] - u[0]), n // 2
     ascending = np.diff(u) > 0
-    turns = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
-    first, last = max([0, *turns[turns <= here]]), min([n - 1, *turns[turns > here]])
+    reversals = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
+    first, last = max([0, *reversals[reversals <= here]]), min([n - 1, *reversals[reversals > here]])
     chosen = np.arange(first, last + 1)[:: 1 if u[last] > u[first] else -1]
     ends = u[chosen[[0, -1]]]
     return replace(
@@ -122,17 +122,17 @@ def _stretch(slider: Slider) -> Slider:
         q=slider.q[k[chosen]],
         start=int(np.flatnonzero(chosen == here)[0]),
         dead_points=tuple(d for d in slider.dead_points if np.abs(ends - d).min() < INPUT_DIGITS * np.ptp(u)),
-        ended="dead" if slider.ended == "closed" and len(turns) else slider.ended,
+        ended="dead" if slider.ended == "closed" and len(reversals) else slider.ended,
         beyond=tuple(slider.beyond[i] for i in k[chosen]),
     )
 
 
-def _alone(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
-    """Return poses in which one joint moves alone, over its limits, or half a turn or metre to both sides."""
+def _single_motion(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
+    """Return poses in which one joint moves alone, over its limits, or over +-pi or +-0.5 m."""
     joint = find_joint(mech.model, name)
     here, limits = value_of(q, joint), limits_of(mech, name)
-    around = here + np.array([-1, 1]) * (np.pi if _turns(mech, name) else 0.5)
-    low, high = around if limits is None else limits
+    default = here + np.array([-1, 1]) * (np.pi if _is_rotary(mech, name) else 0.5)
+    low, high = default if limits is None else limits
     u = np.linspace(low, high, POSES)
     u[np.abs(u - here).argmin()] = here
     steps = np.zeros((POSES, mech.nv))
@@ -140,18 +140,18 @@ def _alone(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
     return u, np.array([mech.manifold.integrate(q, step) for step in steps])
 
 
-def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[Array, Array, str]:
+def _stepped_poses(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[Array, Array, str]:
     """Return poses computed in sequence from q to both sides, up to where the loops can no longer be closed."""
     joint, system = find_joint(mech.model, name), mech.system()
-    held = np.array([find_joint(mech.model, n).idx_v for n in (name, *others)])
-    targets, found, ended = _alone(mech, name, q)[0], {value_of(q, joint): q}, "range"
-    for way in (targets[targets > value_of(q, joint)], targets[targets < value_of(q, joint)][::-1]):
+    locked = np.array([find_joint(mech.model, n).idx_v for n in (name, *others)])
+    targets, found, ended = _single_motion(mech, name, q)[0], {value_of(q, joint): q}, "range"
+    for sweep in (targets[targets > value_of(q, joint)], targets[targets < value_of(q, joint)][::-1]):
         pose = q
-        for u in way:
+        for u in sweep:
             step = np.zeros(mech.nv)
             step[joint.idx_v] = u - value_of(pose, joint)
             try:
-                new = close_position(system, mech.manifold.integrate(pose, step), held, 0.0)
+                new = close_position(system, mech.manifold.integrate(pose, step), locked, 0.0)
             except MbdaeError:
                 ended = "open"
                 break
@@ -180,7 +180,7 @@ def limits_of(mech: Mechanism, name: str) -> Array | None:
     return found if np.abs(found).max() < 1e3 and found[0] < found[1] else None
 
 
-def _turns(mech: Mechanism, name: str) -> bool:
+def _is_rotary(mech: Mechanism, name: str) -> bool:
     return coordinate_units(mech)[f"v.{name}"].startswith("rad")
 
 

@@ -1,4 +1,4 @@
-"""All poses of a mechanism as one page with sliders, for inspection before a run."""
+"""A page with sliders over the poses of a mechanism, for inspection before a run."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,9 +13,9 @@ from ...mechanism.frames import find_joint
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..replay import animation_tracks as tracks
-from ..replay.html_page import document, drawn, frame
+from ..replay.html_page import document, frame, scene_data
 from .linkage import linkage
-from .sliders import MOST, Slider, sliders
+from .sliders import MAX_SLIDERS, Slider, sliders
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["view"]
 
 ENDS = {
-    "closed": "comes round to where it began",
+    "closed": "periodic",
     "range": "",
     "dead": "",
-    "limits": "as far as the limits of the joint",
-    "open": "at its ends the loops cannot be closed any further",
+    "limits": "to the limits of the joint",
+    "open": "the loops cannot be closed beyond",
 }
 
 
@@ -52,7 +52,7 @@ class View:
 
     def __str__(self) -> str:
         head = f"{self.mechanism.title}, free coordinates: {len(self.sliders)}"
-        rows = [f"  {s.joint}: {s.u.min():.6g} to {s.u.max():.6g} {s.unit}{_says(s)}" for s in self.sliders]
+        rows = [f"  {s.joint}: {s.u.min():.6g} to {s.u.max():.6g} {s.unit}{_range_text(s)}" for s in self.sliders]
         return "\n".join([head, *rows])
 
     def to_dict(self) -> dict[str, Any]:
@@ -80,7 +80,7 @@ class View:
         scene = self.mechanism.scene.travelled(reached)
         springs = tracks.springs(scene, start)
         payload = {
-            **drawn(scene, tracks.bodies(scene, self.mechanism.model)),
+            **scene_data(scene, tracks.bodies(scene, self.mechanism.model)),
             "poses": list(tracks.poses(scene, scene.placements(start))),
             "frames": 1,
             **{"start": 0.0, "end": 1.0, "speed": 1.0},
@@ -90,7 +90,7 @@ class View:
             "arrows": {"largest": 0.0, "forces": []},
             "switched": {"each": []},
             "choices": [self._choice(scene, s) for s in self.sliders],
-            "sliders": [_plain(s) for s in self.sliders],
+            "sliders": [_slider_data(s) for s in self.sliders],
             "linkage": self._linkage,
             "note": self._note(),
         }
@@ -108,10 +108,10 @@ class View:
         several = [n for n in mech.joint_names if find_joint(mech.model, n).nv > 1]
         parts = []
         if len(self.sliders) > 1:
-            lone = "One coordinate moves at a time, the others stand where the model starts."
-            together = "What is moved stays there; the page closes the loops."
-            parts = [together if self._linkage else lone]
-        parts += [f"Shown are {MOST} coordinates."] if len(self.sliders) == MOST else []
+            single = "One coordinate moves at a time, the others are at the model's start."
+            together = "Coordinates keep their values; the page closes the loops."
+            parts = [together if self._linkage else single]
+        parts += [f"Shown are {MAX_SLIDERS} coordinates."] if len(self.sliders) == MAX_SLIDERS else []
         parts += [f"Not moved, joints of several coordinates: {', '.join(several)}."] if several else []
         parts += ["Nothing can be moved."] if not self.sliders else []
         return " ".join(parts)
@@ -131,7 +131,7 @@ class View:
 def view(mech: Mechanism | str | Path, q: Array | None = None) -> View:
     """Compute the poses of a mechanism over each of its free coordinates.
 
-    Poses are computed here, the page shows them: over the whole range in which the loops can be closed, through dead
+    Poses are computed in advance: over the whole range in which the loops can be closed, through dead
     points of the coordinate, or over the limits of a joint outside all loops. Each of several coordinates covers the
     range from one dead point to the next; when they are moved together, the page closes the loops.
 
@@ -151,7 +151,7 @@ def view(mech: Mechanism | str | Path, q: Array | None = None) -> View:
     return View(mech, here, tuple(sliders(mech, here)))
 
 
-def _plain(slider: Slider) -> dict[str, Any]:
+def _slider_data(slider: Slider) -> dict[str, Any]:
     n = len(slider.u)
     dead = [float(np.abs(slider.u - d).argmin()) / (n - 1) for d in slider.dead_points]
     return {
@@ -160,12 +160,12 @@ def _plain(slider: Slider) -> dict[str, Any]:
         "u": slider.u.tolist(),
         "share": slider.start / (n - 1),
         "dead": dead,
-        "says": f"{slider.u.min():.4g} to {slider.u.max():.4g} {slider.unit}{_says(slider)}",
+        "says": f"{slider.u.min():.4g} to {slider.u.max():.4g} {slider.unit}{_range_text(slider)}",
         "beyond": list(slider.beyond),
     }
 
 
-def _says(slider: Slider) -> str:
+def _range_text(slider: Slider) -> str:
     dead = ", ".join(f"{d:.4g}" for d in slider.dead_points)
     words = [f"dead points at {dead} {slider.unit}" if dead else "", ENDS.get(slider.ended, "")]
     return "".join(f"; {w}" for w in words if w)

@@ -67,7 +67,7 @@ def test_errors_below_the_reference_are_marked(four_bar):
     assert f"<{rough.floor():.1e}" in str(rough)
     assert fine.seconds is None
     assert "fastest" not in str(rough)
-    with pytest.raises(InputError, match="below what the reference can tell"):
+    with pytest.raises(InputError, match="below the uncertainty of the reference"):
         rough.ranking(rough.floor() / 2)
 
 

@@ -103,7 +103,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
     assert process.returncode == 1, err
     kept = Comparison.load(tmp_path / "c.json")
     finished = f"mbdae: stopped by the user after {len(kept.points)} of 4 runs"
-    assert err == f"{finished}; c.json keeps what is finished, the same command goes on from there\n"
+    assert err == f"{finished}; c.json has the finished runs, the same command resumes from them\n"
     assert "stopped" in out
     assert not kept.complete
     assert 1 <= len(kept.points) < 4
@@ -112,5 +112,5 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
 def test_ctrl_c_while_times_are_taken_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr("mbdae.studies.comparison.run_queue.timed", lambda *_: os.kill(os.getpid(), signal.SIGINT))
     code, out, err = call("compare", "pendulum", "-m", "pherk5", "--rtol", "1e-3", "-t", "0.1", cwd=tmp_path)
-    assert (code, err) == (1, "mbdae: stopped by the user before all times were taken\n")
+    assert (code, err) == (1, "mbdae: stopped by the user before all times were measured\n")
     assert "stopped: 1 of 1 runs" in out

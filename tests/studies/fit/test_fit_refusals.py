@@ -18,16 +18,16 @@ def fit(data=DATA, parameters=RANGE, model="four_bar", **options):
 
 
 OPTIONS = [
-    ({"spans": "a"}, InputError, "shares of the samples between 0 and 1, got 'a'"),
-    ({"spans": ["a"]}, InputError, "shares of the samples between 0 and 1"),
-    ({"spans": (1j,)}, InputError, "shares of the samples between 0 and 1"),
-    ({"spans": (np.nan,)}, InputError, "shares of the samples between 0 and 1"),
-    ({"spans": (True,)}, InputError, "shares of the samples between 0 and 1"),
+    ({"spans": "a"}, InputError, "fractions of the samples between 0 and 1, got 'a'"),
+    ({"spans": ["a"]}, InputError, "fractions of the samples between 0 and 1"),
+    ({"spans": (1j,)}, InputError, "fractions of the samples between 0 and 1"),
+    ({"spans": (np.nan,)}, InputError, "fractions of the samples between 0 and 1"),
+    ({"spans": (True,)}, InputError, "fractions of the samples between 0 and 1"),
     ({"span": (0, 1)}, UnknownNameError, r"unknown setting of solve 'span'; valid: q, v, s, method"),
     ({"starts": True}, InputError, "starts is a number of searches"),
     ({"progress": 3}, InputError, "progress is a function of a text, got 3"),
     ({"progress": lambda: None}, InputError, "progress failed: TypeError"),
-    ({"known": {3: 1.0}}, InputError, "what is known of runs has dotted names, got 3"),
+    ({"known": {3: 1.0}}, InputError, "known parameters have dotted names, got 3"),
     ({"known": {"start.q.crank": np.nan}}, InputError, r"start\.q\.crank"),
     ({"known": {"nothing": 1.0}}, UnknownNameError, "nothing"),
     ({"parameters": {3: (0, 1)}}, InputError, "parameters have dotted names, .* got 3"),
@@ -51,8 +51,8 @@ TABLES = [
     ([], "a fit needs data"),
     (None, "expected a table of t and signals"),
     ({"t": [], "q.crank": []}, "no signal has a value"),
-    ({"t": [0.1, 0.1], "q.crank": [1, 1]}, "times must rise"),
-    ({"t": [0.1, np.nan], "q.crank": [1, 1]}, "times must rise"),
+    ({"t": [0.1, 0.1], "q.crank": [1, 1]}, "times must increase"),
+    ({"t": [0.1, np.nan], "q.crank": [1, 1]}, "times must increase"),
     ({"t": [0.1], "q.crank": [np.nan]}, "no signal has a value"),
     ({"t": [0.1], "q.crank": [1j]}, "not a table of numbers: expected real numbers, got complex128"),
     ({"t": np.array(["2020-01-01"], "M8[D]"), "q.crank": [1]}, r"expected real numbers, got datetime64\[D\]"),
@@ -60,7 +60,7 @@ TABLES = [
     ({"t": [0.1], "q.crank": [1e300]}, r"column 'q\.crank' has a value beyond 1e\+150"),
     ({"t": [0.1, 0.2], "q.crank": [1]}, "signals of its length"),
     ({"t": [[0.1]], "q.crank": [[1]]}, "signals of its length"),
-    ({"time": [0.1], "q.crank": [1]}, "no column 't' of times, but time, q.crank"),
+    ({"time": [0.1], "q.crank": [1]}, "no column 't' of times, only time, q.crank"),
     ({"t": [0.0], "q.crank": [1]}, "no time passes"),
     ({"t": [0.1], 3: [1]}, "unknown signal '3'"),
 ]
@@ -80,10 +80,10 @@ FILES = [
     ("t,q.crank\n0.1\n", "line 2: 1 values under 2 names"),
     ("t,q.crank,q.crank\n0.1,1,1\n", "two columns are named 'q.crank'"),
     ("t;q.crank\n0.1;1\n", "could not convert string to float"),
-    ("t,q.crank\n0.2,1\n0.1,1\n", "times must rise"),
-    ("t,q.crank\n,1\n0.1,1\n", "times must rise"),
-    ("t,q.crank\n0.1,inf\n", "'q.crank' has a value that is infinite"),
-    ("0.1,1.0\n0.2,1.1\n", "no column 't' of times, but 0.1, 1.0"),
+    ("t,q.crank\n0.2,1\n0.1,1\n", "times must increase"),
+    ("t,q.crank\n,1\n0.1,1\n", "times must increase"),
+    ("t,q.crank\n0.1,inf\n", "'q.crank' has an infinite value"),
+    ("0.1,1.0\n0.2,1.1\n", "no column 't' of times, only 0.1, 1.0"),
     ("t,angle\n0.1,1.0\n", "unknown signal 'angle'"),
     ("\x00\x01", "a line of names and lines of numbers"),
 ]
@@ -102,8 +102,8 @@ def test_what_is_no_file(text, words, tmp_path):
 
 @pytest.mark.parametrize(
     ("columns", "words"),
-    [({"a": [1.0]}, "no column 't' of times, but a"), ({"t": [0.1], "q.crank": ["a"]}, "could not convert"),
-     ({"t": [0.1], "q.crank": [[1.0, 2.0]]}, "signals of its length|cannot be read"), ({}, "but nothing")],
+    [({"a": [1.0]}, "no column 't' of times, only a"), ({"t": [0.1], "q.crank": ["a"]}, "could not convert"),
+     ({"t": [0.1], "q.crank": [[1.0, 2.0]]}, "signals of its length|cannot be read"), ({}, "only nothing")],
 )  # fmt: skip
 def test_what_is_no_parquet_file(columns, words, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -42,7 +42,7 @@ def test_a_closed_stop_carries_load_in_a_run(pressed, tmp_path, sampled):
     assert rests.any()
     np.testing.assert_allclose(found.lam[~rests], 0, atol=0)
     np.testing.assert_allclose(found.lam[rests, 0], G * np.sin(0.3), rtol=1e-12)
-    assert f"impulses of impacts are in no effort: t = {hit.t:.6g} s" in str(found)
+    assert f"impulses of impacts are not included in efforts: t = {hit.t:.6g} s" in str(found)
     sol.save(tmp_path / "run.npz")
     np.testing.assert_array_equal(inverse_dynamics(mech, tmp_path / "run.npz", "rod").lam, found.lam)
 
@@ -70,7 +70,7 @@ def test_a_motion_through_a_stop_is_reported_with_its_effort():
     np.testing.assert_allclose(found.efforts[:, 0], G * np.sin(found.over), rtol=1e-12, atol=1e-12)
     (passed,) = found.passed
     np.testing.assert_allclose(passed[1:4], (0.3, 0.0, 0.3), atol=1e-12)
-    assert "passes 'rod stop', which does not act, by up to 0.3 rad: rod = 0.3 to 0 rad" in str(found)
+    assert "violates 'rod stop', which does not act, by up to 0.3 rad: rod = 0.3 to 0 rad" in str(found)
     assert found.to_dict()["passed"][0]["name"] == "rod stop"
 
 
@@ -109,7 +109,7 @@ def test_dry_friction_in_a_run_and_in_a_motion():
     np.testing.assert_allclose(back.efforts[1:-1, 0], -6.0, atol=1e-9)
     stands = inverse_dynamics(free, (t[:2], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), ["one", "two"])
     assert stands.held == {"one": 6.0}
-    assert "'one' stands still: its friction may hold up to 6 N more or less" in str(stands)
+    assert "'one' is at rest: its static friction can balance up to 6 N" in str(stands)
 
 
 def test_a_locked_clutch_transmits_load_in_a_run():
@@ -198,7 +198,7 @@ def test_where_wheels_roll_to_is_no_table():
     """The position of a platform on wheels depends on the path: 1e-4 m off from 41 points of a table."""
     t = np.linspace(0, 2, 41)
     mech = mbdae.load("differential_drive")
-    with pytest.raises(InputError, match="has rows of velocity: where it goes depends on the way, not on left_wheel"):
+    with pytest.raises(InputError, match="has nonholonomic rows: its position depends on the path, not on left_wheel"):
         inverse_dynamics(mech, {"t": t, "left_wheel": np.sin(t), "right_wheel": np.sin(2 * t)})
 
 

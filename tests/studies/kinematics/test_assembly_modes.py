@@ -133,7 +133,7 @@ def test_how_many_starts_agreed_is_said():
     found = assembly_modes(mbdae.load("four_bar"), "crank")
     first, *_ = str(found).splitlines()
     words = re.search(
-        r"from (\d+) starts of which (\d+) closed; the rarest came up (\d+) times; .* 1 in (\d+) of", first
+        r"from (\d+) starts of which (\d+) closed; the rarest was found (\d+) times; .* 1 in (\d+) of", first
     )
     starts, closed, rarest, share = map(int, words.groups())
     assert starts == found.starts >= closed == found.closed == sum(m.hits for m in found.modes)
@@ -159,15 +159,15 @@ def test_a_circuit_that_is_not_closed_is_doubtful():
     mech = Mechanism(model, [Closure.coupling("slide", "crank", (0.1, 0.3))])
     found = assembly_modes(mech, "crank", 0.5)
     assert [m.q[1] for m in found.modes] == pytest.approx([0.1 + 0.3 * 0.5])
-    assert found.warnings == ("circuit 1: it was not followed back to its first pose",)
+    assert found.warnings == ("circuit 1: it was not traced back to its first pose",)
 
 
 def test_a_missed_passage_of_the_input_is_doubtful(monkeypatch):
     """On one circuit an input that reverses rises as often as it falls."""
-    whole = circuits._passages
-    monkeypatch.setattr(circuits, "_passages", lambda curve, u: whole(curve, u)[:1])
+    whole = circuits._crossings_of
+    monkeypatch.setattr(circuits, "_crossings_of", lambda curve, u: whole(curve, u)[:1])
     found = assembly_modes(mbdae.load("four_bar"), "rocker")
-    assert any("does not add up" in warning for warning in found.warnings)
+    assert any("is inconsistent" in warning for warning in found.warnings)
 
 
 def test_a_crank_that_turns_for_ever_closes_its_circuit_after_a_turn():
@@ -199,6 +199,6 @@ def test_a_parallelogram_has_a_mode_on_each_of_its_branches():
 def test_poses_that_are_not_isolated_end_the_search():
     """A parallelogram is in line at crank = 0, and its rocker rotates about the crank's tip while the crank rests."""
     found = assembly_modes("n_four_bar", "crank_0", 0.0)
-    assert found.warnings == ("poses are not isolated: with the input held, something still moves",)
+    assert found.warnings == ("poses are not isolated: the mechanism can move while the input is locked",)
     assert found.starts < 200
     assert all(m.margin < 1e-9 for m in found.modes)

@@ -91,8 +91,8 @@ def test_runs_are_differentiated_with_what_the_parameters_cost_themselves():
         return signals["q.rocker"][-1] + g**2, {"q.rocker": end, "gravity.2": 2 * g}
 
     run = runs(Template("four_bar"), (0.0, 0.2), {"step": 0.02})
-    found = run({"gravity.2": -9.0}).measure(cost)
-    near = {k: run({"gravity.2": -9.0 + 0.01 * k}).measure(cost).value for k in (-2, -1, 1, 2)}
+    found = run({"gravity.2": -9.0}).evaluate(cost)
+    near = {k: run({"gravity.2": -9.0 + 0.01 * k}).evaluate(cost).value for k in (-2, -1, 1, 2)}
     quotient = (near[-2] - 8 * near[-1] + 8 * near[1] - near[2]) / 0.12
     assert found.derivatives()[0] == pytest.approx(quotient, rel=1e-9)
 
@@ -169,7 +169,7 @@ WRONG = [
     (unknown, G, {}, UnknownNameError, "q.nothing"),
     (infinite, G, {}, InputError, "cost 'infinite' is inf"),
     (unknown, G, TURN, UnknownNameError, "unknown signal of a curve 'q.nothing'"),
-    (infinite, G, {"drive": "rocker", "points": 5}, InputError, "'rocker' meets a dead point"),
+    (infinite, G, {"drive": "rocker", "points": 5}, InputError, "'rocker' reaches a dead point"),
     (uneven, {"joint.rocker.rpy.0": 0.0}, TURN, InputError, "opens closures that depend on each other"),
 ]  # fmt: skip
 

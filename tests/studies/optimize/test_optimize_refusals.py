@@ -147,8 +147,8 @@ OPTIONS = [
     ({"tolerance": np.inf}, InputError, "iterations and tolerance are positive"),
     ({"iterations": True}, InputError, "iterations and tolerance are positive, got True"),
     ({"progress": 3}, InputError, "progress is a function of a text, got 3"),
-    ({"constraints": {"": (height, 0, 1)}}, InputError, "constraints have names of one's own"),
-    ({"constraints": {3: (height, 0, 1)}}, InputError, "constraints have names of one's own, .*got 3"),
+    ({"constraints": {"": (height, 0, 1)}}, InputError, "constraints have names"),
+    ({"constraints": {3: (height, 0, 1)}}, InputError, "constraints have names, .*got 3"),
     ({"constraints": {"a": (height, None, None)}}, InputError, "constraint 'a' has no limit"),
     ({"constraints": {"a": (height, -np.inf, np.inf)}}, InputError, "constraint 'a' has no limit"),
 ]
@@ -192,7 +192,7 @@ def other(length):
 MODELS = [
     (other, {"length": 1.0}, MbdaeError, r"model 'other' failed at length = 1\.0: ValueError: no such length"),
     (other, {"width": 1.0}, UnknownNameError, "unknown parameter of other 'width'.*valid: length"),
-    (dict, {"length": 1.0}, InputError, "model 'dict' does not tell its parameters"),
+    (dict, {"length": 1.0}, InputError, "model 'dict' has no known parameters"),
 ]  # fmt: skip
 
 

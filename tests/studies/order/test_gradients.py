@@ -58,7 +58,7 @@ def test_a_wrong_tangent_is_refuted(monkeypatch):
     sensitivity = gradients.sensitivity
     monkeypatch.setattr(gradients, "sensitivity", wrong)
     measure = GradientMeasurement(mbdae.load("pendulum"), 0.3, 10, lambda name: None, "auto", None, None)
-    difference, unsure = measure.beside(mbdae.METHODS["herk2"])
+    difference, unsure = measure.compare_quotients(mbdae.METHODS["herk2"])
     study = GradientStudy("pendulum", 0.3, {}, differences={"herk2": difference}, uncertainties={"herk2": unsure})
     assert study.refuted
     assert not study.holds
@@ -73,7 +73,7 @@ def test_no_run():
 
 
 def test_what_is_refused():
-    with pytest.raises(InputError, match="leave no velocity free: name a parameter"):
+    with pytest.raises(InputError, match="leave no degree of freedom: name a parameter"):
         mbdae.check_gradients(mbdae.load("cam_follower"), "herk2")
     with pytest.raises(InputError, match="at least 10"):
         mbdae.check_gradients(mbdae.load("pendulum"), "herk2", steps=3)
@@ -86,5 +86,5 @@ def test_command(brief, tmp_path):
     assert found.exit_code == (0 if data["holds"] else 3)
     assert data["differences"]["pherk3"] < 1e-11
     assert (tmp_path / "orders.svg").stat().st_size > 5000
-    with pytest.raises(InputError, match="gradients are those of mechanisms"):
+    with pytest.raises(InputError, match="check-gradients takes a mechanism"):
         CliRunner().invoke(cli, ["check-gradients", "hessenberg_a"], catch_exceptions=False)

@@ -12,7 +12,7 @@ import mbdae
 from mbdae.backend import load as load_core
 from mbdae.methods import Tableau
 from mbdae.studies.order import gradients, measurement
-from mbdae.studies.order.measurement import LARGEST_RUN, LEAST_OUTPUTS, Measurement
+from mbdae.studies.order.measurement import LARGEST_RUN, MIN_OUTPUTS, Measurement
 from mbdae.studies.order.rates import above, asymptotic, done, fit
 from mbdae.textbook.problems import TEXTBOOK, hessenberg_a
 
@@ -96,7 +96,7 @@ def test_order_reduction_is_less_on_mechanisms(method):
 
 def test_what_cannot_be_judged_is_said_so():
     mech = mbdae.load("pendulum")
-    study = mbdae.order(mech, ["pherk6"], T=1e-3, steps=LEAST_OUTPUTS)
+    study = mbdae.order(mech, ["pherk6"], T=1e-3, steps=MIN_OUTPUTS)
     assert not study.holds
     assert not study.refuted
     assert "cannot be judged" in str(study)
@@ -166,7 +166,7 @@ def test_errors_as_large_as_the_motion_are_inconclusive():
     errors, ns = [0.100, 0.096, 0.089, 0.083, 0.077], [10 * 2**i for i in range(5)]
     assert fit("y", 1, ns, errors, [0.0] * 5, 0.0, 0.0, LARGEST_RUN).verdict == "misses"
     found = fit("y", 1, ns, errors, [0.0] * 5, 0.0, 0.2, LARGEST_RUN)
-    assert found.verdict == "cannot be judged: errors are up to 1.0e-01, where it moves by 2.0e-01"
+    assert found.verdict == "cannot be judged: errors are up to 1.0e-01, where it changes by 2.0e-01"
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
@@ -213,7 +213,7 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
 @pytest.mark.parametrize(
     ("errors", "uncertainty", "why"),
     [
-        ([], 0.0, "no run came to its end"),
+        ([], 0.0, "no run was completed"),
         ([1e-9] * 6, 1e-10, "no error above 100 times the uncertainty of the reference, 1.0e-10"),
         ([1e-15] * 6, 1e-17, "no error above 100 times rounding"),
         ([1e-3, 1e-4, 1e-9], 1e-10, "only 1 halvings above 100 times the uncertainty of the reference, 1.0e-10"),
@@ -239,7 +239,7 @@ def test_runs_at_rest_are_not_refined():
 
 def test_a_method_whose_runs_fail_says_why():
     found = fit("q", 5, [], [], [], 0.0, 0.0, LARGEST_RUN, "the step became too small")
-    assert found.verdict == "cannot be judged: no run came to its end, the step became too small"
+    assert found.verdict == "cannot be judged: no run was completed, the step became too small"
 
 
 def test_the_gain_of_multipliers_is_found_once(monkeypatch):
@@ -264,8 +264,8 @@ def test_ctrl_c_keeps_the_methods_that_are_finished(study, tmp_path, monkeypatch
     arguments = [study, "pendulum", "-m", "herk2,herk3,herk4", "-t", "0.2", "-o", "o.json"]
     code, out, err = call(*arguments, cwd=tmp_path)
     assert code == 1
-    assert err == "mbdae: stopped by the user after 1 of 3 methods; herk3, herk4 are left\n"
-    assert "stopped: herk3, herk4 are left" in out
+    assert err == "mbdae: stopped by the user after 1 of 3 methods; herk3, herk4 remain\n"
+    assert "stopped: herk3, herk4 remain" in out
     kept = json.loads((tmp_path / "o.json").read_text())
     assert (list(kept["methods"]), kept["missing"], kept["holds"]) == (["herk2"], ["herk3", "herk4"], False)
     code, out, err = call(*arguments[:2], "-m", "herk3")

@@ -39,7 +39,7 @@ def test_stops_are_marked_while_closed_and_at_impacts(model, end, name, stop, e)
     assert track.strength[0] == 1, "later ones are weaker"
     assert (np.diff(track.strength) < 0).all()
     places = {"rod": 0 * q[:, :1] + [0, 0, 0], "slider": q[:, [at]] * [1, 0, 0]}
-    np.testing.assert_allclose(track.places, [places[name]], atol=1e-7)
+    np.testing.assert_allclose(track.positions, [places[name]], atol=1e-7)
 
 
 def test_joints_are_marked_while_they_stick():
@@ -54,7 +54,7 @@ def test_joints_are_marked_while_they_stick():
         assert rate[stuck].max() < 1e-12
         assert rate[~stuck & (times > 0)].min() > 1e-9
     slider = q[:, [sol.mechanism.joint_names.index("slider")]]
-    np.testing.assert_allclose(tracks[1].places, [slider * [1, 0, 0]], atol=1e-7)
+    np.testing.assert_allclose(tracks[1].positions, [slider * [1, 0, 0]], atol=1e-7)
 
 
 def test_backlash_is_marked_at_both_joints():
@@ -67,7 +67,7 @@ def test_backlash_is_marked_at_both_joints():
     sol = mbdae.solve(mbdae.Mechanism(model, stops=[play]), (0, 1), [0.0, 0.0], [1.0, 0.0])
     (track,) = mode_tracks_of(sol, sol.q)
     assert track.struck == pytest.approx([0.1])
-    np.testing.assert_allclose(track.places, np.array([[[0, 0, 0]], [[1, 0, 0]]]) + 0 * sol.q[:, :1], atol=1e-12)
+    np.testing.assert_allclose(track.positions, np.array([[[0, 0, 0]], [[1, 0, 0]]]) + 0 * sol.q[:, :1], atol=1e-12)
 
 
 def test_nothing_is_marked_where_nothing_switches():

@@ -174,10 +174,10 @@ def test_plots_are_chosen_by_name_and_by_beginning(sol, tmp_path):
     plots = ["v", ("q.crank", "kinetic", "potential"), "lam.wrist pin.2", ("stroke",)]
     data = shown(sol, tmp_path, plots=plots, signals=own)
     assert [p["title"] for p in data["panes"]] == [
-        "turning rates (rad/s)", "v.slider (m/s)", "q.crank (rad)", "energies (J)", "lam.wrist pin.2 (N)",
+        "angular velocities (rad/s)", "v.slider (m/s)", "q.crank (rad)", "energies (J)", "lam.wrist pin.2 (N)",
         "stroke", "count",
     ]  # fmt: skip
-    assert set(curves(data, "turning rates (rad/s)")) == {("crank", -1), ("crank_pin", -1)}
+    assert set(curves(data, "angular velocities (rad/s)")) == {("crank", -1), ("crank_pin", -1)}
     t, y = curves(data, "stroke")["stroke", -1]
     np.testing.assert_allclose(y[::50], [1000 * sol(x).q[2] for x in t[::50]], rtol=1e-5)
     t, y = curves(data, "count")["count", -1]
@@ -188,7 +188,7 @@ def test_of_many_coordinates_those_that_move_the_most_are_plotted(tmp_path):
     model = tree(["revolute"] * 9, range(9), seed=1)
     data = shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.2), rtol=1e-4), tmp_path)
     title = data["panes"][0]["title"]
-    assert title == "angles (rad), 7 of 9 that move the most"
+    assert title == "angles (rad), 7 of 9 with the largest ranges"
     assert len(curves(data, title)) == 7
     assert not [p for p in data["panes"] if "|g|" in p["title"]], "there are no closures"
 

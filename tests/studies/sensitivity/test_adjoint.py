@@ -91,7 +91,7 @@ def test_what_is_refused():
         ({"q.crank": [1.0]}, -1.0, r"noise level of 'q\.crank' must be a positive number, got -1"),
         ({"q.crank": [1.0]}, {"q.crank": 0}, r"noise level of 'q\.crank' must be a positive number, got 0"),
         ({"q.crank": [1.0]}, None, r"noise level of 'q\.crank' must be a positive number, got None"),
-        ({"q.crank": [np.nan, np.nan]}, 1.0, r"data of 'q\.crank' hold no number"),
+        ({"q.crank": [np.nan, np.nan]}, 1.0, r"data of 'q\.crank' have no number"),
         ({"q.crank": "words"}, 1.0, r"data of 'q\.crank' are numbers, got 'words'"),
         ({}, 1.0, "takes data"),
     ],

@@ -34,13 +34,13 @@ EVENTS = [
     (lambda t, q, v: 1j, StepError, "event '<lambda>' returned 1j"),
     (lambda t, q, v: "a", StepError, "event '<lambda>' returned 'a'"),
     (lambda t, q, v: np.nan, StepError, "event '<lambda>' returned nan"),
-    (lambda t, q, v: 0.0, InputError, "event '<lambda>' does not change where the run ends, at t = 0.33"),
-    (lambda t, q, v: q[0] - 1.1, InputError, r"event '<lambda>' is not that in which the run ended: it is -0\.1 "),
-    ("q.rocker = 2.0", InputError, r"event 'q\.rocker = 2\.0' is not that in which the run ended"),
-    ("q.crank = 0.5", InputError, r"event 'q\.crank = 0\.5' is not that .*: it is 0\.5 at t = 0\.33"),
+    (lambda t, q, v: 0.0, InputError, "event '<lambda>' has zero rate at the end of the run, t = 0.33"),
+    (lambda t, q, v: q[0] - 1.1, InputError, r"event '<lambda>' is not the one in which the run ended: it is -0\.1 "),
+    ("q.rocker = 2.0", InputError, r"event 'q\.rocker = 2\.0' is not the one in which the run ended"),
+    ("q.crank = 0.5", InputError, r"event 'q\.crank = 0\.5' is not the one .*: it is 0\.5 at t = 0\.33"),
     ("nothing", UnknownNameError, "unknown signal 'nothing'"),
     (["q.crank = 1.0"], InputError, "an event is a signal or a function"),
-    (None, InputError, "the run ended in a terminal event, whose time moves: give"),
+    (None, InputError, "the run ended in a terminal event, whose time depends on parameters: give"),
 ]
 
 
@@ -74,7 +74,7 @@ MODELS = [
     (other, {"mass": 2.0}, MbdaeError, r"model 'other' failed at mass = 2\.0: TypeError: .*length"),
     (moved, {"length": 2.0}, UnknownNameError, "unknown parameter of moved 'length'.*valid: mass"),
     (moved, ["mass"], InputError, "given as name = value"),
-    (int, {"mass": 2.0}, InputError, "model 'int' does not tell its parameters"),
+    (int, {"mass": 2.0}, InputError, "model 'int' has no known parameters"),
 ]  # fmt: skip
 
 

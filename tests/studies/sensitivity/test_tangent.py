@@ -238,7 +238,7 @@ def test_what_has_no_derivative_is_refused_by_name():
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("Gv")
     with pytest.raises(UnknownNameError, match="signal"):
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("q.nothing")
-    with pytest.raises(InputError, match="a signal is asked for by its name"):
+    with pytest.raises(InputError, match="a signal is given by its name"):
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal(["q.crank"])
     with pytest.raises(InputError, match="a model is a name, a path or a function that returns a Mechanism, got 3"):
         mbdae.sensitivity(sol, {"mass": 1.0}, model=3)
@@ -246,7 +246,7 @@ def test_what_has_no_derivative_is_refused_by_name():
     with pytest.raises(InputError, match="half-explicit"):
         mbdae.sensitivity(baseline, ["joint.crank.mass"])
     for names, words in (([3], "dotted names, as 'gravity.2' or 'joint.crank.mass', got 3"), (3, "a list of names"),
-                         ((), "by parameters, .* or by the start"), (None, "got None"), (0, "got 0"),
+                         ((), "takes parameters, .* or start=True"), (None, "got None"), (0, "got 0"),
                          (["gravity.2", "gravity.2"], "'gravity.2' is named twice"),
                          (["joint.crank"], "joint.crank is a joint: name a number of it, .*mass"),
                          ({"gravity.2": None}, "'gravity.2' is a finite number, got None")):  # fmt: skip

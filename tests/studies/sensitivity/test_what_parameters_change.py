@@ -39,7 +39,7 @@ def test_values_of_another_run_are_refused():
 
     sol = mbdae.solve(driven(2.0), (0.0, 0.3), step=0.05)
     assert mbdae.sensitivity(sol, {"omega": 2.0}, model=driven).q.any()
-    with pytest.raises(InputError, match="moves otherwise than the run"):
+    with pytest.raises(InputError, match="moves differently from the run"):
         mbdae.sensitivity(sol, {"omega": 5.0}, model=driven)
 
 

@@ -122,7 +122,7 @@ def test_an_equilibrium_is_found_again_from_itself(name):
 
 def test_a_branch_of_equilibria_needs_a_free_joint():
     """The integrators of the delta robot determine its arm angles; and the holding torque of a joint is reported."""
-    with pytest.raises(InputError, match="an integrator says where 'arm_1' is"):
+    with pytest.raises(InputError, match="an integrator prescribes 'arm_1'"):
         mbdae.equilibria(mbdae.load("delta_robot"), "arm_1", hold=["arm_2", "arm_3"])
     mech = mbdae.load("double_pendulum")
     found = mbdae.equilibria(mech, "joint2", hold="joint1")
@@ -132,8 +132,8 @@ def test_a_branch_of_equilibria_needs_a_free_joint():
 
 
 @pytest.mark.parametrize(("name", "drive", "reason"), [
-    ("jansen_walker", "crank", "a driver says where 'crank' is"),
-    ("cam_follower", "cam", "a driver says where 'cam' is"),
+    ("jansen_walker", "crank", "a driver prescribes 'crank'"),
+    ("cam_follower", "cam", "a driver prescribes 'cam'"),
     ("delta_robot", "arm_1", "2 of them besides 'arm_1'"),
 ])  # fmt: skip
 def test_what_is_driven_is_refused_before_any_pose_is_followed(name, drive, reason, monkeypatch):

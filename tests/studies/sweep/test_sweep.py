@@ -12,7 +12,7 @@ from mbdae.errors import InputError
 from mbdae.mechanism.formats.model_library import models_directory
 from mbdae.mechanism.formats.template import Template
 from mbdae.solution.signals import signals
-from mbdae.studies.sweep.plan import own_seed, tasks
+from mbdae.studies.sweep.plan import run_seed, tasks
 
 PENDULUM = """
 title = "Pendulum"
@@ -174,7 +174,7 @@ def test_random_values_belong_to_the_run_and_the_seed():
     assert {run["c"] for run in many} == {7}
     seeds = [task.seed for task in tasks(sample(400), 0)]
     assert len(set(seeds)) == 400
-    assert seeds[7] == own_seed(0, 7) != own_seed(1, 7)
+    assert seeds[7] == run_seed(0, 7) != run_seed(1, 7)
 
 
 def noisy(gain, seed):
@@ -278,7 +278,7 @@ def test_wrong_arguments_are_refused_before_anything_runs(arguments, words):
     [
         ({"outputs": ["final q.crnk"]}, "did you mean 'q.crank'"),
         ({"outputs": ["maximum q.crank"]}, "(did you mean 'max'?); valid: final, min, max, peak, mean, rms, integral"),
-        ({"outputs": ["q.crank"]}, "kept at times"),
+        ({"outputs": ["q.crank"]}, "needs times="),
         ({"outputs": ["final t", "final t"]}, "given twice"),
         ({"outputs": "final t"}, "outputs is a list"),
         ({"outputs": [3]}, "a text or a function"),

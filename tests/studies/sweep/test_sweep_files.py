@@ -16,7 +16,7 @@ import mbdae
 from mbdae.errors import InputError, MbdaeError, UnknownNameError
 from mbdae.studies.sweep.results_file import PART
 from mbdae.studies.sweep.toml_file import read_sweep
-from mbdae.studies.workers import AHEAD
+from mbdae.studies.workers import QUEUED_PER_WORKER
 
 LINKS = {"frame.rod_tip.xyz.0": [0.34, 0.36], "start.v.crank": [5.0, 6.0, 7.0]}
 QUICK = {"outputs": ["peak force.wrist pin", "q.slider"], "times": 11, "rtol": 1e-6, "executor": "threads"}
@@ -87,10 +87,10 @@ def test_executors_of_the_user(tmp_path):
     with Bounded(2) as executor:
         result = mbdae.sweep("slider_crank", {"start.v.crank": list(np.linspace(5, 7, 30))}, 0.05, executor=executor)
         assert result.complete
-        assert executor.most <= 2 * AHEAD
+        assert executor.most <= 2 * QUEUED_PER_WORKER
         assert executor.submit(int).result() == 0  # it stays open
     path = tmp_path / "runs.parquet"
-    with pytest.raises(MbdaeError, match=r"run 2 was lost by its worker.*the machine is gone"):
+    with pytest.raises(MbdaeError, match=r"run 2 failed in its worker.*the machine is gone"):
         mbdae.sweep("slider_crank", LINKS, 0.05, path=path, **{**QUICK, "executor": Lossy(), "workers": 1})
     kept = mbdae.Sweep.load(path)
     assert 0 < len(kept) < 6
@@ -117,7 +117,7 @@ def test_files_of_other_sweeps_are_refused(tmp_path):
         ({"model": "four_bar", "parameters": {"solve.rtol": [1e-6]}, "outputs": []}, "model and mechanism"),
     ):
         call = {"model": "slider_crank", "parameters": LINKS, "t_span": 0.1, **QUICK, **change}
-        with pytest.raises(InputError, match=f"holds another sweep, with other.* {words}"):
+        with pytest.raises(InputError, match=f"has another sweep, with other.* {words}"):
             mbdae.sweep(**call, path=path)
     assert path.read_bytes() == bits
     assert not part.exists()
@@ -126,7 +126,7 @@ def test_files_of_other_sweeps_are_refused(tmp_path):
     for file in (path, part):
         path.unlink(missing_ok=True)
         file.write_text("something else that is much longer than nothing" * 100)
-        with pytest.raises(InputError, match=r"cannot read|no file of a sweep"):
+        with pytest.raises(InputError, match=r"cannot read|not a file of a sweep"):
             mbdae.sweep("slider_crank", LINKS, 0.1, path=path, **QUICK)
 
 
@@ -171,10 +171,10 @@ def test_a_sweep_that_is_stopped_or_killed_goes_on(tmp_path):
     assert code == 1
     assert "Traceback" not in err
     assert err.endswith(
-        f"mbdae: stopped by the user after {len(stopped)} of 120 runs; runs.parquet.part keeps what is finished, "
-        "the same command goes on from there\n"
+        f"mbdae: stopped by the user after {len(stopped)} of 120 runs; runs.parquet.part has the finished runs, "
+        "the same command resumes from them\n"
     )
-    assert "are left" in out
+    assert "remain" in out
     code, out, err = begun(tmp_path, signal.SIGKILL)
     assert code == -signal.SIGKILL
     killed = mbdae.Sweep.load(path)
@@ -254,7 +254,7 @@ def test_command_keeps_what_the_model_says(own, tmp_path):
             "unknown key random.m; known: n, parameters",
         ),
         ('model = "four_bar"\n[settings]\ntol = 2\n[grid]\n"solve.rtol" = [1]', "unknown setting of solve 'tol'"),
-        ('model = "four_bar"\nstart = 1.0\n[grid]\n"solve.rtol" = [1]', "start goes with end"),
+        ('model = "four_bar"\nstart = 1.0\n[grid]\n"solve.rtol" = [1]', "start needs end"),
         ("model = ", "is not TOML"),
     ],
 )

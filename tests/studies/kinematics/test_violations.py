@@ -10,7 +10,7 @@ import mbdae
 from mbdae import Closure, Clutch, Driver, JointFriction, Mechanism, Stop, assembly_modes, kinematics
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.model_settings import Start
-from mbdae.studies.kinematics.passing import below
+from mbdae.studies.kinematics.violations import negative_intervals
 
 
 def four_bar(**parts):
@@ -30,7 +30,7 @@ def test_a_stop_of_another_joint_is_passed_where_the_loop_says():
     over = np.array([angles(x)[1] for x in u]) - end
     assert passed.most == pytest.approx(over.max(), rel=1e-3)
     assert passed.first == pytest.approx(u[over > 0][0], abs=1e-3)
-    assert "passes 'rocker stop', which does not act" in str(found)
+    assert "violates 'rocker stop', which does not act" in str(found)
     assert found.to_dict()["passed"][0]["name"] == "rocker stop"
 
 
@@ -104,14 +104,14 @@ def test_contacts_that_open_are_open():
     found = kinematics(mech, "up", span=(1.0, -1.0), hold=["across", "head", "middle", "tail"])
     nose = next(p for p in found.passed if p.name == "nose")
     np.testing.assert_allclose(nose[1:4], (0.0, -1.0, 1.0), atol=1e-12)
-    with pytest.raises(InputError, match=r"5 degrees of freedom are left \(open: nose, first hinge, .*\): hold 4"):
+    with pytest.raises(InputError, match=r"5 degrees of freedom are left \(inactive: nose, first hinge, .*\): hold 4"):
         kinematics(mech, "up")
 
 
 @pytest.mark.parametrize("name", ["rolling_disc", "bicycle"])
 def test_what_rolls_is_refused_with_its_name(name):
     mech = mbdae.load(name)
-    with pytest.raises(InputError, match="has rows of velocity: where it goes"):
+    with pytest.raises(InputError, match="has nonholonomic rows: its position"):
         kinematics(mech, mech.joint_names[-1])
 
 
@@ -128,12 +128,12 @@ def test_a_speed_driver_keeps_its_position_and_can_be_the_input():
 def test_roots_of_cubics():
     """A parabola that dips below zero between two points, and a piecewise linear function."""
     x = np.array([0.0, 1.0, 4.0])
-    (found,) = below(x, (x - 2) ** 2 - 1e-2, 2 * (x - 2))
+    (found,) = negative_intervals(x, (x - 2) ** 2 - 1e-2, 2 * (x - 2))
     np.testing.assert_allclose(found, (1.9, 2.1, 1e-2, 2.0), atol=1e-12)
-    (found,) = below(np.arange(4.0), np.array([0.0, 0.0, -1.0, 1.0]), None)
+    (found,) = negative_intervals(np.arange(4.0), np.array([0.0, 0.0, -1.0, 1.0]), None)
     np.testing.assert_allclose(found, (1.0, 2.5, 1.0, 2.0), atol=1e-15)
-    assert below(x, np.zeros(3), np.zeros(3)) == []
-    assert below(np.zeros(1), np.array([-1.0]), None) == [(0.0, 0.0, 1.0, 0.0)]
+    assert negative_intervals(x, np.zeros(3), np.zeros(3)) == []
+    assert negative_intervals(np.zeros(1), np.array([-1.0]), None) == [(0.0, 0.0, 1.0, 0.0)]
 
 
 def test_a_rope_is_passed_where_it_is_too_short():
@@ -150,5 +150,5 @@ def test_a_rope_is_passed_where_it_is_too_short():
 
 def test_an_input_that_cannot_begin_there_is_said():
     """A rod of Bricard's mechanism can turn from -pi/6 on; loops closed with flipped frames before do not count."""
-    with pytest.raises(AssemblyError, match=r"the input cannot begin at -1: it gets no further than about -0\.[4-6]"):
+    with pytest.raises(AssemblyError, match=r"the input cannot start at -1: it only reaches about -0\.[4-6]"):
         kinematics(mbdae.load("bricard"), "rod_1", span=(-1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Stops, ropes and contacts that a prescribed motion passes, and clutches that it turns back: they do not act on it."""
+"""Unilateral constraints that a prescribed motion violates, and clutches that it reverses: neither acts on it."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -16,19 +16,19 @@ from ...system import Array
 from ...tolerances import HALF_DIGITS, VISIBLE
 from .pose_curve import PoseCurve
 
-NEARBY = 1e-2  # of a cubic's depth: that of the curve itself
-NEWTON = 5  # iterations from a root of the cubic
-SHOWN = 4  # passages of one stop that a text names
+CONSISTENT = 1e-2  # of the cubic's depth: largest difference to the depth on the curve
+NEWTON_STEPS = 5  # from a root of the cubic
+LISTED = 4  # intervals of one constraint in a text
 
 
-class Passed(NamedTuple):
-    """Stop, closure or clutch that a prescribed motion passes.
+class Violation(NamedTuple):
+    """Interval in which a prescribed motion violates a stop, unilateral closure or clutch.
 
     Attributes:
         name: of the stop, closure or clutch.
-        first: where it begins, in the abscissa of the motion.
-        last: where it ends.
-        most: how far at most, in the unit of its row.
+        first: its start, on the abscissa of the motion.
+        last: its end.
+        most: largest violation, in the unit of the row.
         unit: ``"rad"`` or ``"m"``.
     """
 
@@ -39,23 +39,23 @@ class Passed(NamedTuple):
     unit: str
 
 
-def passages(mech: Mechanism, x: Array, q: Array, rates: Array, over: Array) -> tuple[Passed, ...]:
-    """Return where a motion passes what presses on one side, and turns one-way clutches back.
+def unilateral_violations(mech: Mechanism, x: Array, q: Array, rates: Array, over: Array) -> tuple[Violation, ...]:
+    """Return the intervals in which a motion violates unilateral constraints or reverses one-way clutches.
 
-    Gaps are cubics between the points, of which the roots count.
+    Gaps are interpolated by cubics; the intervals end at their roots.
 
     Args:
         mech: the mechanism.
-        x: time, rising, (n,).
+        x: time, increasing, (n,).
         q: configurations, (n, nq).
         rates: dq/dx, (n, nv).
         over: the abscissa at x, (n,).
     """
-    return _passages(mech, x, q, rates, lambda _, at: float(np.interp(at, x, over)))
+    return _violations(mech, x, q, rates, lambda _, at: float(np.interp(at, x, over)))
 
 
-def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
-    """Return the same of a curve of poses over its input, whose roots are found on the curve itself."""
+def curve_violations(mech: Mechanism, curve: PoseCurve) -> tuple[Violation, ...]:
+    """Return the violations of a curve of poses over its input, with roots located on the curve itself."""
     nodes, all_rows = curve.nodes, AllRows(mech.system())
     x = np.array([p.s for p in nodes])
 
@@ -63,71 +63,79 @@ def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
         i = int(np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2))
         with suppress(StepError):
             here = curve.at(i, s - x[i])
-            found = switch.margins(_judged(all_rows, [s], [here.q], [here.tau * curve.columns]))
-            if found and abs(found[0][0] + cubic) < NEARBY * cubic:  # not a margin that counts from an earlier pose
+            found = switch.margins(_margins_data(all_rows, [s], [here.q], [here.tau * curve.columns]))
+            if found and abs(found[0][0] + cubic) < CONSISTENT * cubic:  # not a margin relative to an earlier pose
                 return float(-found[0][0])
         return cubic
 
-    def to(switch: Switch, s: float) -> float:
+    def abscissa(switch: Switch, s: float) -> float:
         if s in (x[0], x[-1]):
             return nodes[0 if s == x[0] else -1].u
         i = int(np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2))
         here = curve.at(i, s - x[i], roughly=True)
-        with suppress(StepError):  # beside a branch point the cubic is what is known
-            for _ in range(NEWTON):
+        with suppress(StepError):  # near a branch point use the cubic
+            for _ in range(NEWTON_STEPS):
                 here = curve.at(i, s - x[i])
-                motion = _judged(all_rows, [s], [here.q], [here.tau * curve.columns])
+                motion = _margins_data(all_rows, [s], [here.q], [here.tau * curve.columns])
                 value, rate = switch.margins(motion) or (np.zeros(1), None)
                 if rate is None or not abs(rate[0]) > HALF_DIGITS * mech.row_scales[switch.row]:
                     break
                 s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
         return here.u
 
-    return _passages(mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.columns for p in nodes]), to, gap)
+    return _violations(
+        mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.columns for p in nodes]), abscissa, gap
+    )
 
 
-def _passages(
+def _violations(
     mech: Mechanism,
     x: Array,
     q: Array,
     rates: Array,
-    to: Callable[[Switch, float], float],
+    to_abscissa: Callable[[Switch, float], float],
     gap: Callable[[Switch, float, float], float] = lambda switch, s, cubic: cubic,
-) -> tuple[Passed, ...]:
+) -> tuple[Violation, ...]:
     if not mech.switches:
         return ()
-    motion, out = _judged(AllRows(mech.system()), x, q, rates), []
+    motion, out = _margins_data(AllRows(mech.system()), x, q, rates), []
     for switch in mech.switches:
         if not (found := switch.margins(motion)):
             continue
         value, rate = found
         unit = float(mech.row_scales[switch.row])
-        for first, last, most, at in below(x, value / unit, None if rate is None else rate / unit):
+        for first, last, most, at in negative_intervals(x, value / unit, None if rate is None else rate / unit):
             most = gap(switch, at, most * unit)
             out.append(
-                Passed(switch.name, to(switch, first), to(switch, last), most, str(mech.row_units[switch.row]))
+                Violation(
+                    switch.name,
+                    to_abscissa(switch, first),
+                    to_abscissa(switch, last),
+                    most,
+                    str(mech.row_units[switch.row]),
+                )
             )
     return tuple(out)
 
 
-def _judged(all_rows: AllRows, x: Any, q: Any, rates: Any) -> Margins:
+def _margins_data(all_rows: AllRows, x: Any, q: Any, rates: Any) -> Margins:
     g, G, _ = zip(*(all_rows(0.0, p) for p in q), strict=True)
     return Margins(np.asarray(x), np.asarray(q), np.array(g), np.einsum("nij,nj->ni", np.array(G), np.asarray(rates)))
 
 
-def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float, float, float]]:
-    """Return where a function is below zero: from, to, by how much at most, and where.
+def negative_intervals(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float, float, float]]:
+    """Return intervals where a function is negative: start, end, depth, and position of the minimum.
 
     Args:
-        x: rising, (n,).
-        value: there, (n,).
-        rate: its derivative, (n,); when left out the function is one of straight lines.
+        x: abscissa, increasing, (n,).
+        value: of the function, (n,).
+        rate: its derivative, (n,); when left out, the function is piecewise linear.
     """
     if len(x) < 2:
         return [(float(x[0]), float(x[0]), float(-value[0]), float(x[0]))] if value.min(initial=0.0) < -VISIBLE else []
     linear = rate is None
-    curve: PPoly = PPoly(np.array([np.diff(value) / np.diff(x), value[:-1]]), x) if linear else CubicHermiteSpline(
-        x, value, rate
+    curve: PPoly = (
+        PPoly(np.array([np.diff(value) / np.diff(x), value[:-1]]), x) if linear else CubicHermiteSpline(x, value, rate)
     )
     roots = curve.roots(discontinuity=False, extrapolate=False)
     lowest = np.empty(0) if linear else curve.derivative().roots(discontinuity=False, extrapolate=False)
@@ -143,15 +151,15 @@ def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float
     return out
 
 
-def lines_of(found: Sequence[Passed], over: str, unit: str) -> list[str]:
-    """Lines that name what is passed."""
+def violation_lines(found: Sequence[Violation], over: str, unit: str) -> list[str]:
+    """Return a line for each violated constraint."""
     out = []
     for name in dict.fromkeys(p.name for p in found):
-        of_it = [p for p in found if p.name == name]
-        where = ", ".join(f"{_shown(p.first)} to {_shown(p.last)}" for p in of_it[:SHOWN])
-        more = f" and {len(of_it) - SHOWN} times more" if len(of_it) > SHOWN else ""
-        most = max(p.most for p in of_it)
-        out.append(f"  passes {name!r}, which does not act, by up to {most:.4g} {of_it[0].unit}: "
+        intervals = [p for p in found if p.name == name]
+        where = ", ".join(f"{_shown(p.first)} to {_shown(p.last)}" for p in intervals[:LISTED])
+        more = f" and {len(intervals) - LISTED} times more" if len(intervals) > LISTED else ""
+        most = max(p.most for p in intervals)
+        out.append(f"  violates {name!r}, which does not act, by up to {most:.4g} {intervals[0].unit}: "
                    f"{over} = {where}{more} {unit}")  # fmt: skip
     return out
 
