@@ -89,7 +89,7 @@ def retraced(trace, mech):
             state, at = tableau.step(system, at, part, state).state, at + part
         if trace.project:
             y = system.restore(t[i + 1], state.y)
-            carry = system.carry(*system.derivative(t[i + 1], y)) if trace.renewed[i + 1] else state.carry
+            carry = system.carry(*system.derivative(t[i + 1], y)) if trace.restarted[i + 1] else state.carry
             state = State(y, carry)
         out.append(state.y)
     return np.array(out)

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "mbdae"
-TARGETS = sorted(
-    {x for p in FOLDER.rglob("*.py") for x in re.findall(r'lazy_import\(\s*"([\w.]+)",\s*"(\w+)"', p.read_text("utf-8"))}
-)
+CALL = re.compile(r'lazy_import\(\s*"([\w.]+)",\s*"(\w+)"')
+TARGETS = sorted({found for path in FOLDER.rglob("*.py") for found in CALL.findall(path.read_text("utf-8"))})
 
 
 @pytest.mark.parametrize(("module", "name"), TARGETS)
