@@ -58,7 +58,7 @@ def keys() -> str:
         if not any(f.exclude for f in table.model_fields.values()):  # Python functions are not possible in a file
             found.setdefault(table, (f"`{heading}`", "".join(rows(table, own=table in KINDS.values()))))
     return "\n" + "\n".join(
-        f"**{found[table][0]}**\n\n| key | takes | left out | what it is |\n|---|---|---|---|\n{found[table][1]}"
+        f"**{found[table][0]}**\n\n| key | value | default | description |\n|---|---|---|---|\n{found[table][1]}"
         for table in sorted(found, key=SIGNALS.__contains__)
         if found[table][1]
     )

@@ -15,7 +15,7 @@ taken = Tableau("herk1", A=((),), b=("1",))
 FORCES = '''\
 import numpy as np
 from typing import Literal
-from mbdae.mechanism.forces.force import Force, ForceElement, one_velocity
+from mbdae.mechanism.forces.force import Force, ForceElement, single_velocity_joint
 
 
 class JointDrag(Force):
@@ -26,7 +26,7 @@ class JointDrag(Force):
     drag: float
 
     def bind(self, model, data):
-        return DragElement(self.name, one_velocity(model, self.joint, "a joint_drag").idx_v, self.drag)
+        return DragElement(self.name, single_velocity_joint(model, self.joint, "a joint_drag").idx_v, self.drag)
 
 
 class DragElement(ForceElement):

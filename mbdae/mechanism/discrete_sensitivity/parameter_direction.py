@@ -124,7 +124,7 @@ class Parameter:
         for i in self.forces:
             instants = {(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in self._forces(i)}
             if len(instants) > 1:
-                name = self.mech.forces[i].name
+                name = getattr(self.mech.forces[i], "name", "")
                 raise InputError(f"parameter {self.name!r} moves the instants of {name!r}: no derivative")
 
     def _forces(self, i: int) -> list[Any]:

@@ -230,7 +230,7 @@ class Parameters:
             out += support(model, j) * (wrench @ J.reshape(6, -1))
         return out
 
-    def refuse_lost(self, t: float, q: Array) -> None:
+    def require_directions(self, t: float, q: Array) -> None:
         """Reject a configuration where a force has no direction, in the mechanism or in a perturbed one.
 
         Raises:
@@ -238,7 +238,7 @@ class Parameters:
         """
         self.system.inertia(t, q)
         for laws in (self.system.laws, *(near for p in self.laws for near in p.near.values())):
-            laws.refuse_lost()
+            laws.require_directions()
 
     def require_consistent(self, t: float, q: Array) -> None:
         """Reject parameters that violate closures in a way that no motion can correct: redundant rows.

@@ -1,16 +1,15 @@
-"""Forces with internal states, in Python. The states are integrated with the motion."""
+"""Forces with internal states, as Python functions; the states are integrated with the motion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
 from ..callbacks import called, checked, function_name
-from .force import Array, ForceElement, PythonForce, start_values
-from .quotients import by_time, law_partials
+from .force import Array, CoreData, ForceElement, PythonForce, start_values
+from .python_law_partials import law_partials, law_time_partials
 
 StateFunction = Callable[[float, Array, Array, Array], Array]
 
@@ -26,10 +25,10 @@ class Actuator(PythonForce):
     Args:
         torque: generalised force, (nv,) in N m and N; its work is integrated.
         rate: rates of the states, (ns,).
-        start: names of the states and their start values.
-        name: that of the torque function when omitted.
+        start: names and initial values of the states.
+        name: the name of the torque function if omitted.
         partials: (t, q, v, s) -> derivatives of (tau, s') with respect to (q in the tangent, v, s),
-            (nv + ns, 2 nv + ns), for implicit methods; central differences when left out.
+            (nv + ns, 2 nv + ns), for implicit methods; central differences if omitted.
 
     Raises:
         InputError: for invalid names of states, or initial values that are not finite.
@@ -52,7 +51,7 @@ class Actuator(PythonForce):
             raise InputError(f"actuator {self.name!r} has no states: use a function tau(t, q, v)")
 
     def bind(self, model: pin.Model, data: pin.Data) -> "ActuatorElement":
-        """Return the law in a workspace."""
+        """Return the law bound to a workspace."""
         return ActuatorElement(self, model)
 
 
@@ -69,8 +68,8 @@ class ActuatorElement(ForceElement):
         tau = checked(called(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
         return 0.0, tau, checked(called(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        return by_time(lambda t: np.concatenate(self.evaluate(t, q, v, s)[1:]), t, v)
+    def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        return law_time_partials(lambda t: np.concatenate(self.evaluate(t, q, v, s)[1:]), t, v)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         def law(q: Array, v: Array, s: Array) -> Array:
@@ -78,6 +77,6 @@ class ActuatorElement(ForceElement):
 
         return law_partials(law, self.spec.partials, f"actuator {self.name!r}", self.model, t, q, v, s)
 
-    def core_data(self) -> dict[str, Any]:
-        law: dict[str, Any] = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
-        return law | {"partials": self.partials, "time_rate": self.by_time}
+    def core_data(self) -> CoreData:
+        law: CoreData = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
+        return law | {"partials": self.partials, "time_rate": self.time_partials}

@@ -1,6 +1,6 @@
 """Elastic joints between two frames."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -10,9 +10,9 @@ from ...errors import StepError
 from ..frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..manifold import inverse_jacobian
 from ..wrench_partials import COMPLEX_STEP, moved_line_partials, skews
-from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
+from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
-LARGEST_TURN = 3.0  # rad: a rotation vector is smooth below pi
+MAX_ROTATION = 3.0  # rad: the rotation vector is smooth below pi
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -29,7 +29,7 @@ class Bushing(Force):
         frames: names of both frames.
         stiffness: N/m and N m/rad, (6,).
         damping: N s/m and N m s/rad, (6,).
-        name: for parameters, signals and messages; the kind and a number when left out.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -42,7 +42,7 @@ class Bushing(Force):
     damping: Six = (0.0,) * 6
 
     @model_validator(mode="after")
-    def _dampers_damp(self) -> "Bushing":
+    def _check_damping(self) -> "Bushing":
         if min(self.damping) < 0:
             raise ValueError("the dampings of a bushing must not be negative")
         return self
@@ -68,45 +68,46 @@ class BushingElement(PairElement):
         self.d, self.dr = np.array(spec.damping).reshape(2, 3)
         self.damped = bool(self.d.any() or self.dr.any())
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:
-        """Return the torques of springs and dampers.
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
+        """Return the generalised forces of springs and dampers.
 
         Raises:
             StepError: when the relative rotation reaches 3 rad.
         """
         gap, theta = self.gap()
-        if np.sqrt(theta @ theta) > LARGEST_TURN:
-            raise StepError("chart", f"bushing {self.name!r} is turned by more than {LARGEST_TURN} rad at t = {t:.17g}")
-        spring = self._on_b(-self.k * gap, -inverse_jacobian(skew(theta), self.kr * theta))
+        if np.sqrt(theta @ theta) > MAX_ROTATION:
+            raise StepError("chart", f"bushing {self.name!r} rotates by more than {MAX_ROTATION} rad at t = {t:.17g}")
+        spring = self._force_on_b(-self.k * gap, -inverse_jacobian(skew(theta), self.kr * theta))
         if not self.damped:
             return spring, 0.0
         twist = self.pair.relative(v)
         velocity = (twist[:3] + skew(twist[3:]) @ self.pair.pb) @ self.pair.Ra
-        return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
+        return spring, self._force_on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
-        """See `PairElement`; a common motion d of both frames and their velocities rotates F by d x* F, hence Da."""
+        """See `PairElement`; Da follows from a common displacement d of both frames, which changes F by d x* F."""
         gap, theta = self.gap()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
-        point = np.hstack([np.eye(3), -skew(pb)])  # velocity of the point p_b
+        to_point = np.hstack([np.eye(3), -skew(pb)])  # V -> velocity of the point p_b
         J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
-        tilted = theta + 1j * COMPLEX_STEP * np.eye(3)
-        by_theta = [
-            inverse_jacobian(X, self.kr * x).imag / COMPLEX_STEP for X, x in zip(skews(tilted.T), tilted, strict=True)
+        perturbed = theta + 1j * COMPLEX_STEP * np.eye(3)
+        theta_partials = [
+            inverse_jacobian(X, self.kr * x).imag / COMPLEX_STEP
+            for X, x in zip(skews(perturbed.T), perturbed, strict=True)
         ]
         n, m = Ra @ (-self.k * gap), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
-        Db = moved_line_partials(pb, n[:, None])[0] - point.T @ (Ra * self.k) @ Ra.T @ point
-        Db[3:, 3:] -= Ra @ np.array(by_theta).T @ J_left @ Ra.T
+        Db = moved_line_partials(pb, n[:, None])[0] - to_point.T @ (Ra * self.k) @ Ra.T @ to_point
+        Db[3:, 3:] -= Ra @ np.array(theta_partials).T @ J_left @ Ra.T
         damper = (Ra * self.d) @ Ra.T
-        u = -damper @ point @ V
-        C = -point.T @ damper @ point
+        u = -damper @ to_point @ V
+        C = -to_point.T @ damper @ to_point
         C[3:, 3:] -= (Ra * self.dr) @ Ra.T
-        Db_damper = moved_line_partials(pb, u[:, None])[0] - point.T @ damper @ skew(w) @ point
+        Db_damper = moved_line_partials(pb, u[:, None])[0] - to_point.T @ damper @ skew(w) @ to_point
         spring = np.concatenate([n, m + skew(pb) @ n])
         damping = np.concatenate([u, skew(pb) @ u - (Ra * self.dr) @ Ra.T @ w])
         Da = wrench_matrix(damping) - Db_damper + C @ motion_cross(V[:, None], np.eye(6))
-        none = np.zeros((6, 6))
-        return WrenchPartials(spring, wrench_matrix(spring) - Db, Db, none), WrenchPartials(damping, Da, Db_damper, C)
+        zero = np.zeros((6, 6))
+        return WrenchPartials(spring, wrench_matrix(spring) - Db, Db, zero), WrenchPartials(damping, Da, Db_damper, C)
 
     def deflection(self, q: Array) -> Array:
         return np.concatenate(self.gap())
@@ -117,8 +118,8 @@ class BushingElement(PairElement):
         Ra, Rb = self.pair.Ra, self.pair.Rb
         return (self.pair.pb - self.pair.pa) @ Ra, rotation_vector(Ra.T @ Rb)
 
-    def _on_b(self, force: Array, moment: Array) -> Array:
-        """Return the generalised force of a force and a moment in axes of a, at the origin of b."""
+    def _force_on_b(self, force: Array, moment: Array) -> Array:
+        """Return the generalised force of a force and a moment at the origin of b, in axes of a."""
         n, m = self.pair.Ra @ force, self.pair.Ra @ moment
         return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 
@@ -126,9 +127,9 @@ class BushingElement(PairElement):
         gap, theta = self.gap()
         return 0.5 * float(self.k @ gap**2 + self.kr @ theta**2)
 
-    def core_data(self) -> dict[str, Any]:
-        numbers = [*self.k, *self.kr, *self.d, *self.dr, LARGEST_TURN]
-        return {"kind": "bushing", "frames": self.pair, "a": numbers}
+    def core_data(self) -> CoreData:
+        constants = [*self.k, *self.kr, *self.d, *self.dr, MAX_ROTATION]
+        return {"kind": "bushing", "frames": self.pair, "a": constants}
 
 
 def rotation_vector(R: Array) -> Array:

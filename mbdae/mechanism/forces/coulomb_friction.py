@@ -1,4 +1,4 @@
-"""Dry friction of a closure, proportional to its reaction."""
+"""Coulomb friction of a closure, proportional to its reaction force."""
 
 from typing import Literal
 
@@ -6,12 +6,12 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from .force import Force, ForceElement
-from .joint_friction import VELOCITY
+from .joint_friction import DEFAULT_VELOCITY
 from .linear import LinearElement
 
 
 class CoulombFriction(Force):
-    """Friction of a closure from its reaction, mu |F| against sliding, mu r |F| against rotation.
+    """Coulomb friction of a closure from its reaction force: mu |F| against sliding, mu r |F| against rotation.
 
     F is the force between both bodies: the full force in a closure that rotates (revolute, point); the force
     perpendicular to the axis in one that slides along it (prismatic, cylindrical, in_line); the normal force at a
@@ -20,14 +20,14 @@ class CoulombFriction(Force):
 
     Attributes:
         closure: name of the closure.
-        coefficient: mu, without unit.
+        coefficient: mu, dimensionless.
         radius: r of the bearing in m, for a closure that rotates.
-        velocity: where regularised friction reaches three quarters of its value, in rad/s or m/s, 0.01 when left out,
-            as of `JointFriction`.
+        velocity: at which regularised friction reaches three quarters of its value, in rad/s or m/s; 0.01 if omitted,
+            as in `JointFriction`.
         static: mu while sticking, at least ``coefficient``, which is the default.
-        exact: a rolling body sticks, with all its no-slip rows, while that takes no more than mu_s N, and slides
-            otherwise; true where ``static`` is given. For closures of kind rolling, which otherwise never slide.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        exact: whether a rolling body sticks, with all no-slip rows, while its friction is at most mu_s N, and slides
+            otherwise; true if ``static`` is given. For closures of kind rolling, which otherwise never slide.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is created,
@@ -44,7 +44,7 @@ class CoulombFriction(Force):
     exact: bool = False
 
     @model_validator(mode="after")
-    def _fits(self) -> "CoulombFriction":
+    def _check_keys(self) -> "CoulombFriction":
         if self.sticks and self.velocity is not None:
             raise ValueError("velocity belongs to regularised friction, not to static or exact")
         if self.static is not None and self.static < self.coefficient:
@@ -53,19 +53,19 @@ class CoulombFriction(Force):
 
     @property
     def sticks(self) -> bool:
-        """Whether it is exact."""
+        """Whether the friction is exact, so that the contact can stick."""
         return self.exact or self.static is not None
 
     @property
     def width(self) -> float:
         """Speed at which regularised friction reaches three quarters of its value."""
-        return self.velocity or VELOCITY
+        return self.velocity or DEFAULT_VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         return CoulombElement(self.name)
 
 
 class CoulombElement(LinearElement):
-    """No force by q and v alone: `mbdae.mechanism.formulations.closure_friction` adds friction from multipliers."""
+    """A law without force: `mbdae.mechanism.formulations.closure_friction` computes friction from multipliers."""
 
     by_state = False

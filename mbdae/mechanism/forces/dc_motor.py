@@ -6,7 +6,7 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ..time_functions import TimeFunction
-from .force import Force, ForceElement, one_velocity
+from .force import Force, ForceElement, single_velocity_joint
 from .linear import LinearElement, Term
 
 
@@ -21,9 +21,9 @@ class DCMotor(Force):
         resistance: ohm.
         inductance: H.
         constant: torque per current in N m/A, the same as voltage per speed in V s/rad.
-        gear: turns of the rotor per turn of the joint.
-        current: at the start, in A.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        gear: rotor angle per joint angle.
+        current: initial current in A.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -40,7 +40,7 @@ class DCMotor(Force):
     current: float = 0.0
 
     @model_validator(mode="after")
-    def _has_current(self) -> "DCMotor":
+    def _check_circuit(self) -> "DCMotor":
         if not (self.resistance or self.inductance):
             raise ValueError("a dc_motor needs a resistance or an inductance")
         if self.current and not self.inductance:
@@ -48,7 +48,7 @@ class DCMotor(Force):
         return self
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        i, k = one_velocity(model, self.joint, f"dc_motor {self.name!r}").idx_v, self.gear * self.constant
+        i, k = single_velocity_joint(model, self.joint, f"dc_motor {self.name!r}").idx_v, self.gear * self.constant
         R, L = self.resistance, self.inductance
         if not L:
             terms: list[Term] = [("tau", i, "u", 0, k / R), ("tau", i, "v", i, -k * k / R)]

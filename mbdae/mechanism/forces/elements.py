@@ -1,4 +1,4 @@
-"""All force laws of a workspace: their sum, and their states."""
+"""All force laws of a workspace: the sum of their forces, and their states."""
 
 from collections.abc import Sequence
 from math import inf
@@ -7,35 +7,36 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from .force import Array, ForceElement, Part
+from .force import Array, ArrayOrZero, ForceElement
 from .linear import Linear, LinearElement
 
-Bound = tuple[ForceElement, slice]
+BoundLaw = tuple[ForceElement, slice]
+"""A law and the slice of its states in s."""
 
 
 class ForceElements:
     """All force laws of a workspace; their states are concatenated to s (ns,).
 
     Attributes:
-        names: of the laws.
-        bound: the laws, and the slices of their states in s.
-        acting: the same with all linear laws combined.
+        names: names of the laws.
+        bound: the laws.
+        acting: the laws, all linear ones combined into one.
         ns: number of states.
     """
 
     def __init__(self, laws: Sequence[ForceElement], model: pin.Model) -> None:
         self.nv, self.ns, self.names = model.nv, 0, [law.name for law in laws]
-        self.bound: list[Bound] = []
+        self.bound: list[BoundLaw] = []
         for law in laws:
             self.bound.append((law, slice(self.ns, self.ns + len(law.states))))
             self.ns += len(law.states)
         linear = [(law, at) for law, at in self.bound if isinstance(law, LinearElement)]
-        self.acting: list[Bound] = [(law, at) for law, at in self.bound if not isinstance(law, LinearElement)]
+        self.acting: list[BoundLaw] = [(law, at) for law, at in self.bound if not isinstance(law, LinearElement)]
         if linear:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
 
     def states(self) -> dict[str, float]:
-        """Names ``law.state`` and start values of all states, in the order of s.
+        """Return names ``law.state`` and initial values of all states, in the order of s.
 
         Raises:
             InputError: if two laws with states share a name.
@@ -43,14 +44,14 @@ class ForceElements:
         laws = [law for law, _ in self.bound if law.states]
         names = [law.name for law in laws]
         if len(set(names)) < len(names):
-            raise InputError(f"actuators and controllers need names of their own, got {', '.join(names)}")
+            raise InputError(f"actuators and controllers need different names, got {', '.join(names)}")
         return {f"{law.name}.{key}": value for law in laws for key, value in law.states.items()}
 
-    def refuse_lost(self) -> None:
-        """Reject a configuration where a force has no direction; kinematics must be current.
+    def require_directions(self) -> None:
+        """Require that each force has a direction; kinematics must be current.
 
         Raises:
-            InputError: names the force.
+            InputError: for a force between coincident points.
         """
         for law, _ in self.bound:
             if law.direction_undefined():
@@ -62,8 +63,8 @@ class ForceElements:
         rates[-1] = other.dot(v)
         return conservative + other, rates
 
-    def split_torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
-        """Return the conservative and the other part of tau, (nv,) each, and s' with a zero appended, (ns + 1,)."""
+    def split_torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, Array, Array]:
+        """Return the conservative and the non-conservative part of tau, (nv,) each, and s' and a zero, (ns + 1,)."""
         rates = np.zeros(self.ns + 1)
         if not self.acting:
             return 0.0, np.zeros(self.nv), rates
@@ -81,21 +82,21 @@ class ForceElements:
         nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:
-            known, rows = law.partials(t, q, v, s[at]), slice(nv + at.start, nv + at.stop)
+            D, rows = law.partials(t, q, v, s[at]), slice(nv + at.start, nv + at.stop)
             columns = slice(nv + rows.start, nv + rows.stop)
-            for to, block in ((slice(nv), known[:nv]), (rows, known[nv:-1]), (-1, known[-1])):
-                out[to, : 2 * nv] += block[..., : 2 * nv]
-                out[to, columns] += block[..., 2 * nv :]
+            for target, block in ((slice(nv), D[:nv]), (rows, D[nv:-1]), (-1, D[-1])):
+                out[target, : 2 * nv] += block[..., : 2 * nv]
+                out[target, columns] += block[..., 2 * nv :]
         return out
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return the sum of `ForceElement.by_time`, (nv + ns + 1,); kinematics must be current at q."""
+    def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        """Return the sum of `ForceElement.time_partials`, (nv + ns + 1,); kinematics must be current at q."""
         nv, out = self.nv, np.zeros(self.nv + self.ns + 1)
         for law, at in self.acting:
-            known = np.zeros(nv + at.stop - at.start + 1) + law.by_time(t, q, v, s[at])
-            out[:nv] += known[:nv]
-            out[nv + at.start : nv + at.stop] += known[nv:-1]
-            out[-1] += known[-1]
+            d = np.zeros(nv + at.stop - at.start + 1) + law.time_partials(t, q, v, s[at])
+            out[:nv] += d[:nv]
+            out[nv + at.start : nv + at.stop] += d[nv:-1]
+            out[-1] += d[-1]
         return out
 
     def potential(self, q: Array) -> float:
@@ -103,15 +104,15 @@ class ForceElements:
         return sum(law.potential(q) for law, _ in self.acting)
 
     def breaks(self) -> list[float]:
-        """Times at which functions of time in the laws are not smooth."""
+        """Return the times at which functions of time in the laws are not smooth."""
         return sorted({x for law, _ in self.bound for signal in law.signals for x in signal.breaks})
 
     def breakpoint(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, where a law may jump; sign * inf if none."""
+        """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""
         return sign * min((sign * law.breakpoint(t, sign) for law, _ in self.bound), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s just after time t, (ns,); each law receives the states before it."""
+        """Return s after a jump at time t, (ns,); each law receives its states before the jump."""
         out = s.copy()
         for law, at in self.bound:
             if law.states:

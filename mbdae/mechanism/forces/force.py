@@ -1,7 +1,7 @@
-"""Base of forces: a description, possibly from a file, is bound to a workspace and becomes a law.
+"""Base classes of forces: a description, possibly from a file, which is bound to a workspace as a force law.
 
-A law's generalised force tau (nv,) has two parts: one derived from its potential, and one whose work is integrated
-along the motion. A law may have internal states s, s' = h(t, q, v, s), which may jump at certain times.
+The generalised force tau (nv,) of a law has two parts: one derived from its potential, and one whose work is
+integrated along the motion. A law may have internal states s, s' = h(t, q, v, s), which may jump at certain times.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,9 @@ from ..frames import Pair, find_joint, find_joints
 from ..time_functions import Constant, TimeFunction
 from ..wrench_partials import PairPartials
 
-Part = np.ndarray | float
+CoreData = dict[str, Any]
+ArrayOrZero = np.ndarray | float
+"""An array, or 0 for one of zeros."""
 Joints = str | tuple[str, ...]
 
 
@@ -27,8 +29,8 @@ class ForceElement:
 
     Args:
         name: for messages.
-        signals: the functions of time in it.
-        states: names of its ns states and their start values.
+        signals: the functions of time that the law depends on.
+        states: names and initial values of its ns states.
     """
 
     def __init__(
@@ -37,28 +39,28 @@ class ForceElement:
         self.name, self.states = name, dict(states or {})
         self.signals = [s for s in signals if not isinstance(s, Constant)]
 
-    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Part, Part]:
-        """Return the conservative and the other part of tau, (nv,) each, and s' (ns,); 0 for missing parts."""
+    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, ArrayOrZero, ArrayOrZero]:
+        """Return the conservative and the non-conservative part of tau, (nv,) each, and s' (ns,), or 0 for each."""
         return *self.torque(t, q, v), 0.0
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
-        """Return the conservative and the other part of tau of a law without states, (nv,) each, or 0."""
+    def torque(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
+        """Return both parts of tau of a law without states, conservative and non-conservative, (nv,) each, or 0."""
         raise NotImplementedError
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return the exact derivatives of (tau, s', power of the other part), (nv + ns + 1, 2 nv + ns).
+        """Return the partial derivatives of (tau, s', power of the non-conservative part), (nv + ns + 1, 2 nv + ns).
 
-        They are taken with respect to (q, v, s), q in the tangent. Python functions of the user without partial
-        derivatives are differentiated by central differences.
+        They are taken with respect to (q, v, s), q in the tangent space, and exact; only Python functions of the user
+        without partial derivatives are differentiated by central differences.
 
         Raises:
             InputError: for a law without partial derivatives.
         """
-        what = "implicit methods, equilibria and gradients take the method partials(t, q, v, s) of its law"
-        raise InputError(f"force {self.name!r} has no partials: {what} {type(self).__name__}")
+        users = "implicit methods, equilibria and gradients take the method partials(t, q, v, s) of its law"
+        raise InputError(f"force {self.name!r} has no partials: {users} {type(self).__name__}")
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array | float:
-        """Return the derivative of (tau, s', power of the other part) with respect to time, (nv + ns + 1,), or 0."""
+    def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array | float:
+        """Return d/dt of (tau, s', power of the non-conservative part) at fixed (q, v, s), (nv + ns + 1,), or 0."""
         return 0.0
 
     def potential(self, q: Array) -> float:
@@ -66,32 +68,32 @@ class ForceElement:
         return 0.0
 
     def direction_undefined(self) -> bool:
-        """Return whether its line of action is undefined because its ends coincide; kinematics must be current."""
+        """Return whether the line of action is undefined, between coincident points; kinematics must be current."""
         return False
 
-    tension = False  # a tensile force between two points
-    differenced = False  # its partial derivatives are finite differences
-    by_state = True  # it depends on (t, q, v, s) only, not on multipliers and modes
+    tension = False  # the force acts along the line between two points
+    differenced = False  # the partial derivatives are finite differences
+    by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
     deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity index and "", or -1 and a description
 
     def acting_components(self, nv: int) -> list[int]:
-        """Velocity components that it may act on; all if unknown."""
+        """Return the indices of the velocity components that the force may act on; all if unknown."""
         return list(range(nv))
 
     def deflection(self, q: Array) -> Array:
-        """Return the deflections of its springs, in rad or m, one for each of ``deflections``."""
+        """Return the deflections of the springs, in rad or m, one for each of ``deflections``."""
         return np.empty(0)
 
     def breakpoint(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, where the law may jump; sign * inf if none."""
+        """Return the next time after t, in the direction of sign, at which the law may jump; sign * inf if none."""
         return sign * min((sign * s.jump(t, sign) for s in self.signals), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return s just after time t, (ns,); kinematics need not be current."""
+        """Return s after a jump at time t, (ns,); kinematics need not be current."""
         return s
 
-    def core_data(self) -> dict[str, Any]:
-        """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its arguments.
+    def core_data(self) -> CoreData:
+        """Return the core data: ``kind``, the name of a file in native/mechanism/laws, and its data.
 
         Raises:
             NotCompiled: if the core does not support it.
@@ -117,27 +119,30 @@ class PairElement(ForceElement):
     pair: Pair
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
-        """Return the wrenches of the conservative and the other part; the pair is located, V = V_b - V_a (6,)."""
+        """Return the wrenches of the conservative and the non-conservative part, and their partials.
+
+        The poses of the pair must be current; V = V_b - V_a (6,).
+        """
         raise NotImplementedError
 
     def wrench_time_rate(self, t: float) -> Array | float:
-        """Return the time derivative of the wrench at fixed motion, (6,), or 0; the pair is located."""
+        """Return d/dt of the wrench at fixed motion, (6,), or 0; the poses of the pair must be current."""
         return 0.0
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
+    def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         self.pair.locate()
         tau = self.pair.torque(self.wrench_time_rate(t) + np.zeros(6))
         return np.append(tau, tau @ v)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         self.pair.locate()
-        here, nv = PairPartials(self.pair, v), len(v)
-        at, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))
-        conservative, other = self.wrench_partials(t, here.V)
-        K, D = here.torque(*other), here.damping(other.C)
-        out[-1, at], out[-1, nv + at] = v[at].dot(K), v[at].dot(D) + here.sign * other.F.dot(here.J)
-        out[at[:, None], at] = K + here.torque(*conservative)
-        out[at[:, None], nv + at] = D + here.damping(conservative.C)
+        pair, nv = PairPartials(self.pair, v), len(v)
+        i, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))  # i: velocities that move the pair
+        conservative, other = self.wrench_partials(t, pair.V)
+        K, D = pair.torque(*other), pair.damping(other.C)
+        out[-1, i], out[-1, nv + i] = v[i].dot(K), v[i].dot(D) + pair.sign * other.F.dot(pair.J)
+        out[i[:, None], i] = K + pair.torque(*conservative)
+        out[i[:, None], nv + i] = D + pair.damping(conservative.C)
         return out
 
 
@@ -145,16 +150,16 @@ class Force(Table):
     """Base of forces that can be described in a file.
 
     Attributes:
-        name: the kind and a number when left out.
+        name: the kind and a number if omitted.
     """
 
     kind: str
     name: str = ""
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        """Return the law in a workspace, whose kinematics are current when the law is evaluated.
+        """Return the law bound to a workspace, whose kinematics are current when the law is evaluated.
 
-        Bound by a class of another package, the workspace has room for all algorithms of Pinocchio, 32 nv^3 bytes.
+        For classes of other packages the workspace has memory for all algorithms of Pinocchio, 32 nv^3 bytes.
 
         Raises:
             UnknownNameError, InputError: for unknown or unsuitable frames and joints.
@@ -168,15 +173,15 @@ class PythonForce:
     name: str
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        """Return the law in a workspace."""
+        """Return the law bound to a workspace."""
         raise NotImplementedError
 
 
-def single(model: pin.Model, names: Joints, what: str) -> list[pin.JointModel]:
-    """Return joints of one coordinate.
+def single_coordinate_joints(model: pin.Model, names: Joints, what: str) -> list[pin.JointModel]:
+    """Return joints by name, each of one coordinate.
 
     Raises:
-        InputError: for other joints.
+        InputError: for joints of several coordinates.
     """
     joints = find_joints(model, names)
     for j, n in zip(joints, [names] if isinstance(names, str) else names, strict=True):
@@ -185,11 +190,11 @@ def single(model: pin.Model, names: Joints, what: str) -> list[pin.JointModel]:
     return joints
 
 
-def one_velocity(model: pin.Model, name: str, what: str) -> pin.JointModel:
-    """Return a joint of one velocity.
+def single_velocity_joint(model: pin.Model, name: str, what: str) -> pin.JointModel:
+    """Return a joint by name, with one velocity.
 
     Raises:
-        InputError: for another joint.
+        InputError: for a joint of several velocities.
     """
     j = find_joint(model, name)
     if j.nv != 1:
@@ -198,14 +203,14 @@ def one_velocity(model: pin.Model, name: str, what: str) -> pin.JointModel:
 
 
 def start_values(name: str, start: Mapping[str, float]) -> dict[str, float]:
-    """Return names and start values of states as floats.
+    """Return names and initial values of states as floats.
 
     Raises:
-        InputError: for any other value.
+        InputError: unless ``start`` is a table of names and finite numbers.
     """
-    numbers = isinstance(start, Mapping) and all(
+    valid = isinstance(start, Mapping) and all(
         isinstance(x, int | float | np.number) and np.isfinite(x) for x in start.values()
     )
-    if not numbers:
+    if not valid:
         raise InputError(f"the states of {name!r} start from a table of names and finite numbers, got {start!r:.80}")
     return {str(key): float(value) for key, value in start.items()}

@@ -12,12 +12,12 @@ from .linear import LinearElement
 
 
 class JointDamping(Force):
-    """tau = -damping * v on each coordinate of the joints; replaces that of their source.
+    """tau = -damping * v on each coordinate of the joints; replaces the damping of the imported model.
 
     Attributes:
         joint: one joint or several.
         damping: N m s/rad or N s/m.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -1,7 +1,7 @@
 """Coulomb friction in joints, regularised or exact."""
 
 from collections.abc import Iterator
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -9,20 +9,20 @@ from pydantic import Field, model_validator
 
 from ...errors import InputError
 from ..frames import find_joints, joint_names
-from .force import Array, Force, ForceElement, Joints
+from .force import Array, CoreData, Force, ForceElement, Joints
 from .joint_law import Effort, JointElement
 
-VELOCITY = 0.01  # rad/s or m/s
+DEFAULT_VELOCITY = 0.01  # rad/s or m/s
 
 
-class HeldJoint(NamedTuple):
-    """A joint with exact dry friction.
+class StictionJoint(NamedTuple):
+    """A joint with exact Coulomb friction.
 
     Attributes:
-        joint: its name.
-        force: name of the friction.
-        kinetic: friction while it slips, in N m or N.
-        static: largest friction while it sticks.
+        joint: name of the joint.
+        force: name of the friction force.
+        kinetic: friction while slipping, in N m or N.
+        static: largest friction while sticking.
     """
 
     joint: str
@@ -36,19 +36,19 @@ class JointFriction(Force):
 
     Regularised: tau = -friction * tanh(v / velocity). A loaded joint then creeps, and the problem is stiff.
 
-    Exact, where ``static`` is given or ``exact`` is true: a joint slips, tau = -friction * sign(v), or sticks, v = 0,
-    as long as that takes no more than ``static``. A run locates these transitions, see `mbdae.mechanism.hybrid`;
+    Exact, if ``static`` is given or ``exact`` is true: a joint slips, tau = -friction * sign(v), or sticks, v = 0,
+    as long as |tau| <= ``static``. A run locates these transitions, see `mbdae.mechanism.hybrid`;
     outside of runs there is no friction.
 
     Attributes:
-        joint: one joint or several; all joints when left out.
-        friction: N m or N; the values of the source, URDF ``<dynamics friction>`` and MJCF ``frictionloss``, one for
-            each coordinate, when left out.
-        velocity: where regularised friction reaches three quarters of its value, in rad/s or m/s; not too small: the
-            problem's time constant is inertia * velocity / friction. 0.01 when left out.
+        joint: one joint or several; all joints if omitted.
+        friction: N m or N; if omitted, the values of the imported model for each coordinate, URDF
+            ``<dynamics friction>`` and MJCF ``frictionloss``.
+        velocity: at which regularised friction reaches three quarters of its value, in rad/s or m/s; not too small: the
+            time constant of the problem is inertia * velocity / friction. 0.01 if omitted.
         static: largest friction of a sticking joint, in N m or N, at least ``friction``, which is the default.
-        exact: the joint can stick; true where ``static`` is given.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        exact: whether the joint can stick; true if ``static`` is given.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -63,7 +63,7 @@ class JointFriction(Force):
     exact: bool = False
 
     @model_validator(mode="after")
-    def _fits(self) -> "JointFriction":
+    def _check_keys(self) -> "JointFriction":
         if self.sticks and self.velocity is not None:
             raise ValueError("velocity belongs to regularised friction, not to static or exact")
         if self.static is not None and self.static < (self.friction or 0.0):
@@ -72,46 +72,46 @@ class JointFriction(Force):
 
     @property
     def sticks(self) -> bool:
-        """Whether it is exact."""
+        """Whether the friction is exact, so that joints can stick."""
         return self.exact or self.static is not None
 
-    def holds(self, model: pin.Model) -> Iterator[HeldJoint]:
+    def stiction_joints(self, model: pin.Model) -> Iterator[StictionJoint]:
         """Yield the joints that can stick; none for regularised friction.
 
         Raises:
-            InputError: for a joint of several coordinates, or less static friction than the source's.
+            InputError: for a joint of several coordinates, or static friction below the kinetic one of the model.
         """
         if not self.sticks:
             return
-        given, names = self._given(model), [self.joint] if isinstance(self.joint, str) else self.joint
+        source, names = self._kinetic_limits(model), [self.joint] if isinstance(self.joint, str) else self.joint
         for name in names or joint_names(model):
             (j,) = find_joints(model, name)
             if self.joint and j.nv != 1:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
-            kinetic = float(given[j.idx_v : j.idx_v + j.nv].max(initial=0.0))
+            kinetic = float(source[j.idx_v : j.idx_v + j.nv].max(initial=0.0))
             static = kinetic if self.static is None else self.static
             if kinetic > static:
                 raise InputError(f"force {self.name!r}: static is at least the {kinetic:g} of joint {name!r}")
             if j.nv == 1 and static:
-                yield HeldJoint(name, self.name, kinetic, static)
+                yield StictionJoint(name, self.name, kinetic, static)
             elif kinetic:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        d = self._given(model)
+        d = self._kinetic_limits(model)
         if not d.any() and self.friction is None:
-            raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
+            raise InputError(f"the model has no friction for force {self.name!r}: set friction = ...")
         return (
             KineticFrictionElement(self.name, d)
             if self.sticks
-            else FrictionElement(self.name, d, self.velocity or VELOCITY)
+            else FrictionElement(self.name, d, self.velocity or DEFAULT_VELOCITY)
         )
 
-    def _given(self, model: pin.Model) -> Array:
-        d, given = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
+    def _kinetic_limits(self, model: pin.Model) -> Array:
+        d, source = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
         for j in find_joints(model, self.joint or joint_names(model)):
             at = slice(j.idx_v, j.idx_v + j.nv)
-            d[at] = given[at] if self.friction is None else self.friction
+            d[at] = source[at] if self.friction is None else self.friction
         return d
 
 
@@ -128,12 +128,12 @@ class FrictionElement(JointElement):
     def effort(self, q: Array, v: Array) -> Effort:
         return 0.0, -self.d * np.tanh(v / self.v0)
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}
 
 
 class KineticFrictionElement(JointElement):
-    """tau = -d * sign with d (nv,); sign (nv,): direction of slip in a mode, 0 for sticking joints."""
+    """tau = -d * sign with d (nv,); sign (nv,) is the direction of slip in a mode, 0 for sticking joints."""
 
     by_state = False
 
@@ -144,5 +144,5 @@ class KineticFrictionElement(JointElement):
     def effort(self, q: Array, v: Array) -> Effort:
         return 0.0, -self.d * self.sign
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         return {"kind": "friction", "a": [*(self.d * self.sign).tolist(), 0.0]}

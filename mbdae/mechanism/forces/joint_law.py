@@ -1,18 +1,18 @@
-"""Force laws of single joint coordinates, differentiated by the complex-step method."""
+"""Force laws of single joint coordinates, with partial derivatives by the complex-step method."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..wrench_partials import COMPLEX_STEP
-from .force import Array, ForceElement, Part
+from .force import Array, ArrayOrZero, ForceElement
 
 Effort = tuple[Array | float, Array | float]
-"""The conservative and the other part: (k,) each, or scalars."""
+"""The conservative and the non-conservative part, (k,) each, or scalars."""
 
 
 class JointElement(ForceElement):
-    """A law tau_i = F(q_i, v_i) of single coordinates without states.
+    """A law tau_i = F(q_i, v_i) of single coordinates, without states.
 
     Args:
         name: for messages.
@@ -25,9 +25,9 @@ class JointElement(ForceElement):
         self.rows, self.columns = list(rows), list(columns)
 
     def effort(self, q: Array, v: Array) -> Effort:
-        """Return the efforts at (q_i, v_i), (k,) each, real or complex; q is 0 for a law of v alone.
+        """Return both parts of tau_i at (q_i, v_i), (k,) each, real or complex; q is 0 for a law of v alone.
 
-        The formula is analytic: |v| is `magnitude` (v), not abs (v).
+        The formula must be analytic: |v| is `magnitude` (v), not abs (v).
         """
         raise NotImplementedError
 
@@ -37,7 +37,7 @@ class JointElement(ForceElement):
     def acting_components(self, nv: int) -> list[int]:
         return self.rows
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
+    def torque(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
         tau = np.zeros((2, len(v)))
         tau[0, self.rows], tau[1, self.rows] = self.effort(*self._coordinates(q, v))
         return tau[0], tau[1]
@@ -46,13 +46,13 @@ class JointElement(ForceElement):
         nv, i, step = len(v), np.array(self.rows, int), 1j * COMPLEX_STEP
         out, (x, u) = np.zeros((nv + 1, 2 * nv)), self._coordinates(q, v)
         perturbed = ((0, x + step, u), (nv, x, u + step)) if self.columns else ((nv, x, u + step),)
-        for first, *point in perturbed:
+        for offset, *point in perturbed:
             spring, other = map(np.asarray, self.effort(*point))
-            out[i, first + i] = (spring + other).imag / COMPLEX_STEP
-            out[-1, first + i] = (other * point[1]).imag / COMPLEX_STEP  # gradient of the power of the other part
+            out[i, offset + i] = (spring + other).imag / COMPLEX_STEP
+            out[-1, offset + i] = (other * point[1]).imag / COMPLEX_STEP  # gradient of the power
         return out
 
 
 def magnitude(x: Array) -> Array:
-    """Return |x| analytic on either side of 0, real or complex."""
+    """Return |x| as a function that is analytic on either side of 0, of real or complex x."""
     return x * np.sign(np.real(x))

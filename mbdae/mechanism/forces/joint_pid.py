@@ -7,7 +7,7 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ..time_functions import Constant, Function, TimeFunction
-from .force import Array, Force, ForceElement, one_velocity, single
+from .force import Array, Force, ForceElement, single_coordinate_joints, single_velocity_joint
 from .linear import LinearElement, Term
 from .sampled import Sample, SampledElement
 
@@ -16,18 +16,18 @@ class JointPID(Force):
     """A controller on a joint: tau = kp e + ki s + kd e',   s' = e,   e = reference(t) - q.
 
     Without ki it is a PD controller and has no state. With ``controls = "velocity"`` e = reference(t) - v, and kd is
-    zero. With a ``rate`` it is sampled: tau is held between the instants k/rate, and s grows by e/rate at each.
+    zero. With a ``rate`` it is sampled: tau is constant between the instants k/rate, and s increases by e/rate at each.
 
     Attributes:
         joint: a joint of one coordinate.
         reference: rad, m, rad/s or m/s; a constant or a function of time.
         kp: proportional gain.
-        ki: gain of the integral.
-        kd: gain of the error's rate.
+        ki: integral gain.
+        kd: derivative gain.
         controls: ``"position"`` or ``"velocity"``.
-        rate: sampling rate in Hz; continuous when left out.
-        integral: s at the start.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        rate: sampling rate in Hz; continuous if omitted.
+        integral: initial value of s.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -45,7 +45,7 @@ class JointPID(Force):
     integral: float = 0.0
 
     @model_validator(mode="after")
-    def _keys_fit(self) -> "JointPID":
+    def _check_keys(self) -> "JointPID":
         if self.controls == "velocity" and self.kd:
             raise ValueError("kd belongs to a joint_pid that controls the position")
         if self.integral and not self.ki:
@@ -56,15 +56,19 @@ class JointPID(Force):
         return self
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        at, what = self.controls == "position", f"joint_pid {self.name!r} of {self.controls}"
-        j = single(model, self.joint, what)[0] if at else one_velocity(model, self.joint, what)
-        i, x, ix = j.idx_v, "q" if at else "v", j.idx_q if at else j.idx_v
+        what = f"joint_pid {self.name!r} of {self.controls}"
+        if self.controls == "position":
+            j = single_coordinate_joints(model, self.joint, what)[0]
+            i, x, ix, core_index = j.idx_v, "q", j.idx_q, j.idx_q
+        else:
+            j = single_velocity_joint(model, self.joint, what)
+            i, x, ix, core_index = j.idx_v, "v", j.idx_v, model.nq + j.idx_v
         if self.rate is not None:
             memory = {"integral": self.integral} if self.ki else {}
             sample = self._sampled(ix, i, 1 / self.rate)
-            known = {"kind": "pid", "reference": self.reference.core_data(), "a": [self.kp, self.ki, self.kd]}
-            known |= {"x": ix if at else model.nq + ix, "v": model.nq + i}
-            return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory, known)
+            core = {"kind": "pid", "reference": self.reference.core_data(), "a": [self.kp, self.ki, self.kd]}
+            core |= {"x": core_index, "v": model.nq + i}
+            return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory, core)
         terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]
         terms += [("tau", i, "du", 0, self.kd), ("tau", i, "v", i, -self.kd)]
         if not self.ki:
@@ -75,7 +79,7 @@ class JointPID(Force):
     def _sampled(self, ix: int, iv: int, period: float) -> Sample:
         def sample(t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
             e = self.reference.at(t) - float((q if self.controls == "position" else v)[ix])
-            rate = self.kd and self.kd * (self.reference.at(t, 1) - float(v[iv]))
-            return np.array([self.kp * e + rate + self.ki * s.sum()]), s + e * period
+            damping = self.kd and self.kd * (self.reference.at(t, 1) - float(v[iv]))
+            return np.array([self.kp * e + damping + self.ki * s.sum()]), s + e * period
 
         return sample

@@ -1,14 +1,14 @@
 """Springs and dampers in joints of one coordinate."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
 
 from ..piecewise_polynomial import Interpolation, PiecewisePolynomial, Point, interpolant_of_points, require_increasing
-from .force import Array, Force, ForceElement, Joints, single
+from .force import Array, CoreData, Force, ForceElement, Joints, single_coordinate_joints
 from .joint_law import Effort, JointElement
 from .linear import LinearElement, Spring
 
@@ -24,10 +24,10 @@ class JointSpring(Force):
         stiffness: c(x) = stiffness * x, in N m/rad or N/m.
         table: points (deflection, restoring torque) of a nonlinear c instead, deflections increasing; linear
             extrapolation beyond its ends. The potential is the exact integral.
-        interpolation: of the table: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
-        rest: rad or m.
-        damping: N m s/rad or N s/m, besides the joint's own.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        interpolation: of the points: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
+        rest: rest position in rad or m.
+        damping: N m s/rad or N s/m, in addition to that of the joint.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -44,11 +44,11 @@ class JointSpring(Force):
 
     @field_validator("table")
     @classmethod
-    def _rise(cls, table: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
+    def _check_deflections(cls, table: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
         return require_increasing(table) if table else None
 
     @model_validator(mode="after")
-    def _one_law(self) -> "JointSpring":
+    def _check_law(self) -> "JointSpring":
         if (self.stiffness is None) == (self.table is None):
             raise ValueError("a joint_spring takes a stiffness or a table")
         _ = self.table and self.curve
@@ -60,7 +60,7 @@ class JointSpring(Force):
         return interpolant_of_points(self.table or (), self.interpolation, "linear")
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
-        joints = single(model, self.joint, f"joint_spring {self.name!r}")
+        joints = single_coordinate_joints(model, self.joint, f"joint_spring {self.name!r}")
         at = [(j.idx_q, j.idx_v) for j in joints]
         if self.stiffness is None:
             return CurveElement(self, at)
@@ -89,7 +89,7 @@ class CurveElement(JointElement):
         """Return the integral of c from 0 to the deflection, over all coordinates, in J."""
         return float((self.integral(self.deflection(q)) - self.integral(0.0)).sum())
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         signals = [PiecewisePolynomial.of(x).core_data() for x in (self.c, self.integral)]
         numbers = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
         return {"kind": "curve", **numbers, "signals": signals}

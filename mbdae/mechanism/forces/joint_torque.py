@@ -1,4 +1,4 @@
-"""Torques in joints that follow functions of time."""
+"""Joint torques as functions of time."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ..frames import find_joint
 from ..time_functions import TimeFunction
-from .force import Force, ForceElement, single
+from .force import Force, ForceElement, single_coordinate_joints
 from .linear import LinearElement, Term
 
 
@@ -20,9 +20,9 @@ class JointTorque(Force):
     Attributes:
         joint: one joint.
         torque: one constant or function of time, or nv of them.
-        gear: a factor on all of them.
-        bias: added on a joint of one coordinate, b_0 + b_1 q + b_2 v; in N m or N, per rad or m, and s.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        gear: a factor of all of them.
+        bias: b_0, b_1, b_2 of a joint of one coordinate, in N m or N; per rad or m; per rad/s or m/s.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -42,7 +42,7 @@ class JointTorque(Force):
             raise InputError(f"joint {self.joint!r} takes {j.nv} torque values, got {len(values)}")
         terms: list[Term] = [("tau", j.idx_v + i, "u", i, self.gear) for i in range(j.nv)]
         if any(self.bias):
-            i = single(model, self.joint, f"joint_torque {self.name!r} with a bias")[0].idx_v
+            i = single_coordinate_joints(model, self.joint, f"joint_torque {self.name!r} with a bias")[0].idx_v
             columns = (("1", 0), ("q", j.idx_q), ("v", i))
             terms += [("tau", i, column, x, b) for (column, x), b in zip(columns, self.bias, strict=True)]
         return LinearElement(self.name, terms, signals=values)

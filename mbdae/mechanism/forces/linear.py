@@ -1,18 +1,18 @@
 """Linear elements: [tau; s'] = C [q; v; s; u(t); u'(t); 1], and springs, which have a potential.
 
-Dampers, springs, torques, controllers, motors and held torques are linear elements. All those of a workspace are
-computed together, from the entries of one sparse C, in Python and in the core.
+Dampers, springs, torques, controllers, motors and sampled torques are linear elements. All those of a workspace are
+evaluated together, from the entries of one sparse C, in Python and in the core.
 """
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..time_functions import Constant, TimeFunction
-from .force import Array, ForceElement
+from .force import Array, CoreData, ForceElement
 
 Term = tuple[str, int, str, int, float]
 """An entry of C: row ``"tau"`` or ``"ds"``, its index, column ``"q"``, ``"v"``, ``"s"``, ``"u"``, ``"du"`` or ``"1"``,
@@ -32,14 +32,14 @@ class Spring(NamedTuple):
 
 
 class LinearElement(ForceElement):
-    """A linear force; the work of all terms except springs is integrated.
+    """A linear force law; the work of all terms except springs is integrated.
 
     Args:
         name: for messages.
         terms: the entries of C.
-        springs: in joints.
+        springs: springs in joints.
         signals: u, functions of time.
-        states: names of s and their start values.
+        states: names and initial values of s.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class LinearElement(ForceElement):
 class Linear(ForceElement):
     """All linear laws of a workspace, y = C x as one product.
 
-    y = (tau of springs, other tau, s') and x = (q, v, s, 1, and the u and u' in use).
+    y = (tau of springs, remaining tau, s') and x = (q, v, s, 1, and the u and u' in use).
 
     Args:
         laws: each with the slice of its states in s.
@@ -79,7 +79,7 @@ class Linear(ForceElement):
         self.tangent = dict(zip(model.idx_qs, model.idx_vs, strict=True))
         self.springs = [spring for law, _ in laws for spring in law.springs]
         self.u: list[tuple[TimeFunction, int]] = []  # each with the order of its derivative
-        self._known: dict[tuple[int, int], int] = {}
+        self._input_columns: dict[tuple[int, int], int] = {}
         one = self.nq + self.nv + ns
         entries = [(iv, iq, -k) for iq, iv, k, _ in self.springs]
         entries += [(iv, one, k * rest) for _, iv, k, rest in self.springs]
@@ -98,10 +98,10 @@ class Linear(ForceElement):
         one = self.nq + self.nv + self.ns
         if isinstance(u, Constant):
             return one, value * u.at(0.0, k)
-        if value and (id(u), k) not in self._known:
-            self._known[id(u), k] = len(self.u)
+        if value and (id(u), k) not in self._input_columns:
+            self._input_columns[id(u), k] = len(self.u)
             self.u.append((u, k))
-        return one + 1 + self._known.get((id(u), k), 0), value
+        return one + 1 + self._input_columns.get((id(u), k), 0), value
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array, Array]:
         x = np.concatenate((q, v, s, [1.0, *[u.at(t, k) for u, k in self.u]] if self.u else ONE))
@@ -114,7 +114,7 @@ class Linear(ForceElement):
         power[nv : 2 * nv] += self.evaluate(t, q, v, s)[1]
         return np.vstack([A[:nv] + A[nv : 2 * nv], A[2 * nv :], power])
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
+    def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         x = np.zeros(len(q) + len(v) + len(s) + 1 + len(self.u))
         x[len(x) - len(self.u) :] = [u.derivative(t, k) for u, k in self.u]
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
@@ -134,8 +134,8 @@ class Linear(ForceElement):
     def potential(self, q: Array) -> float:
         return sum(0.5 * k * float(q[iq] - rest) ** 2 for iq, _, k, rest in self.springs)
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         signals, orders = [u.core_data() for u, _ in self.u], [k for _, k in self.u]
         numbers = {"rows": self.y.tolist(), "columns": self.x.tolist(), "a": self.values.tolist()}
-        at_rest = sum(0.5 * k * rest**2 for _, _, k, rest in self.springs)
-        return {"kind": "linear", **numbers, "signals": signals, "orders": orders, "offset": at_rest}
+        energy = sum(0.5 * k * rest**2 for _, _, k, rest in self.springs)
+        return {"kind": "linear", **numbers, "signals": signals, "orders": orders, "offset": energy}

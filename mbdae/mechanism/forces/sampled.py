@@ -1,14 +1,13 @@
 """Sampled (discrete-time) controllers.
 
-A sampled controller reads the mechanism at the instants t_k = offset + k/rate and holds its torque until the next one.
-The held torque and the controller's memory are states with s' = 0 that jump at the instants: a rejected step calls
-nothing twice, and the state determines all of the following motion.
+A sampled controller is evaluated at the instants t_k = offset + k/rate; its torque is constant until the next one
+(zero-order hold). The torque and the memory of the controller are states with s' = 0 that jump at these instants, so
+rejected steps evaluate it only once, and the state determines all of the following motion.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import floor
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +16,7 @@ from ...errors import InputError, StepError
 from ...tolerances import INPUT_DIGITS
 from ..callbacks import called, checked, function_name
 from ..frames import find_joints, joint_names
-from .force import Array, Joints, PythonForce, start_values
+from .force import Array, CoreData, Joints, PythonForce, start_values
 from .linear import LinearElement, Term
 
 Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
@@ -25,7 +24,7 @@ Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Sampled(PythonForce):
-    """A controller that is sampled at a rate and holds its torque in between (zero-order hold), in Python.
+    """A controller in Python, sampled at a rate, with constant torque between samples (zero-order hold).
 
         without memory:  tau = function(t, q, v)             with memory:  tau, x_next = function(t, q, v, x)
 
@@ -34,10 +33,10 @@ class Sampled(PythonForce):
     Args:
         function: returns tau (m,), one value for each coordinate of the joints, and the next memory (n,) if it has one.
         rate: samples per second in Hz.
-        joints: names of the actuated joints; all when left out.
-        memory: names and start values of the values kept from sample to sample; none when left out.
+        joints: names of the actuated joints; all if omitted.
+        memory: names and initial values of the discrete states; none if omitted.
         offset: a sampling instant in s.
-        name: name of the function when left out.
+        name: the name of the function if omitted.
 
     Raises:
         InputError: for a rate that is not positive.
@@ -46,7 +45,7 @@ class Sampled(PythonForce):
         >>> hold = Sampled(lambda t, q, v: -5 * v, rate=100, name="brake")   # doctest: +SKIP
     """
 
-    function: Callable[..., Any]
+    function: Callable[..., Array | tuple[Array, Array]]
     rate: float
     joints: Joints = ()
     memory: Mapping[str, float] = field(default_factory=dict)
@@ -61,15 +60,15 @@ class Sampled(PythonForce):
             raise InputError(f"controller {self.name!r} needs a rate > 0 in Hz, got {self.rate}, offset {self.offset}")
 
     def bind(self, model: pin.Model, data: pin.Data) -> "SampledElement":
-        """Return the law in a workspace."""
+        """Return the law bound to a workspace."""
         names = [self.joints] if isinstance(self.joints, str) else list(self.joints) or joint_names(model)
-        held: dict[int, str] = {}
+        torque_names: dict[int, str] = {}
         for j, name in zip(find_joints(model, names), names, strict=True):
             for i in range(j.nv):
-                held[j.idx_v + i] = f"torque {name}" if j.nv == 1 else f"torque {name} {i}"
-        return SampledElement(self.name, self._sample, self.rate, self.offset, held, self.memory)
+                torque_names[j.idx_v + i] = f"torque {name}" if j.nv == 1 else f"torque {name} {i}"
+        return SampledElement(self.name, self._sample, self.rate, self.offset, torque_names, self.memory)
 
-    def _sample(self, t: float, q: Array, v: Array, x: Array) -> tuple[Any, Any]:
+    def _sample(self, t: float, q: Array, v: Array, x: Array) -> tuple[Array, Array]:
         what = f"controller {self.name!r}"
         if not self.memory:
             return called(what, self.function, t, q, v), x
@@ -80,16 +79,16 @@ class Sampled(PythonForce):
 
 
 class SampledElement(LinearElement):
-    """A held torque: s = (tau (m,), memory (n,)), s' = 0, jumps at the instants offset + k/rate.
+    """A sampled torque: s = (tau (m,), memory (n,)), s' = 0, with jumps at the instants offset + k/rate.
 
     Args:
-        name: of the controller.
+        name: name of the controller.
         sample: returns tau and the next memory.
-        rate: in Hz.
+        rate: sampling rate in Hz.
         offset: a sampling instant in s.
-        held: names of the torques by the index of their velocity.
-        memory: names and start values.
-        known: core data of the controller; Python is called when left out.
+        torque_names: names of the torques by the index of their velocity.
+        memory: names and initial values.
+        core: core data of the controller; the core calls Python if omitted.
     """
 
     def __init__(
@@ -98,14 +97,14 @@ class SampledElement(LinearElement):
         sample: Sample,
         rate: float,
         offset: float,
-        held: dict[int, str],
+        torque_names: dict[int, str],
         memory: Mapping[str, float],
-        known: Mapping[str, Any] | None = None,
+        core: CoreData | None = None,
     ) -> None:
-        terms: list[Term] = [("tau", i, "s", k, 1.0) for k, i in enumerate(held)]
-        super().__init__(name, terms, states={**dict.fromkeys(held.values(), 0.0), **memory})
-        self.sample, self.rate, self.offset, self.m = sample, rate, offset, len(held)
-        self.known = known or {"kind": "python", "call": self._again}
+        terms: list[Term] = [("tau", i, "s", k, 1.0) for k, i in enumerate(torque_names)]
+        super().__init__(name, terms, states={**dict.fromkeys(torque_names.values(), 0.0), **memory})
+        self.sample, self.rate, self.offset, self.m = sample, rate, offset, len(torque_names)
+        self.core = core or {"kind": "python", "call": self._python_jump}
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next sampling instant.
@@ -117,11 +116,11 @@ class SampledElement(LinearElement):
             raise InputError(f"controller {self.name!r} is sampled: a run with it cannot go backwards in time")
         return self.offset + (floor((t - self.offset) * self.rate + INPUT_DIGITS) + 1) / self.rate
 
-    def sampler(self) -> dict[str, Any]:
+    def sampler(self) -> CoreData:
         """Return the core data."""
-        return {**self.known, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS}
+        return {**self.core, "rate": self.rate, "offset": self.offset, "coincide": INPUT_DIGITS}
 
-    def _again(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+    def _python_jump(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         return np.zeros(len(v)), self.jump(t, q, v, s)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:

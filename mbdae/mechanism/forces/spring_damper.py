@@ -1,6 +1,6 @@
 """Springs, dampers and force actuators between two points."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -10,13 +10,13 @@ from ...tolerances import EVALUATION_ROUNDING
 from ..frames import Pair, anchor, skew, unit_gap
 from ..time_functions import Constant, TimeFunction
 from ..wrench_partials import line_wrench_partials
-from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
+from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
 
 class SpringDamper(Force):
     """A spring, damper and actuator between the origins of two frames.
 
-    The tension is stiffness (d - length) + damping d' - force, with d the distance in m.
+    The tension is stiffness (d - length) + damping d' - force, with d the distance of the origins in m.
 
     Attributes:
         frames: names of both frames.
@@ -24,7 +24,7 @@ class SpringDamper(Force):
         damping: N s/m.
         length: rest length in m.
         force: N, a constant or a function of time; it pushes the frames apart.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -63,23 +63,21 @@ class SpringDamperElement(PairElement):
         linear = not (spec.damping or spec.stiffness * spec.length or spec.force != Constant(value=0.0))
         return not linear and bool(np.abs(b - a).max() <= EVALUATION_ROUNDING * (1 + np.abs(a).max()))
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
         self.pair.locate()
         distance, n = unit_gap(self.pair)
         line = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))  # d' = line . v
-        push = self.spec.force.at(t)
+        other = self.spec.force.at(t)
         if self.spec.damping:
-            push -= self.spec.damping * float(line @ v)
-        return -self.spec.stiffness * (distance - self.spec.length) * line, push * line if push else 0.0
+            other -= self.spec.damping * float(line @ v)
+        return -self.spec.stiffness * (distance - self.spec.length) * line, other * line if other else 0.0
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         spec, (w, Da, Db) = self.spec, line_wrench_partials(self.pair)
-        pull, push = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
-        stretch, damper = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
-        spring = WrenchPartials(-pull * w, stretch - pull * Da, -stretch - pull * Db, np.zeros((6, 6)))
-        return spring, WrenchPartials(
-            push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w
-        )
+        T, other = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
+        K, D = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
+        spring = WrenchPartials(-T * w, K - T * Da, -K - T * Db, np.zeros((6, 6)))
+        return spring, WrenchPartials(other * w, other * Da + D * V.dot(Da), other * Db + D * V.dot(Db), D * w)
 
     def wrench_time_rate(self, t: float) -> Array:
         return self.spec.force.derivative(t) * line_wrench_partials(self.pair)[0]
@@ -88,7 +86,7 @@ class SpringDamperElement(PairElement):
         self.pair.locate()
         return 0.5 * self.spec.stiffness * (unit_gap(self.pair)[0] - self.spec.length) ** 2
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         s = self.spec
-        numbers = {"frames": self.pair, "a": [s.stiffness, s.damping, s.length]}
-        return {"kind": "spring_damper", **numbers, "signals": [s.force.core_data()]}
+        constants = {"frames": self.pair, "a": [s.stiffness, s.damping, s.length]}
+        return {"kind": "spring_damper", **constants, "signals": [s.force.core_data()]}

@@ -1,22 +1,21 @@
 """Python functions tau(t, q, v) as forces."""
 
 from collections.abc import Callable
-from typing import Any
 
 import pinocchio as pin
 
 from ..callbacks import called, checked, function_name
-from .force import Array, ForceElement
-from .quotients import by_time, law_partials
+from .force import Array, CoreData, ForceElement
+from .python_law_partials import law_partials, law_time_partials
 
 TorqueFunction = Callable[[float, Array, Array], Array]
 
 
 class TorqueElement(ForceElement):
-    """A user function tau(t, q, v) -> (nv,); it counts as non-conservative: its work is integrated.
+    """A user function tau(t, q, v) -> (nv,), treated as non-conservative: its work is integrated.
 
-    It may have an attribute ``partials``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;
-    otherwise implicit methods use central differences.
+    The function may have an attribute ``partials``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the
+    tangent space; otherwise implicit methods use central differences.
     """
 
     def __init__(self, function: TorqueFunction, model: pin.Model) -> None:
@@ -29,12 +28,12 @@ class TorqueElement(ForceElement):
         return 0.0, checked(called(self.what, self.function, t, q, v), v.shape, t, self.what)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        own = getattr(self.function, "partials", None)
-        return law_partials(lambda q, v, s: self.torque(t, q, v)[1], own, self.what, self.model, t, q, v, s)
+        user_partials = getattr(self.function, "partials", None)
+        return law_partials(lambda q, v, s: self.torque(t, q, v)[1], user_partials, self.what, self.model, t, q, v, s)
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        return by_time(lambda t: self.torque(t, q, v)[1], t, v)
+    def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        return law_time_partials(lambda t: self.torque(t, q, v)[1], t, v)
 
-    def core_data(self) -> dict[str, Any]:
-        law: dict[str, Any] = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
-        return law | {"partials": self.partials, "time_rate": self.by_time}
+    def core_data(self) -> CoreData:
+        law: CoreData = {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
+        return law | {"partials": self.partials, "time_rate": self.time_partials}

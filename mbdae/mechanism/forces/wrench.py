@@ -1,6 +1,6 @@
-"""A force and a torque on a frame."""
+"""Forces and torques applied to a frame."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..frames import WORLD, Pair, anchor, skew
 from ..time_functions import Constant, TimeFunction
 from ..wrench_partials import moved_line_partials
-from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
+from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
 ZERO = Constant(value=0.0)
 Vector = tuple[TimeFunction, TimeFunction, TimeFunction]
@@ -21,8 +21,8 @@ class Wrench(Force):
         frame: the loaded frame.
         force: components of the force in N, (3,).
         torque: components of the torque in N m, (3,).
-        axes: axes of the components: ``"world"``, or those of the ``"frame"``, rotating with it.
-        name: for parameters, signals and messages; the kind and a number when left out.
+        axes: axes of the components: ``"world"``, or ``"frame"`` for axes that rotate with the frame.
+        name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -45,14 +45,14 @@ class WrenchElement(PairElement):
     def __init__(self, spec: Wrench, pair: Pair) -> None:
         super().__init__(spec.name, [*spec.force, *spec.torque])
         self.spec, self.pair = spec, pair
-        self.steady = spec.axes == "world" and all(isinstance(s, Constant) for s in spec.force)
+        self.has_potential = spec.axes == "world" and all(isinstance(s, Constant) for s in spec.force)
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
+    def torque(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
         self.pair.locate()
         n, m = self.vectors(t)
         force = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))
         moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
-        return (force, moment) if self.steady else (0.0, force + moment)
+        return (force, moment) if self.has_potential else (0.0, force + moment)
 
     def wrench_time_rate(self, t: float) -> Array:
         n, m = self.vectors(t, derivative=True)
@@ -60,29 +60,29 @@ class WrenchElement(PairElement):
 
     def vectors(self, t: float, *, derivative: bool = False) -> tuple[Array, Array]:
         """Return force and torque in the axes of the world, or their partial derivatives in time, (3,) each."""
-        parts = (self.spec.force, self.spec.torque)
-        n, m = (np.array([s.derivative(t) if derivative else s.at(t) for s in part]) for part in parts)
+        vectors = (self.spec.force, self.spec.torque)
+        n, m = (np.array([s.derivative(t) if derivative else s.at(t) for s in vector]) for vector in vectors)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         n, m = self.vectors(t)
-        P, Db, none = skew(self.pair.pb), moved_line_partials(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
+        P, Db, zero = skew(self.pair.pb), moved_line_partials(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
         force, moment = np.concatenate([n, P @ n]), np.concatenate([np.zeros(3), m])
         if self.spec.axes == "frame":
             Db[:3, 3:] -= skew(n)
             Db[3:, 3:] -= P @ skew(n) + skew(m)
-        if self.steady:
-            return WrenchPartials(force, none, Db, none), WrenchPartials(moment, none, none, none)
-        return WrenchPartials(np.zeros(6), none, none, none), WrenchPartials(force + moment, none, Db, none)
+        if self.has_potential:
+            return WrenchPartials(force, zero, Db, zero), WrenchPartials(moment, zero, zero, zero)
+        return WrenchPartials(np.zeros(6), zero, zero, zero), WrenchPartials(force + moment, zero, Db, zero)
 
     def potential(self, q: Array) -> float:
-        if not self.steady:
+        if not self.has_potential:
             return 0.0
         self.pair.locate()
         return -float(np.array([s.at(0.0) for s in self.spec.force]) @ self.pair.pb)
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         s = self.spec
-        flags = {"turning": s.axes == "frame", "steady": self.steady}
+        flags = {"turning": s.axes == "frame", "steady": self.has_potential}
         signals = [x.core_data() for x in (*s.force, *s.torque)]
         return {"kind": "wrench", "frames": self.pair, **flags, "signals": signals}

@@ -79,7 +79,7 @@ def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]
 def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
     """Return the partials of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
     pin.computeJointJacobians(s.model, s.workspace, q)
-    out, (_, _, bend) = s.laws.by_time(t, q, v, states), s.constraints.motion(t)
+    out, (_, _, bend) = s.laws.time_partials(t, q, v, states), s.constraints.motion(t)
     out[-1] += lam @ bend
     third = np.zeros(s.ng)
     for at, driver in s.constraints.driven:

@@ -47,7 +47,7 @@ def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]
     alone, s = ForceElements([law], motion.model), motion.s[at]
     tau, _ = alone.torque(t, q, v, s)
     by_state = alone.partials(t, q, v, s)[:nv]
-    dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(alone.by_time(t, q, v, s)[:nv], d.t)
+    dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(alone.time_partials(t, q, v, s)[:nv], d.t)
     for i, near in motion.perturbed_laws(number):
         found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in near.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])

@@ -57,7 +57,7 @@ def operating_point(
     if loses_rank(statics, here):
         raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it cannot be linearised")
     statics.system.inertia(t, here.q)
-    statics.system.laws.refuse_lost()
+    statics.system.laws.require_directions()
     return statics, here, linearize_at(statics, here), kind
 
 

@@ -123,7 +123,7 @@ class CurveSignals(Mapping[str, Array]):
         zero_v, zero_lam = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([zero_v, self.states, [0.0]])
         for q, v, q_p, v_p in zip(self.found.q, self.found.rates, dq, dv, strict=True):
-            self.parameters.refuse_lost(0.0, q)
+            self.parameters.require_directions(0.0, q)
             K = s.partials(0.0, q, u, zero_v, zero_lam, np.arange(s.ng)).K[:nv]
             P = self.parameters.of_forces(0.0, q, zero_v, self.states, zero_v, zero_lam)[:nv]
             out.append(-v @ (K @ q_p + P) - self._at_rest(q) @ v_p)

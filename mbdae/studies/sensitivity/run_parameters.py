@@ -56,7 +56,7 @@ def bind_parameters(sol: Solution, names: Names, model: Model) -> tuple[dict[str
         InputError: for a name without a number, a parameter without a derivative, or a force of undefined direction.
     """
     values, parameters = _cached_parameters(sol, names, model)
-    parameters.refuse_lost(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
+    parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
     return values, parameters
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.formulations.equilibrium_equations import Statics
@@ -158,8 +158,6 @@ def load_path(
         raise InputError(f"a path leads from one factor to another, got {first:g} to {last:g}")
     q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
     continuation = Continuation(Statics(mech, t, speeds, held, [load]), first, last - first)
-    if continuation.statics.loads.names == [] and load != "gravity":
-        raise UnknownNameError("force", load, [f.name for f in mech.forces])
     continuation.statics.factor = first
     start = balanced(continuation.statics, q0, "stable")[0]
     if not len(start.rho):

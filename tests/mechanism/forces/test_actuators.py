@@ -223,7 +223,7 @@ def test_functions_that_fail_are_named(words, force):
 
 def test_names_of_laws_with_states_differ():
     motors = [DCMotor(joint="arm", voltage=1, resistance=1, inductance=1, constant=1, name="m") for _ in range(2)]
-    with pytest.raises(InputError, match="need names of their own, got m, m"):
+    with pytest.raises(InputError, match="need different names, got m, m"):
         arm(*motors)
     with pytest.raises(InputError, match=r"s has shape \(2,\), expected \(1,\)"):
         mbdae.solve(arm(motors[0]), (0, 1), s=[1.0, 2.0])

@@ -1,0 +1,66 @@
+"""Partial derivatives of force laws in Python: functions of the user, or central differences."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ..callbacks import called, checked
+from .force import Array
+
+WIDTH = 6e-6
+"""Half width of the central differences, absolute in q and t, relative to 1 + |x| in v and s: eps^(1/3).
+
+Their error is about 4e-11 |f'''|."""
+
+LawFunction = Callable[[Array, Array, Array], Array]
+
+
+def law_time_partials(law: Callable[[float], Array], t: float, v: Array) -> Array:
+    """Return d/dt of (tau, s', power) by a central difference, for law: t -> (tau, s')."""
+    difference = (law(t + WIDTH) - law(t - WIDTH)) / ((t + WIDTH) - (t - WIDTH))
+    return np.append(difference, difference[: len(v)] @ v)
+
+
+def law_partials(
+    law: LawFunction,
+    user_partials: Callable[..., Any] | None,
+    what: str,
+    model: pin.Model,
+    t: float,
+    q: Array,
+    v: Array,
+    s: Array,
+) -> Array:
+    """Return the partial derivatives of (tau, s', power) with respect to (q, v, s), (nv + ns + 1, 2 nv + ns).
+
+    Args:
+        law: (q, v, s) -> (tau, s'), (nv + ns,).
+        user_partials: the user's function of (t, q, v) and, if there are states, s, for d(tau, s'); or None.
+        what: the law in messages.
+        model: Pinocchio model, whose `integrate` displaces q.
+        t: time.
+        q: configuration.
+        v: velocity.
+        s: states, (ns,).
+    """
+    nv, n = len(v), len(v) + len(s)
+    tau = law(q, v, s)[:nv]
+    if user_partials is not None:
+        what = f"partials of {what}"
+        value = called(what, user_partials, t, q, v, *([s] if len(s) else []))
+        partials = checked(value, (n, nv + n), t, what)
+    else:
+        columns = [(law(pin.integrate(model, q, e), v, s) - law(pin.integrate(model, q, -e), v, s)) / (2 * WIDTH)
+                   for e in WIDTH * np.eye(nv)]  # fmt: skip
+        x = np.concatenate([v, s])
+        for i, h in enumerate(WIDTH * (1 + np.abs(x))):
+            plus, minus = x.copy(), x.copy()
+            plus[i], minus[i] = x[i] + h, x[i] - h
+            difference = law(q, plus[:nv], plus[nv:]) - law(q, minus[:nv], minus[nv:])
+            columns.append(difference / (plus[i] - minus[i]))
+        partials = np.array(columns).T
+    power = v @ partials[:nv]
+    power[nv : 2 * nv] += tau
+    return np.vstack([partials, power])
