@@ -45,7 +45,7 @@ def mode_columns(sol: "Solution") -> dict[str, Array]:
     system, rows = sol.system, AllRows(sol.system)
     points = [ModePoint(system, rows, float(t), y) for t, y in zip(sol.t, sol.y, strict=True)]
     out = {f"gap.{s.name}": np.array([s.gap(p) for p in points]) for s in unilateral}
-    out |= {f"mode.{s.name}": modes[:, s.at] for s in mech.switches}
+    out |= {f"mode.{s.name}": modes[:, s.index] for s in mech.switches}
     for s in _impact_switches(mech):
         column = out[f"impulse.{s.name}"] = np.zeros(len(sol.t))
         for x in sol.impacts:

@@ -62,7 +62,7 @@ def test_a_ratchet_runs_back_to_its_last_tooth(direction):
     mech = wheels([push, JointDamping(joint="wheel", damping=c)], clutches=[ratchet])
     sol = mbdae.solve(mech, (0, 3.5), rtol=1e-11)
     names = [mech.switches[0].states[m[0]] for _, m in sol.modes]
-    assert names == ["runs free", "runs back", "locks", "runs free", "runs back", "locks"]
+    assert names == ["free-running", "running backwards", "locked", "free-running", "running backwards", "locked"]
     a, b = np.linalg.solve([[c, INERTIA * w], [-INERTIA * w, c]], [T, 0.0])  # v = a cos wt + b sin wt - a exp(-ct/J)
 
     def speed(t):

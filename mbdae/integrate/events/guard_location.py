@@ -41,12 +41,12 @@ class TrackedGuard:
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
         self.guard, f = guard, guard.value(point)
         self.unit = _unit(guard, point)
-        self.size, self.level, self.return_time = abs(f), 0.0 if guard.loads else min(0.0, f), np.nan
+        self.size, self.level, self.return_time = abs(f), 0.0 if guard.needs_multipliers else min(0.0, f), np.nan
         if (
             guard.rate
-            and guard.bend
+            and guard.second_rate
             and f <= self.rounding
-            and (speed := guard.rate(point)) > 0 > (a := guard.bend(point))
+            and (speed := guard.rate(point)) > 0 > (a := guard.second_rate(point))
         ):
             self.return_time = point.t - RETURN_FACTOR * 2 * speed / a
 
@@ -69,11 +69,11 @@ class TrackedGuard:
 
 def _unit(guard: Guard, point: "ModePoint") -> float:
     mech = point.system.mechanism
-    rows = mech.switches[guard.at].rows
+    rows = mech.switches[guard.switch].rows
     scale = float(mech.row_scales[rows[0]]) if rows else 1.0
-    if guard.kind in ("touch", "pass"):
+    if guard.kind in ("contact", "range boundary"):
         return scale
-    if guard.kind in ("rest", "step"):
+    if guard.kind in ("zero velocity", "speed step"):
         return scale * point.speed
     return 1.0 if guard.kind == "command" else point.rounding / SOLUTION_ROUNDING
 
@@ -115,7 +115,7 @@ def _time_tolerance(step: "StepMap") -> float:
 def _negative_share(tracked: TrackedGuard, step: "StepMap", at: PointAt, thetas: Array) -> float | None:
     """Return a theta at which a guard is negative; for loads, the first of the samples; None if it stays positive."""
     rounding, guard = tracked.rounding, tracked.guard
-    if guard.loads:
+    if guard.needs_multipliers:
         for theta in sample_points(guard, at, thetas)[1:]:
             with suppress(StepError):
                 if tracked.value(at(float(theta))) < -rounding:

@@ -21,13 +21,13 @@ from .singularity_crossing import POSITION_ACCURACY
 from .source import EventError, EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ...mechanism.hybrid.onset import Later
     from ...mechanism.hybrid.switches import Mode
+    from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
     from ..run_state import RunState
     from ..step_map import StepMap
 
 SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
-COMMANDS = ("command", "step")  # guards of jumps at known times
+COMMANDS = ("command", "speed step")  # guards of jumps at known times
 SHORTEST_STEP = SMALLEST_PART  # of the span: loads that are not resolved by steps of this size are jumps
 MAX_TRANSITIONS = 100  # plus as many per switch: more transitions within a rest time are chattering
 
@@ -95,7 +95,7 @@ class ModeChanges(EventSource):
     def _track(self, t: float, y: Array) -> None:
         at, mode = self._point(t, y), self.system.mode
         self.system.beside = UNDERWAY
-        self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
+        self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return the point in the first mode, at the start, or in the next mode, after commanded switches at a jump.
@@ -119,7 +119,7 @@ class ModeChanges(EventSource):
         return y
 
     def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
-        return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
+        return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "contact"]
 
     def _closed_contacts(self, t: float, y: Array, tolerance: float) -> list[str]:
         """Return the names of contacts whose gaps at a point are within a tolerance."""
@@ -131,7 +131,7 @@ class ModeChanges(EventSource):
         y, impact = resolve_impact(at, self.always, recent)
         if impact:
             self.impacts.append(impact)
-            self.last_impact |= {s.at: at.t for s in self.switches if s.name in impact.where}
+            self.last_impact |= {s.index: at.t for s in self.switches if s.name in impact.where}
         at = self._point(at.t, y)
         return y, select_mode(at, self.always, opened, _short_step_loads(run, at))
 
@@ -218,7 +218,7 @@ class ModeChanges(EventSource):
         """
         self._check_chattering(run.t, fired)
         run.end_interval()
-        opened = {g.at for g in fired if g.kind == "let go"}
+        opened = {g.switch for g in fired if g.kind == "separation"}
         y, mode = self._resolved_mode(run, self._point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)
         if run.project:
@@ -260,7 +260,7 @@ class ModeChanges(EventSource):
             raise StepError("switching", f"{names}: chattering, modes switch without end at t = {t:.17g} ({mode})")
 
 
-def _short_step_loads(run: "RunState", at: ModePoint) -> "Later":
+def _short_step_loads(run: "RunState", at: ModePoint) -> "LoadsAfterStep":
     """Return a function that computes the loads after a step in a mode; its size is a share of the smooth interval."""
 
     def step(mode: "Mode", share: float) -> tuple[Array, float]:

@@ -46,9 +46,9 @@ def loads_unresolved(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Arra
     worst = 0.0
     for tracked in guards:
         guard = tracked.guard
-        if guard.longest is not None:
-            longest = min(guard.longest(at(theta)) for theta in (0.0, 1.0))
-            worst = max(worst, (4 * step_size / (len(thetas) - 1) / longest) ** 4)
+        if guard.max_step is not None:
+            max_step = min(guard.max_step(at(theta)) for theta in (0.0, 1.0))
+            worst = max(worst, (4 * step_size / (len(thetas) - 1) / max_step) ** 4)
         if guard.load is not None:
             loads = _samples(guard, at, thetas)
             size, distance = _distance_to_limit(guard, loads, VISIBLE * tracked.size)

@@ -1,18 +1,18 @@
 """Discrete modes: which rows are active, and the switches between them.
 
 A mechanism has *switches* (`switch.Switch`), each in one of a few states; the tuple of all states, integers, is a
-*mode*. `Index2System.enter(mode)` deactivates the rows that no switch requires (their g, G and Gdot v are 0, so they
-are never selected and their multipliers of least norm are 0), in Python and in the core; shapes never change. State 0
-is idle: no row, no force; analyses other than runs use the idle mode.
+*mode*. `Index2System.enter(mode)` deactivates the rows that no switch requires, in Python and in the core: their g, G and
+Gdot v are 0, so they are never selected and their multipliers of minimum norm are 0; shapes never change. State 0 is
+idle: no row, no force; analyses other than runs use the idle mode.
 
-A kind of switch is a file here with a class, which is discovered. It defines
+Each kind of switch is a class in a file of this folder, which is discovered. It defines
 
-* ``of(mechanism)``: the switches of a mechanism, each with its rows;
-* ``active(state)``: the active rows;
-* ``guards(state)``: guard functions: positive while the state lasts; their zeros are located by shorter steps;
-* ``impact_rows(point, state, near)``: rows that take part in an impact, and with which law (`impact_law`);
-* ``load_candidates(point, state, near)``: rows that may carry load after an event, and the box for their multipliers
-  (`box_lcp`, Gauss's principle);
+* ``from_mechanism(mechanism)``: the switches of a mechanism, each with its rows;
+* ``active_rows(state)``: the active rows;
+* ``guards(state)``: guard functions, positive as long as the state lasts; their zeros are located by shorter steps;
+* ``impact_rows(point, state, tolerance)``: the rows that take part in an impact, and their law (`impact_law`);
+* ``load_candidates(point, state, tolerance)``: the rows that may carry load after an event, and bounds of their
+  multipliers (`box_lcp`, Gauss's principle);
 * ``next_state(...)``: the state that follows from the selected multipliers and accelerations.
 
 The loop over steps, guards and transitions is `mbdae.integrate.events.hybrid`. A switch whose state sets a force

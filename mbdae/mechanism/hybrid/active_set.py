@@ -1,8 +1,8 @@
 """Mode after an event: the active set of the complementarity problem of accelerations and loads.
 
-Velocities do not jump here any more. Candidates are rows in contact and at rest: a row either carries load within its
-box and does not accelerate, or is at a bound (open, slipping) and accelerates as the bound allows. Rows are released
-until the set is consistent; unilateral rows that neither press nor separate are decided by `onset`.
+Velocities are continuous here. Candidates are rows in contact and at rest: a row either carries a load within its
+bounds and does not accelerate, or is at a bound (open, slipping) and accelerates as the bound allows. Rows are released
+until the set is consistent; `undecided_rows` decides unilateral rows that neither carry load nor separate.
 """
 
 from typing import TYPE_CHECKING
@@ -13,9 +13,10 @@ from ...errors import StepError
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, STILL, TRUNCATION
 from .friction_lcp import FrictionBound, solve_friction_lcp
-from .onset import Later, pressing
+from .impact_law import project_out
 from .switch import LoadCandidate
-from .switches import with_names
+from .switches import error_with_names
+from .undecided_rows import LoadsAfterStep, rows_that_stay_active
 
 if TYPE_CHECKING:
     from .mode_point import ModePoint
@@ -25,154 +26,154 @@ if TYPE_CHECKING:
 Candidates = dict[int, tuple[LoadCandidate, ...]]  # by index of the switch
 
 
-def select_mode(at: "ModePoint", always: Array, opened: set[int], later: Later) -> "Mode":
-    """Return the mode after a point where velocities no longer jump.
+def select_mode(point: "ModePoint", unswitched: Array, separated: set[int], loads_after_step: LoadsAfterStep) -> "Mode":
+    """Return the mode after an event, at a point where velocities no longer jump.
 
     Args:
-        at: the point, in the mode before.
-        always: indices of the rows without a switch.
-        opened: indices of switches that separate there.
-        later: loads a short step later, for rows that neither press nor separate at the point itself.
+        point: the point, in the mode before.
+        unswitched: indices of the rows without a switch.
+        separated: indices of the switches whose contacts separate in the event.
+        loads_after_step: the loads after a short step, for rows that neither carry load nor separate.
 
     Raises:
-        StepError: if friction leaves no motion, or several.
+        StepError: if friction has no solution, or several (Painleve paradox).
     """
-    problem = _ActiveSet(at, always, opened)
+    problem = _ActiveSet(point, unswitched, separated)
     problem.release()
     problem.enter_states()
-    problem.decide_undecided(later)
+    problem.decide_undecided(loads_after_step)
     return tuple(problem.mode)
 
 
 class _ActiveSet:
-    """Candidates of a point, and the states of the others.
+    """Candidates of a point, and the states of the other switches.
 
     Attributes:
         mode: states of all switches.
-        left: candidates that are not released.
-        separating: those of them that separate, unless others press them.
+        remaining: candidates that are not released.
+        separating: those of them that separate, unless others load them.
         lam, rates, scale: multipliers, accelerations G v' + gamma and their sizes, (ng,) each, of the candidates that
             do not separate.
     """
 
-    def __init__(self, at: "ModePoint", always: Array, opened: set[int]) -> None:
-        self.at, self.always, self.switches = at, always, at.system.mechanism.switches
-        self.mode, self.left = list(at.system.mode), Candidates()
+    def __init__(self, point: "ModePoint", unswitched: Array, separated: set[int]) -> None:
+        self.point, self.unswitched, self.switches = point, unswitched, point.system.mechanism.switches
+        self.mode, self.remaining = list(point.system.mode), Candidates()
         for s in self.switches:
-            candidates = s.load_candidates(at, self.mode[s.at], SOLUTION_ROUNDING)
-            if candidates and at.is_at_rest(candidates[0].row):
-                self.left[s.at] = candidates
+            candidates = s.load_candidates(point, self.mode[s.index], SOLUTION_ROUNDING)
+            if candidates and point.is_at_rest(candidates[0].row):
+                self.remaining[s.index] = candidates
         for s in self.switches:
-            if s.at not in self.left:
-                self.mode[s.at] = s.next_state(at, (), (), False)
-        self.separating, self.largest = {i for i in opened if i in self.left}, 0.0
+            if s.index not in self.remaining:
+                self.mode[s.index] = s.next_state(point, (), (), False)
+        self.separating, self.largest = {i for i in separated if i in self.remaining}, 0.0
 
     def release(self) -> None:
-        """Release rows outside of their boxes until there are none."""
+        """Release rows outside of their bounds until there are none."""
         changed = True
         while changed:
-            self.active = {i: c for i, c in self.left.items() if i not in self.separating}
+            self.active = {i: c for i, c in self.remaining.items() if i not in self.separating}
             self.lam, self.rates, self.scale = self._solve()
             self.largest = max(self.largest, float(np.abs(self.lam).max(initial=0.0)))
-            changed = self._keep_pressed() or self._release_unloaded()
+            changed = self._keep_loaded() or self._release_unloaded()
 
-    def _keep_pressed(self) -> bool:
-        """Keep a row that cannot separate because others press it; False if there is none."""
-        pressed = [i for i in self.separating if self._approaches(self.left[i][0])]
-        self.separating -= set(pressed[:1])
-        return bool(pressed)
+    def _keep_loaded(self) -> bool:
+        """Keep a row that cannot separate because others load it; False if there is none."""
+        loaded = [i for i in self.separating if self._approaches(self.remaining[i][0])]
+        self.separating -= set(loaded[:1])
+        return bool(loaded)
 
     def _release_unloaded(self) -> bool:
-        """Release rows outside of their boxes that change the load of others; False if there are none."""
-        self.held = {i: self._held(c[0]) for i, c in self.active.items()}
-        gone = [i for i, held in self.held.items() if not held and _releases(self.active[i])]
-        for i in gone:  # less friction while slipping changes the load of the others
-            del self.left[i]
-            self._next_state(i, self.active[i] if self.active[i][0].slips else (), False)
-        return bool(gone)
+        """Release rows outside of their bounds that change the load of others; False if there are none."""
+        self.is_active = {i: self._is_active(c[0]) for i, c in self.active.items()}
+        released = [i for i, active in self.is_active.items() if not active and _releases(self.active[i])]
+        for i in released:  # less friction while slipping changes the load of the others
+            del self.remaining[i]
+            self._next_state(i, self.active[i] if self.active[i][0].is_bounded else (), False)
+        return bool(released)
 
     def enter_states(self) -> None:
         """Set the states of the candidates that remain."""
         for i, c in self.active.items():
-            self._next_state(i, c, self.held[i])
+            self._next_state(i, c, self.is_active[i])
         for i in self.separating:
             self._next_state(i, (), False)
 
-    def decide_undecided(self, later: Later) -> None:
-        """Decide unilateral rows that neither press nor separate by their loads a short step later."""
-        alone = {i: c[0] for i, c in self.active.items() if len(c) == 1 and c[0].one_sided}
-        undecided = {i: x for i, x in alone.items() if self._undecided(x)}
+    def decide_undecided(self, loads_after_step: LoadsAfterStep) -> None:
+        """Decide unilateral rows that neither carry load nor separate by their loads after a short step."""
+        alone = {i: c[0] for i, c in self.active.items() if len(c) == 1 and c[0].is_unilateral}
+        undecided = {i: x for i, x in alone.items() if self._is_undecided(x)}
         if undecided:
             others = tuple(0 if i in undecided else k for i, k in enumerate(self.mode))
-            active = pressing(others, undecided, later)
+            active = rows_that_stay_active(others, undecided, loads_after_step)
             for i, x in undecided.items():
                 self._next_state(i, (x,), i in active)
 
-    def _next_state(self, i: int, candidates: tuple[LoadCandidate, ...], held: bool) -> None:
+    def _next_state(self, i: int, candidates: tuple[LoadCandidate, ...], active: bool) -> None:
         lam, rates = [self.lam[c.row] for c in candidates], [self.rates[c.row] for c in candidates]
-        self.mode[i] = self.switches[i].next_state(self.at, lam, rates, held)
+        self.mode[i] = self.switches[i].next_state(self.point, lam, rates, active)
 
-    def _undecided(self, c: LoadCandidate) -> bool:
-        """Return whether a row neither presses nor separates, to the rounding of the forces at the point."""
-        at, row = self.at, self.at.G[c.row]
-        along = np.linalg.solve(np.triu(at.system.inertia(at.t, at.q)).T, row)
-        least = STILL / SOLUTION_ROUNDING * at.rounding * float(along @ along) / (float(np.abs(row).max()) or 1.0)
-        zero = max(MODE_ROUNDING * self.largest, at.rounding)
-        return bool(abs(self.lam[c.row]) <= zero and abs(self.rates[c.row]) <= least)
+    def _is_undecided(self, c: LoadCandidate) -> bool:
+        """Return whether a row neither carries load nor separates, to the rounding of the forces at the point."""
+        point, row = self.point, self.point.G[c.row]
+        direction = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, row)
+        smallest = STILL / SOLUTION_ROUNDING * point.rounding * float(direction @ direction) / (float(np.abs(row).max()) or 1.0)
+        zero = max(MODE_ROUNDING * self.largest, point.rounding)
+        return bool(abs(self.lam[c.row]) <= zero and abs(self.rates[c.row]) <= smallest)
 
-    def _held(self, c: LoadCandidate) -> bool:
-        if c.slips:  # some redundant rows may be at a limit while all of them stick
+    def _is_active(self, c: LoadCandidate) -> bool:
+        if c.is_bounded:  # some redundant rows may be at a limit while all of them stick
             return bool(abs(self.rates[c.row]) <= STILL * self.scale[c.row])
-        near = MODE_ROUNDING * self.largest
-        return bool(c.lower + near < self.lam[c.row] < c.upper - near)
+        margin = MODE_ROUNDING * self.largest
+        return bool(c.lower + margin < self.lam[c.row] < c.upper - margin)
 
     def _approaches(self, c: LoadCandidate) -> bool:
         inward = -self.rates[c.row] if np.isfinite(c.lower) else self.rates[c.row]
-        mech = self.at.system.mechanism
+        mech = self.point.system.mechanism
         largest = mech.characteristic_rate**2 + float(np.abs(self.rates / mech.row_scales).max())
         return bool(inward > STILL * largest * mech.row_scales[c.row])
 
     def _solve(self) -> tuple[Array, Array, Array]:
         """Solve the complementarity problem of the active candidates."""
-        at, found = self.at, self.active
+        point, found = self.point, self.active
         base = tuple(0 if i in found else state for i, state in enumerate(self.mode))
         rates = self._unloaded_accelerations(base)
-        lam, scale = np.zeros(at.system.ng), np.abs(rates)
+        lam, scale = np.zeros(point.system.ng), np.abs(rates)
         candidates = [c for cs in found.values() for c in cs]
         rows = np.array([c.row for c in candidates], int)
         if not len(rows):
             return lam, rates, scale
         bounds = np.array([c.lower for c in candidates]), np.array([c.upper for c in candidates])
         B, Q = self._mass_metric(base)
-        C = _across(Q, B[:, rows])
-        C[:, np.linalg.norm(C, axis=0) <= TRUNCATION * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # active anyway
-        lam[rows] = self._loads(C, rates[rows], *bounds)
+        C = project_out(Q, B[:, rows])
+        C[:, np.linalg.norm(C, axis=0) <= TRUNCATION * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # dependent rows
+        lam[rows] = self._multipliers(C, rates[rows], *bounds)
         width = bounds[1] - bounds[0]
         scale[rows] += (C * C).sum(axis=0) * np.where(np.isfinite(width), width, 0.0)
-        return lam, rates + _across(Q, B).T @ (C @ lam[rows]), scale
+        return lam, rates + project_out(Q, B).T @ (C @ lam[rows]), scale
 
-    def _loads(self, C: Array, c: Array, lower: Array, upper: Array) -> Array:
+    def _multipliers(self, C: Array, c: Array, lower: Array, upper: Array) -> Array:
         """Solve for the multipliers of the active candidates, see `friction_lcp`."""
         try:
             return solve_friction_lcp(C, c, lower, upper, _friction_bounds(self.active))
         except StepError as reason:
-            frictional = (i for i, cs in self.active.items() if any(c.share >= 0 for c in cs))
-            raise with_names(reason, self.switches, self.at.t, frictional) from None
+            frictional = (i for i, cs in self.active.items() if any(c.friction >= 0 for c in cs))
+            raise error_with_names(reason, self.switches, self.point.t, frictional) from None
 
     def _unloaded_accelerations(self, base: "Mode") -> Array:
         """Return G v' + gamma of all rows (ng,) in a mode where no candidate is active."""
-        at, system, before = self.at, self.at.system, self.at.system.mode
+        point, system, before = self.point, self.point.system, self.point.system.mode
         system.enter(base)
-        F, _ = system.derivative(at.t, at.y)
+        F, _ = system.derivative(point.t, point.y)
         system.enter(before)
-        return at.G @ F[system.nv : 2 * system.nv] + at.gamma
+        return point.G @ F[system.nv : 2 * system.nv] + point.gamma
 
     def _mass_metric(self, base: "Mode") -> tuple[Array, Array]:
-        """Return M^-1/2 G^T (nv, ng), and an orthonormal basis of its columns that are kept in a mode, (nv, r)."""
-        at = self.at
-        B = np.linalg.solve(np.triu(at.system.inertia(at.t, at.q)).T, at.G.T)
-        carried = {row for s, state in zip(self.switches, base, strict=True) for row in s.active(state)}
-        kept = np.array([*self.always, *sorted(carried)], int)
+        """Return M^-1/2 G^T (nv, ng), and an orthonormal basis of its columns of active rows, (nv, r)."""
+        point = self.point
+        B = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, point.G.T)
+        switched = {row for s, state in zip(self.switches, base, strict=True) for row in s.active_rows(state)}
+        kept = np.array([*self.unswitched, *sorted(switched)], int)
         if not len(kept):
             return B, np.zeros((len(B), 0))
         left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
@@ -180,19 +181,15 @@ class _ActiveSet:
 
 
 def _releases(candidates: tuple[LoadCandidate, ...]) -> bool:
-    """Return whether rows outside of their box change the load of others when they are released."""
-    return len(candidates) > 1 or candidates[0].slips
-
-
-def _across(Q: Array, B: Array) -> Array:
-    """Return the components of columns B across an orthonormal basis Q."""
-    return B - Q @ (Q.T @ B) if Q.shape[1] else B
+    """Return whether the release of rows outside of their bounds changes the load of others."""
+    return len(candidates) > 1 or candidates[0].is_bounded
 
 
 def _friction_bounds(found: Candidates) -> dict[int, FrictionBound]:
-    """Return the friction bounds of the tangential rows, by their place among all candidates."""
+    """Return the friction bounds of the tangential rows, by their index among all candidates."""
     bounds, first = dict[int, FrictionBound](), 0
     for cs in found.values():
-        bounds |= {first + k: FrictionBound(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}
+        tangential = [(first + k, c) for k, c in enumerate(cs) if c.friction >= 0]
+        bounds |= {k: FrictionBound(first, c.friction, c.sliding_ratio) for k, c in tangential}
         first += len(cs)
     return bounds

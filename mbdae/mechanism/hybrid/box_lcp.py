@@ -2,8 +2,9 @@
 
     minimise  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
 
-S are the rows that may carry load, a the accelerations without them, A = M^-1 projected onto the kept rows. Rows with a
-multiplier inside its box do not accelerate; rows at a bound accelerate with the sign that the bound allows.
+S are the rows that may carry load, a the accelerations without them, A = M^-1 projected onto the null space of the
+active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
+the bound allows.
 
 Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 """
@@ -18,7 +19,7 @@ lsq_linear = lazy_import("scipy.optimize", "lsq_linear")
 
 
 def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
-    """Return multipliers (k,).
+    """Return the multipliers lam (k,) of the bounded problem.
 
     Args:
         C: M^1/2 A S^T, (nv, k): W = C^T C.

@@ -8,14 +8,14 @@ import numpy as np
 from ...tolerances import COINCIDENT
 from ..closures.clutch import Clutch
 from ..frames import find_joint
-from .switch import Guard, ImpactRow, LoadCandidate, Margins, Switch, UnilateralRow, Value
+from .switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow
 
 if TYPE_CHECKING:
     from ...system import Array
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-FREE, LOCKED, BACK = 0, 1, 2
+FREE, LOCKED, BACKWARDS = 0, 1, 2
 
 
 class OneWayClutch(UnilateralRow):
@@ -26,35 +26,35 @@ class OneWayClutch(UnilateralRow):
         row: index of its row.
     """
 
-    states: tuple[str, ...] = ("runs free", "locks")
+    states: tuple[str, ...] = ("free-running", "locked")
 
     def __init__(self, spec: Clutch, row: int) -> None:
         super().__init__(spec.name, row, float(spec.direction))
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         alone, _ = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
 
-    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":
+    def margins(self, motion: SampledMotion) -> "tuple[Array, Array | None]":
         speed = self.sign * motion.rate[:, self.row]
-        ahead = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
-        return ahead - np.maximum.accumulate(ahead), None
+        travel = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
+        return travel - np.maximum.accumulate(travel), None
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == LOCKED:
-            return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
-        return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
+            return (Guard("separation", self.name, self.index, self.load, needs_multipliers=True, load=self.load),)
+        return (Guard("zero velocity", self.name, self.index, self.speed, self.acceleration),)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, self.sign),)
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
+    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
         return (LoadCandidate.unilateral(self.row, self.sign),)
 
 
 class OpposedClutches(Switch):
-    """One of two opposed one-way clutches, which together lock both ways under any load.
+    """One of two opposed one-way clutches, which together lock in both directions under any load.
 
     Each has a multiplier, half of the torque.
 
@@ -63,107 +63,111 @@ class OpposedClutches(Switch):
         row: index of its row.
     """
 
-    states = ("idle", "locks both ways")
+    states = ("idle", "locked both ways")
 
     def __init__(self, spec: Clutch, row: int) -> None:
         super().__init__(spec.name)
         self.row = row
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         _, opposed = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in opposed]
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         return ()
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, 0.0),)
 
     def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
     ) -> int:
         return LOCKED
 
 
 class Ratchet(OneWayClutch):
-    """A clutch with teeth: it runs free forwards, and backwards to the last tooth.
+    """A one-way clutch with teeth: free forwards, and backwards to the last tooth.
 
     Args:
         spec: the clutch.
         row: index of its row.
-        columns: of both coordinates in q; without the second one against the ground.
+        columns: indices of both coordinates in q, or of one coordinate relative to the ground.
     """
 
-    states = ("runs free", "locks", "runs back")
+    states = ("free-running", "locked", "running backwards")
 
     def __init__(self, spec: Clutch, row: int, columns: Sequence[int]) -> None:
         super().__init__(spec, row)
         self.pitch, self.tooth, self.columns = float(spec.pitch or 1.0), spec.tooth, list(columns)
-        self.shares = np.array([1.0, -1.0 if spec.ratio is None else -spec.ratio])[: len(columns)]
+        self.coefficients = np.array([1.0, -1.0 if spec.ratio is None else -spec.ratio])[: len(columns)]
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         return [
             cls(c, mechanism.rows_of(c.name)[0], [find_joint(mechanism.model, n).idx_q for n in c.between])
             for c in mechanism.constraints
             if isinstance(c, Clutch) and c.pitch is not None
         ]
 
-    def in_pitches(self, point: "ModePoint") -> float:
-        """Return its position in pitches."""
-        return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
+    def position_in_pitches(self, point: "ModePoint") -> float:
+        """Return the position in pitches."""
+        return self.sign * (float(self.coefficients @ point.q[self.columns]) - self.tooth) / self.pitch
 
-    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":
-        place = self.sign * (motion.q[:, self.columns] @ self.shares - self.tooth) / self.pitch
-        return (place - np.floor(np.maximum.accumulate(place) + COINCIDENT)) * self.pitch, None
+    def margins(self, motion: SampledMotion) -> "tuple[Array, Array | None]":
+        position = self.sign * (motion.q[:, self.columns] @ self.coefficients - self.tooth) / self.pitch
+        return (position - np.floor(np.maximum.accumulate(position) + COINCIDENT)) * self.pitch, None
 
-    def gap(self) -> Value:
+    def gap(self) -> PointFunction:
         """Return the distance back to the last tooth, fixed at the first evaluation."""
         last: list[float] = []
 
         def value(point: "ModePoint") -> float:
-            place = self.in_pitches(point)
+            position = self.position_in_pitches(point)
             if not last:
-                last.append(np.floor(place + COINCIDENT))
-            return (place - last[0]) * self.pitch
+                last.append(np.floor(position + COINCIDENT))
+            return (position - last[0]) * self.pitch
 
         return value
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        if state != BACK:
+        if state != BACKWARDS:
             return super().guards(state)
-        turns = Guard("rest", self.name, self.at, lambda x: -self.speed(x), lambda x: -self.acceleration(x))
-        return (Guard("touch", self.name, self.at, self.gap(), self.speed), turns)
+        speed: PointFunction = lambda x: -self.speed(x)  # noqa: E731
+        acceleration: PointFunction = lambda x: -self.acceleration(x)  # noqa: E731
+        return (
+            Guard("contact", self.name, self.index, self.gap(), self.speed),
+            Guard("zero velocity", self.name, self.index, speed, acceleration),
+        )
 
     def _in_tooth(self, point: "ModePoint") -> bool:
-        place = self.in_pitches(point)
-        return abs(place - round(place)) < COINCIDENT
+        position = self.position_in_pitches(point)
+        return abs(position - round(position)) < COINCIDENT
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
-        return super().load_candidates(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
+    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+        return super().load_candidates(point, state, tolerance) if state == LOCKED or self._in_tooth(point) else ()
 
     def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
     ) -> int:
-        if held:
+        if active:
             return LOCKED
         speed = self.speed(point)
         if abs(speed) > point.velocity_tolerance(self.rows[0]):  # if slower, its acceleration decides
-            return FREE if speed > 0 else BACK
-        if len(rates) or point.system.mode[self.at] == LOCKED:
+            return FREE if speed > 0 else BACKWARDS
+        if len(rates) or point.system.mode[self.index] == LOCKED:
             return FREE
-        return FREE if self.acceleration(point) >= 0 else BACK
+        return FREE if self.acceleration(point) >= 0 else BACKWARDS
 
 
 def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
     """Return the one-way clutches without an opposed one between the same joints, and those with one."""
     clutches = [c for c in mechanism.clutches if c.pitch is None and c.engaged is None]
     found = [_free_direction(c) for c in clutches]
-    opposed = [any(k == key and way * other < 0 for k, other in found) for key, way in found]
+    opposed = [any(k == key and direction * other < 0 for k, other in found) for key, direction in found]
     pairs = list(zip(clutches, opposed, strict=True))
     return [c for c, yes in pairs if not yes], [c for c, yes in pairs if yes]
 

@@ -1,6 +1,6 @@
 """Switches at known times: commanded clutches, and drivers with speed steps.
 
-Both are impacts that satisfy all other closures, at the end of a step; see `mbdae.mechanism.hybrid.impact_law`.
+Both cause impacts at the end of a step, subject to all other closures; see `mbdae.mechanism.hybrid.impact_law`.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ OPEN, ENGAGED = 0, 1
 
 
 class CommandedClutch(Switch):
-    """A clutch that locks both ways while its signal is above 0.
+    """A clutch that locks in both directions while its signal is above 0.
 
     Args:
         spec: the clutch.
@@ -34,12 +34,12 @@ class CommandedClutch(Switch):
         self.spec, self.row = spec, row
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [c for c in mechanism.constraints if isinstance(c, Clutch) and c.engaged]
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
-        """Return the commanded state, whatever the motion."""
+        """Return the commanded state, which is independent of the motion."""
         return ENGAGED if self.spec.engaged and self.spec.engaged.at(t) > 0 else OPEN
 
     def commanded_state(self, point: "ModePoint") -> int:
@@ -47,13 +47,13 @@ class CommandedClutch(Switch):
         return self.prescribed(point.t, point.q, point.v)
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        return (Guard("command", self.name, self.at, lambda x: 1.0 if self.commanded_state(x) == state else -1.0),)
+        return (Guard("command", self.name, self.index, lambda x: 1.0 if self.commanded_state(x) == state else -1.0),)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, 0.0),) if self.commanded_state(point) == ENGAGED else ()
 
     def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
     ) -> int:
         return self.commanded_state(point)
 
@@ -73,7 +73,7 @@ class SpeedStepDriver(Switch):
         self.row = row
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [d for d in mechanism.drivers if isinstance(d.speed, Steps)]
         return [cls(d, mechanism.rows_of(d.name)[0]) for d in found]
 
@@ -85,4 +85,4 @@ class SpeedStepDriver(Switch):
         return point.velocity_tolerance(self.row) - abs(float(point.rate[self.row]))
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        return (Guard("step", self.name, self.at, self._margin),)
+        return (Guard("speed step", self.name, self.index, self._margin),)

@@ -1,10 +1,10 @@
-"""Multipliers with dry friction: tangential ones are bounded by the normal one of the same contact.
+"""Multipliers with Coulomb friction: tangential ones are bounded by the normal one of the same contact.
 
     minimise  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| for sliding contacts
 
-With fixed limits mu |x_n| the problem in x is convex; a fixed-point iteration updates the limits from the normal
-multipliers, damped where it cycles. It contracts where mu |W_tn| < W_nn for all contacts together; otherwise there may
-be several solutions or none (Painleve paradox). If no solution is found, an error is raised.
+With fixed bounds mu |x_n| the problem in x is convex; a fixed-point iteration updates the bounds from the normal
+multipliers, with relaxation if it cycles. It contracts where mu |W_tn| < W_nn for all contacts together; otherwise
+there may be several solutions or none (Painleve paradox). An error is raised if no solution is found.
 
 Source: J. Haslinger, I. Hlavacek, J. Necas, Handbook of Numerical Analysis IV (1996), for the iteration; V. Acary,
 B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 13.7.
@@ -19,28 +19,28 @@ from ...system import Array
 from ...tolerances import ROUNDING, SOLUTION_ROUNDING
 from .box_lcp import solve_box_lcp
 
-SHARES = (1.0, 0.5, 0.2, 0.05)  # relaxation factors of the limits, tried in order
-MOST = 60  # iterations with each; one reduces the error to about mu |W_tn|/W_nn of it
-NEWTON = 8  # iterations; within one linear piece of the problem one is enough
-WIDTH = 1e-3  # of a limit: finite-difference width
+RELAXATION = (1.0, 0.5, 0.2, 0.05)  # factors of the updates of the bounds, tried in order
+MAX_ITERATIONS = 60  # iterations with each factor; one reduces the error by a factor of about mu |W_tn|/W_nn
+MAX_NEWTON = 8  # iterations; within one linear piece of the problem one is enough
+WIDTH = 1e-3  # of a bound: finite-difference width
 
 
 class FrictionBound(NamedTuple):
     """Friction bound of a multiplier.
 
     Attributes:
-        by: index of the normal multiplier.
-        share: mu in |x_t| <= mu |x_n|; or
-        drag: x_t = drag |x_n| for sliding contacts; nan where the contact may stick.
+        normal: index of the normal multiplier.
+        friction: mu in |x_t| <= mu |x_n|; or
+        sliding_ratio: x_t = d |x_n| for sliding contacts; nan where the contact may stick.
     """
 
-    by: int
-    share: float
-    drag: float = np.nan
+    normal: int
+    friction: float
+    sliding_ratio: float = np.nan
 
 
 def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> Array:
-    """Return multipliers (k,), see the module and `mbdae.mechanism.hybrid.box_lcp.solve_box_lcp`.
+    """Return the multipliers (k,) with friction bounds; see the module and `box_lcp.solve_box_lcp`.
 
     Args:
         C: M^1/2 A S^T, (nv, k).
@@ -50,39 +50,40 @@ def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: d
         limits: friction bounds by index.
 
     Raises:
-        StepError: if the limits do not converge.
+        StepError: if the bounds do not converge.
     """
     if not limits:
         return solve_box_lcp(C, c, lower, upper)
-    problem = _Limited(C, c, lower, upper, limits)
-    bound, last = np.where(problem.slides, 0.0, np.inf), np.inf
-    for k, way in enumerate(np.repeat(SHARES, MOST)):
-        x = problem.loads(bound)
-        new = problem.limits(x)
+    problem = _BoundIteration(C, c, lower, upper, limits)
+    bound, last_change = np.where(problem.slides, 0.0, np.inf), np.inf
+    for k, relaxation in enumerate(np.repeat(RELAXATION, MAX_ITERATIONS)):
+        x = problem.multipliers(bound)
+        new = problem.bounds(x)
         change, size = float(np.abs(new - bound).max()), float(new.max())
-        if change <= ROUNDING * size or (change <= SOLUTION_ROUNDING * size and change >= last / 2):
+        if change <= ROUNDING * size or (change <= SOLUTION_ROUNDING * size and change >= last_change / 2):
             return x
-        if k == MOST - 1 and (found := problem.newton(new)) is not None:
+        if k == MAX_ITERATIONS - 1 and (found := problem.newton(new)) is not None:
             return found
-        bound, last = bound + way * (new - bound) if np.isfinite(bound).all() else new, change
-    raise StepError("friction", "friction of contacts leaves no motion, or several")
+        bound, last_change = bound + relaxation * (new - bound) if np.isfinite(bound).all() else new, change
+    raise StepError("friction", "friction of contacts has no solution, or several")
 
 
-class _Limited:
-    """Multipliers for fixed limits, and the limits that follow from them."""
+class _BoundIteration:
+    """Multipliers for fixed friction bounds, and the bounds that follow from them."""
 
     def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> None:
         self.C, self.c, self.lower, self.upper = C, c, lower, upper
-        self.at, self.by = np.array(list(limits)), np.array([x.by for x in limits.values()])
-        self.share, self.drag = (np.array([getattr(x, k) for x in limits.values()]) for k in ("share", "drag"))
-        self.slides = ~np.isnan(self.drag)
+        self.at, self.normal = np.array(list(limits)), np.array([x.normal for x in limits.values()])
+        self.friction = np.array([x.friction for x in limits.values()])
+        self.sliding_ratio = np.array([x.sliding_ratio for x in limits.values()])
+        self.slides = ~np.isnan(self.sliding_ratio)
 
-    def loads(self, bound: Array) -> Array:
-        """Return the multipliers (k,) for given limits from the normal ones, (m,)."""
+    def multipliers(self, bound: Array) -> Array:
+        """Return the multipliers (k,) for given friction bounds, (m,)."""
         x, at, slides = np.zeros(len(self.c)), self.at, self.slides
-        x[at[slides]] = self.drag[slides] * bound[slides]
-        none = at[~slides & (bound == 0)]
-        free = np.setdiff1d(np.arange(len(x)), [*at[slides], *none])
+        x[at[slides]] = self.sliding_ratio[slides] * bound[slides]
+        zero = at[~slides & (bound == 0)]
+        free = np.setdiff1d(np.arange(len(x)), [*at[slides], *zero])
         low, high = self.lower.copy(), self.upper.copy()
         low[at], high[at] = -bound, bound
         if len(free):
@@ -90,23 +91,24 @@ class _Limited:
             x[free] = solve_box_lcp(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])
         return x
 
-    def limits(self, x: Array) -> Array:
-        """Return the limits that multipliers imply, (m,)."""
-        return np.where(self.slides, 1.0, self.share) * np.abs(x[self.by])
+    def bounds(self, x: Array) -> Array:
+        """Return the friction bounds that multipliers imply, (m,)."""
+        return np.where(self.slides, 1.0, self.friction) * np.abs(x[self.normal])
 
     def newton(self, bound: Array) -> Array | None:
-        """Return multipliers consistent with their limits by Newton's method, where the fixed-point iteration is slow.
+        """Return multipliers consistent with their bounds by Newton's method, if the fixed-point iteration is slow.
 
-        None if it fails, and where the limits grow faster than the limited loads.
+        None if it fails, or if the bounds grow faster than the bounded multipliers.
         """
-        for _ in range(NEWTON):
-            x = self.loads(bound)
-            new = self.limits(x)
+        for _ in range(MAX_NEWTON):
+            x = self.multipliers(bound)
+            new = self.bounds(x)
             size = float(new.max())
             if float(np.abs(new - bound).max()) <= SOLUTION_ROUNDING * size:
                 return x
-            moves = np.diag(WIDTH * np.maximum(bound, size))
-            S = np.eye(len(bound)) - np.array([(self.limits(self.loads(bound + m)) - new) / m.sum() for m in moves]).T
+            steps = np.diag(WIDTH * np.maximum(bound, size))
+            columns = [(self.bounds(self.multipliers(bound + d)) - new) / d.sum() for d in steps]
+            S = np.eye(len(bound)) - np.array(columns).T
             if not np.linalg.det(S) > 0 or not (S.diagonal() > 0).all():
                 return None
             bound = np.maximum(bound + np.linalg.solve(S, new - bound), 0.0)

@@ -1,14 +1,14 @@
 """Utilisation of the stiction limit of a sticking row, also for redundant rows.
 
-The crank and the slider of one loop may both stick: only their combined load is determined, not the share of each, and
-multipliers of least norm are not meaningful. They stick as long as there are multipliers within all limits: the
-smallest kappa with |lam_i| <= kappa F_i, G^T lam = given, is a linear programme,
+The crank and the slider of one loop may both stick: only a combination of their loads is determined, not each, and
+multipliers of minimum norm are not meaningful. They stick as long as multipliers within all limits exist: the smallest
+kappa with |lam_i| <= kappa F_i and G^T lam = const is the solution of a linear programme,
 
     min kappa,   -kappa F <= lam + N z <= kappa F,   N a basis of G^T N = 0,
 
-and they let go together where it reaches 1. Its dual is kappa = max y^T lam over N^T y = 0, sum F_i |y_i| <= 1. Where
-one combination y is left, as of joints of a mechanism with one degree of freedom that all stick, this is the work of
-the loads beside that of the limits in the motion y, and nothing is searched.
+and they slip together when it reaches 1. Its dual is kappa = max y^T lam over N^T y = 0, sum F_i |y_i| <= 1. If there
+is only one direction y, as for sticking joints of a mechanism with one degree of freedom, kappa is the ratio of the
+work of the loads to the work of the limits along y, and no programme is solved.
 
 Source: P. Loetstedt, SIAM J. Appl. Math. 42 (1982), for non-unique multipliers.
 """
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 linprog = lazy_import("scipy.optimize", "linprog")
-ACTIVE = SAME_STATE  # of kappa: active limits
+ACTIVE_TOLERANCE = SAME_STATE  # of kappa: slack of active inequalities
 
 
 def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
-    """Return |lam_i| / F_i of a sticking row; for redundant rows, kappa of all of them.
+    """Return |lam_i| / F_i of a sticking row; for redundant rows, their common kappa.
 
     Args:
         point: the point.
@@ -58,5 +58,5 @@ def least_utilisation(load: Array, N: Array) -> float:
         return float(abs(motions[:, 0] @ load) / np.abs(motions).sum())
     A, b = np.block([[basis, -ones], [-basis, -ones]]), np.concatenate([-load, load])
     found = linprog(np.append(np.zeros(k), 1.0), A, b, bounds=(None, None), method="highs")
-    active = b - A @ found.x < ACTIVE * (1 + abs(found.x[-1]))
-    return float(np.linalg.lstsq(A[active], b[active])[0][-1])  # a vertex, to rounding
+    active = b - A @ found.x < ACTIVE_TOLERANCE * (1 + abs(found.x[-1]))
+    return float(np.linalg.lstsq(A[active], b[active])[0][-1])  # the vertex, to rounding

@@ -17,28 +17,31 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-OPEN, GRIPS, SLIDES = 0, 1, 2
-CLOSE = 2*VISIBLE  # of the limit: loads closer to it have reached it, and the contact slides
+OPEN, STICKING, SLIDING = 0, 1, 2
+AT_LIMIT = 2*VISIBLE  # of the friction limit: the contact slides if its load is closer to the limit
 
 
 class FrictionalContact(Unilateral):
-    """A unilateral height row, N >= 0, and one no-slip row with |lam_t| <= mu N; friction mu N while sliding.
+    """A unilateral normal row, N >= 0, and one no-slip row with |lam_t| <= mu N; friction mu N while sliding.
 
     Args:
         spec: the closure.
         force: the friction force.
-        rows: the height row and the no-slip row.
-        which: index of the friction among those of closures.
+        rows: indices of the normal row and the no-slip row.
+        friction_index: index of the force among the frictions of closures.
     """
 
-    states = ("open", "grips", "slides")
+    states = ("open", "sticking", "sliding")
 
-    def __init__(self, spec: UnilateralClosure, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
+    def __init__(
+        self, spec: UnilateralClosure, force: CoulombFriction, rows: Sequence[int], friction_index: int
+    ) -> None:
         super().__init__(spec, spec.name, rows[0], 1.0)
-        self.grip, self.limit, self.friction = rows[1], force.coefficient, RollingStiction(force, rows, which)
+        self.no_slip, self.limit = rows[1], force.coefficient
+        self.friction = RollingStiction(force, rows, friction_index)
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
         opening = {c.name: c for c in mechanism.closures if isinstance(c, UnilateralClosure) and c.unilateral}
         return [
@@ -49,43 +52,43 @@ class FrictionalContact(Unilateral):
 
     @property
     def rows(self) -> tuple[int, ...]:
-        return (self.row, self.grip)
+        return (self.row, self.no_slip)
 
-    def active(self, state: int) -> tuple[int, ...]:
-        return self.rows if state == GRIPS else (self.row,) if state == SLIDES else ()
+    def active_rows(self, state: int) -> tuple[int, ...]:
+        return self.rows if state == STICKING else (self.row,) if state == SLIDING else ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        friction_guards = tuple(g._replace(name=self.name, at=self.at) for g in self.friction.guards(state))
+        friction_guards = tuple(g._replace(name=self.name, switch=self.index) for g in self.friction.guards(state))
         return (*super().guards(min(state, 1)), *friction_guards)
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
-        found = super().impact_rows(point, min(state, 1), near)
-        return (*found, ImpactRow(self.grip, 0.0, share=self.limit)) if found else ()
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
+        found = super().impact_rows(point, min(state, 1), tolerance)
+        return (*found, ImpactRow(self.no_slip, 0.0, friction=self.limit)) if found else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
-        found = super().load_candidates(point, min(state, 1), near)
+    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+        found = super().load_candidates(point, min(state, 1), tolerance)
         if not found:
             return ()
-        drag = -self.limit * float(self.friction.direction(point)[0]) if self.slips(point) else np.nan
-        return (*found, LoadCandidate(self.grip, share=self.limit, drag=drag))
+        sliding_ratio = -self.limit * float(self.friction.direction(point)[0]) if self.slips(point) else np.nan
+        return (*found, LoadCandidate(self.no_slip, friction=self.limit, sliding_ratio=sliding_ratio))
 
     def slips(self, point: "ModePoint") -> bool:
-        """Return whether it slides."""
+        """Return whether the contact slides."""
         return self.friction.slips(point)
 
     def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
     ) -> int:
-        if not held:
+        if not active:
             return OPEN
-        heading = point.system.sliding.heading[self.friction.which]
+        heading = point.system.sliding.heading[self.friction.friction_index]
         if self.slips(point):
             heading[:] = self.friction.direction(point)
-            return SLIDES
-        if abs(lam[1]) < (1 - CLOSE) * self.limit * abs(lam[0]):
-            return GRIPS
+            return SLIDING
+        if abs(lam[1]) < (1 - AT_LIMIT) * self.limit * abs(lam[0]):
+            return STICKING
         heading[:] = -np.sign(lam[1])
-        return SLIDES
+        return SLIDING
 
     def enter(self, system: "Index2System", state: int) -> None:
         self.friction.enter(system, state)

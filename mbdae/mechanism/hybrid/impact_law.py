@@ -2,13 +2,13 @@
 
     v+ = v- + M^-1 (G^T P + U^T p),   G v+ + b = 0,   0 <= p  _|_  U v+ + e U v- >= 0
 
-Newton's law for the approaching contact rows U. v+ is the nearest point, in the mass metric, to v- subject to
-G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+ is unique, p may
-not be. Rows that already separate are left out, otherwise energy could rise; if they approach afterwards, they impact
-next.
+Newton's impact law for the approaching contact rows U and the bilateral rows G. v+ is the point closest to v- in the
+mass metric with G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+
+is unique, p may not be. Rows that already separate are excluded, because energy could increase otherwise; if they
+approach afterwards, they impact next.
 
-With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or stopping it
-(`friction_lcp`). Newton's law can then increase the energy, for e > 0 (Kane); in that case the run ends.
+With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or zero slip
+(`friction_lcp`). Newton's law can then increase the energy for e > 0 (Kane); in that case the run ends.
 
 Sources: Moreau (1988), in Nonsmooth Mechanics and Applications; Lawson, Hanson, Solving Least Squares Problems (1974),
 23.4.
@@ -26,23 +26,23 @@ from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
 nnls = lazy_import("scipy.optimize", "nnls")
-ROUNDS = 200  # of successive impacts at one instant; the last one with e = 0
+MAX_IMPACTS = 200  # successive impacts at one instant; the last one with e = 0
 
 
 class FrictionRow(NamedTuple):
     """Tangential row of a contact with friction.
 
     Attributes:
-        by: index of the contact row whose impulse limits it.
+        normal: index of the contact row whose impulse bounds it.
         row: G_t, (nv,).
-        rate: its g_t.
-        share: mu.
+        rate: g_t of the row.
+        friction: mu.
     """
 
-    by: int
+    normal: int
     row: Array
     rate: float
-    share: float
+    friction: float
 
 
 class ImpactSolution(NamedTuple):
@@ -51,7 +51,7 @@ class ImpactSolution(NamedTuple):
     Attributes:
         v: velocities after the impact, (nv,).
         p: impulses of the contact rows, (m,), in N s, positive in the opening direction.
-        P: impulses of the kept rows, (k,).
+        P: impulses of the bilateral rows, (k,).
         work: work of all impulses in J: the change of kinetic energy.
         friction: impulses of the friction rows, (n,).
     """
@@ -64,37 +64,37 @@ class ImpactSolution(NamedTuple):
 
 
 def solve_impact(
-    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array,
+    U: Array, bilateral: Array, b: Array, rows: Array, c: Array, e: Array, v: Array,
     frictional: Sequence[FrictionRow] = (), speed: float = 1.0,
 ) -> ImpactSolution:
-    """Solve the impact problem: Newton restitution, contact rows and kept rows, Coulomb friction.
+    """Solve the impact problem: Newton restitution, contact rows and bilateral rows, Coulomb friction.
 
     Args:
         U: the Cholesky factor of M = U^T U, (nv, nv).
-        kept: the rows G that are kept, (k, nv), possibly redundant.
+        bilateral: bilateral rows G, (k, nv), possibly redundant.
         b: their g_t, (k,).
         rows: contact rows, (m, nv), in their opening direction.
         c: their g_t in that direction, (m,).
         e: coefficients of restitution, (m,).
-        v: velocities before, (nv,).
+        v: velocities before the impact, (nv,).
         frictional: friction rows.
-        speed: the largest of rows; `MODE_ROUNDING` and `VISIBLE` are fractions of it.
+        speed: largest speed of the rows; `MODE_ROUNDING` and `VISIBLE` are fractions of it.
 
     Raises:
-        StepError: if kept rows and contact rows contradict each other, or friction has no solution or increases the
-            energy.
+        StepError: if bilateral rows and contact rows contradict each other, or friction has no solution or increases
+            the energy.
     """
-    problem = _Impact(U, kept, b, rows, v, frictional, speed)
-    x, work, still = U @ v, 0.0, problem.still  # x = M^1/2 v
-    total, P, friction = np.zeros(len(rows)), np.zeros(len(kept)), np.zeros(len(frictional))
-    for k in range(ROUNDS + 1):
+    problem = _Impact(U, bilateral, b, rows, v, frictional, speed)
+    x, work, rest_speed = U @ v, 0.0, problem.rest_speed  # x = M^1/2 v
+    total, P, friction = np.zeros(len(rows)), np.zeros(len(bilateral)), np.zeros(len(frictional))
+    for k in range(MAX_IMPACTS + 1):
         rates = problem.BU.T @ x + c
-        if k and not (rates < -still).any():
+        if k and not (rates < -rest_speed).any():
             break
-        last = k == ROUNDS
-        which = np.arange(len(rows)) if last else np.flatnonzero(rates <= still)
-        goal = -(0.0 if last else e[which]) * np.minimum(rates[which], 0.0) - c[which]
-        new, p, q = problem.impact(x, which, goal)
+        last = k == MAX_IMPACTS
+        which = np.arange(len(rows)) if last else np.flatnonzero(rates <= rest_speed)
+        target = -(0.0 if last else e[which]) * np.minimum(rates[which], 0.0) - c[which]
+        new, p, q = problem.impact(x, which, target)
         impulse = problem.pinv @ (new - x - problem.BU[:, which] @ p - problem.BT @ q)
         work += problem.work(x + new, which, p, q, impulse)
         total[which] += p
@@ -102,71 +102,73 @@ def solve_impact(
         P += impulse
         x = new
     if frictional and work > MODE_ROUNDING * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
-        raise StepError("impact", "Newton's law with friction makes energy here, with restitution above 0")
+        raise StepError("impact", "Newton's law with friction increases the energy here, for a restitution above 0")
     return ImpactSolution(np.linalg.solve(U, x), total, P, work, friction)
 
 
 class _Impact:
-    """The rows of an impact in x = M^1/2 v: columns of kept rows BG, contact rows BU and friction rows BT, (nv, ..)."""
+    """Rows of an impact in x = M^1/2 v: the columns of bilateral, contact and friction rows BG, BU, BT, (nv, ..)."""
 
     def __init__(
-        self, U: Array, kept: Array, b: Array, rows: Array, v: Array, frictional: Sequence[FrictionRow], speed: float
+        self, U: Array, bilateral: Array, b: Array, rows: Array, v: Array, friction: Sequence[FrictionRow], speed: float
     ) -> None:
-        tangents = np.array([x.row for x in frictional])
+        tangents = np.array([x.row for x in friction])
         self.BG, self.BU, self.BT = (
-            np.linalg.solve(U.T, X.T) if len(X) else np.zeros((len(v), 0)) for X in (kept, rows, tangents)
+            np.linalg.solve(U.T, X.T) if len(X) else np.zeros((len(v), 0)) for X in (bilateral, rows, tangents)
         )
-        self.b, self.frictional = b, frictional
+        self.b, self.frictional = b, friction
         self.Q, self.pinv = _range(self.BG)
-        self.still, self.speed = MODE_ROUNDING * speed, speed
+        self.rest_speed, self.speed = MODE_ROUNDING * speed, speed
         self.size = float(np.linalg.norm(U @ v))
 
-    def impact(self, x: Array, which: Array, goal: Array) -> tuple[Array, Array, Array]:
-        """Return x after contact rows ``which`` reach speeds ``goal``, their impulses p and those of friction rows.
+    def impact(self, x: Array, which: Array, target: Array) -> tuple[Array, Array, Array]:
+        """Return x after contact rows ``which`` reach speeds ``target``, their impulses p and those of friction rows.
 
         Raises:
-            StepError: if kept rows and contact rows contradict each other, or friction has no solution.
+            StepError: if bilateral rows and contact rows contradict each other, or friction has no solution.
         """
         closed = x - self.pinv.T @ (self.BG.T @ x + self.b)
-        A = self._across(self.BU[:, which])
-        able = np.linalg.norm(A, axis=0) > TRUNCATION * np.linalg.norm(self.BU[:, which], axis=0)
-        short = goal - self.BU[:, which].T @ closed
-        short[(short > 0) & (short <= self.still)] = 0.0
-        if (short[~able] > VISIBLE * self.speed).any():
+        A = project_out(self.Q, self.BU[:, which])
+        independent = np.linalg.norm(A, axis=0) > TRUNCATION * np.linalg.norm(self.BU[:, which], axis=0)
+        deficit = target - self.BU[:, which].T @ closed
+        deficit[(deficit > 0) & (deficit <= self.rest_speed)] = 0.0
+        if (deficit[~independent] > VISIBLE * self.speed).any():
             raise StepError("impact", "closures block the relative velocity of the impact")
-        on = [i for i, row in enumerate(self.frictional) if row.by in which]
+        on = [i for i, row in enumerate(self.frictional) if row.normal in which]
         if on:
-            return self._with_friction(closed, which, A, short, on)
+            return self._with_friction(closed, which, A, deficit, on)
         p = np.zeros(len(which))
-        p[able] = _least(A[:, able], short[able], self.size)
+        p[independent] = _least_distance(A[:, independent], deficit[independent], self.size)
         return closed + A @ p, p, np.zeros(len(self.frictional))
 
     def _with_friction(
-        self, closed: Array, which: Array, A: Array, short: Array, on: list[int]
+        self, closed: Array, which: Array, A: Array, deficit: Array, on: list[int]
     ) -> tuple[Array, Array, Array]:
         """Solve normal and tangential impulses together; ``on`` are the friction rows of contact rows ``which``."""
-        T, m = self._across(self.BT[:, on]), len(which)
+        T, m = project_out(self.Q, self.BT[:, on]), len(which)
         frictional = [self.frictional[i] for i in on]
         slip = self.BT[:, on].T @ closed + np.array([row.rate for row in frictional])
-        at = np.searchsorted(which, [row.by for row in frictional])
-        limits = {m + j: FrictionBound(int(at[j]), row.share) for j, row in enumerate(frictional)}
+        at = np.searchsorted(which, [row.normal for row in frictional])
+        limits = {m + j: FrictionBound(int(at[j]), row.friction) for j, row in enumerate(frictional)}
         low, high = np.zeros(m + len(on)), np.full(m + len(on), np.inf)
-        both = solve_friction_lcp(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
+        both = solve_friction_lcp(np.hstack([A, T]), np.append(-deficit, slip), low, high, limits)
         q = np.zeros(len(self.frictional))
         q[on] = both[m:]
         return closed + A @ both[:m] + T @ q[on], both[:m], q
 
-    def _across(self, B: Array) -> Array:
-        """Return what of columns the kept rows leave."""
-        return B - self.Q @ (self.Q.T @ B)
+    def work(self, x_sum: Array, which: Array, p: Array, q: Array, P: Array) -> float:
+        """Return the work of impulses, each times the mean of its speeds before and after, x_sum the sum of both x."""
+        work = p @ (self.BU[:, which].T @ x_sum) + q @ (self.BT.T @ x_sum) + P @ (self.BG.T @ x_sum)
+        return float(work) / 2
 
-    def work(self, twice: Array, which: Array, p: Array, q: Array, P: Array) -> float:
-        """Return the work of impulses: each times the mean of its speeds before and after, ``twice`` their sum in x."""
-        return float(p @ (self.BU[:, which].T @ twice) + q @ (self.BT.T @ twice) + P @ (self.BG.T @ twice)) / 2
+
+def project_out(Q: Array, B: Array) -> Array:
+    """Return the components of the columns B orthogonal to an orthonormal basis Q."""
+    return B - Q @ (Q.T @ B)
 
 
 def _range(B: Array) -> tuple[Array, Array]:
-    """Return an orthonormal basis of the range of B (n, k), and its pseudoinverse (k, n)."""
+    """Return an orthonormal basis of the range of B (n, k), (n, r), and the pseudoinverse of B, (k, n)."""
     if not B.shape[1]:
         return np.zeros((len(B), 0)), np.zeros((0, len(B)))
     left, sizes, right = np.linalg.svd(B, full_matrices=False)
@@ -174,8 +176,8 @@ def _range(B: Array) -> tuple[Array, Array]:
     return left[:, :r], (right[:r].T / sizes[:r]) @ left[:, :r].T
 
 
-def _least(A: Array, f: Array, size: float) -> Array:
-    """Return p >= 0 (m,) for which x = A p, of a given size, is the shortest x with A^T x >= f.
+def _least_distance(A: Array, f: Array, size: float) -> Array:
+    """Return p >= 0 (m,) such that x = A p is the shortest x with A^T x >= f; ``size`` is the scale of x.
 
     Raises:
         StepError: if no x satisfies all inequalities.
@@ -185,18 +187,18 @@ def _least(A: Array, f: Array, size: float) -> Array:
     sizes = np.linalg.norm(A, axis=0)
     An, fn = A / sizes, f / sizes
     scale = max(size, float(np.abs(fn).max()))
-    E, last = np.vstack([An, fn / scale]), np.append(np.zeros(len(A)), 1.0)
-    u, _ = nnls(E, last)
-    rest = 1.0 - float(fn / scale @ u)
-    if not rest > TRUNCATION:
+    E, unit = np.vstack([An, fn / scale]), np.append(np.zeros(len(A)), 1.0)
+    u, _ = nnls(E, unit)
+    residual = 1.0 - float(fn / scale @ u)
+    if not residual > TRUNCATION:
         if f.max() <= VISIBLE * (1 + size):  # residual of a state at rest
             return np.zeros(len(f))
         raise StepError("impact", "no impulses separate all contacts of this impact")
-    out = u > 0
-    x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=TRUNCATION)[0]  # to rounding, for this active set
-    tight = An.T @ x <= fn + SOLUTION_ROUNDING * scale  # only rows that do not open faster can push
+    positive = u > 0
+    x = np.linalg.lstsq(An[:, positive].T, fn[positive], rcond=TRUNCATION)[0]  # to rounding, for this active set
+    active = An.T @ x <= fn + SOLUTION_ROUNDING * scale  # only rows that do not open faster can have an impulse
     p = np.zeros(len(f))
-    p[tight], miss = nnls(An[:, tight], x)
-    if miss > SOLUTION_ROUNDING * size or (An.T @ x < fn - SOLUTION_ROUNDING * scale).any():
-        p = u / rest * scale
+    p[active], misfit = nnls(An[:, active], x)
+    if misfit > SOLUTION_ROUNDING * size or (An.T @ x < fn - SOLUTION_ROUNDING * scale).any():
+        p = u / residual * scale
     return p / sizes

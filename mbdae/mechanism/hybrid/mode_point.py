@@ -1,4 +1,4 @@
-"""A point of a run for guards and transitions: all rows, including inactive ones."""
+"""Point of a run for guards and mode transitions, with all rows, including inactive ones."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class AllRows:
-    """All rows of a mechanism in any mode, in a separate workspace."""
+    """All rows of a mechanism in any mode, evaluated in a separate workspace."""
 
     def __init__(self, system: "Index2System") -> None:
         self.model, self.data = system.model, make_data(system.model)
@@ -36,11 +36,11 @@ class AllRows:
 
 
 class ModePoint:
-    """A point whose properties are computed once, on demand.
+    """A point (t, y) of a run; its properties are computed once, on demand.
 
     Args:
         system: a workspace, in the mode of the point.
-        all_rows: of the same mechanism.
+        all_rows: all rows of the same mechanism.
         t: time.
         y: the point, (n,).
     """
@@ -55,7 +55,7 @@ class ModePoint:
         return self.all_rows(self.t, self.q)
 
     @cached_property
-    def _rows(self) -> tuple[Array, Array]:
+    def _values_and_rates(self) -> tuple[Array, Array]:
         found = self.system.rows_of_all_modes(self.t, self.y)
         if found is not None:
             return found
@@ -65,7 +65,7 @@ class ModePoint:
     @property
     def g(self) -> Array:
         """Return g of all rows, (ng,)."""
-        return self._rows[0]
+        return self._values_and_rates[0]
 
     @property
     def G(self) -> Array:
@@ -75,7 +75,7 @@ class ModePoint:
     @property
     def rate(self) -> Array:
         """Return G v + g_t of all rows, (ng,)."""
-        return self._rows[1]
+        return self._values_and_rates[1]
 
     @cached_property
     def gamma(self) -> Array:
@@ -89,12 +89,12 @@ class ModePoint:
 
     @cached_property
     def null_multipliers(self) -> Array:
-        """Return a basis of the multipliers without effect in the mode, (ng, k), G^T null = 0."""
-        there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
-        left, sizes, _ = np.linalg.svd(self.G[there])
+        """Return a basis N (ng, k) of the null space of G^T in the mode, G^T N = 0."""
+        active = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
+        left, sizes, _ = np.linalg.svd(self.G[active])
         r = int(np.count_nonzero(sizes > PIVOT_RANK * sizes[:1]))
-        out = np.zeros((self.system.ng, len(there) - r))
-        out[there] = left[:, r:]
+        out = np.zeros((self.system.ng, len(active) - r))
+        out[active] = left[:, r:]
         return out
 
     @property
@@ -109,7 +109,7 @@ class ModePoint:
 
     @cached_property
     def rounding(self) -> float:
-        """Rounding error of multipliers: the multiplier of an unloaded row is below it."""
+        """Rounding error of multipliers, an upper bound of the multiplier of an unloaded row."""
         U = np.triu(self.system.inertia(self.t, self.q))
         largest = np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0)
         return SOLUTION_ROUNDING * float(largest)
@@ -120,7 +120,7 @@ class ModePoint:
 
     @cached_property
     def speed(self) -> float:
-        """The largest speed, in rad and characteristic lengths by time, plus the characteristic rate."""
+        """Largest speed, in rad/s and characteristic lengths per s, plus the characteristic rate."""
         mech = self.system.mechanism
         return mech.characteristic_rate + float(np.abs(self.v / mech.coordinate_scales).max())
 

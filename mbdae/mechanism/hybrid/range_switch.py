@@ -1,4 +1,4 @@
-"""Closures that are active in a joint range."""
+"""Closures that are active within ranges of a joint coordinate."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -8,29 +8,29 @@ from ...tolerances import SAME_STATE, STILL
 from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
 from ..frames import find_joint
-from .switch import Guard, ImpactRow, Switch
+from .switch import Guard, ImpactRow, PointFunction, Switch
 
 if TYPE_CHECKING:
     from ...system import Array
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-OFF, ON = 0, 1
-AHEAD = SAME_STATE  # rad or characteristic lengths: lookahead of a joint at the boundary of a window
+OUTSIDE, INSIDE = 0, 1
+LOOKAHEAD = SAME_STATE  # rad or characteristic lengths: lookahead of a joint at the boundary of a range
 
 
 class RangeSwitch(Switch):
-    """The rows of a closure are active while a joint is within a window.
+    """A closure whose rows are active while a joint coordinate is within a range.
 
     Args:
-        name: of the closure.
-        spec: the windows.
+        name: name of the closure.
+        spec: the ranges.
         rows: indices of the rows.
         columns: indices of the joint in q and in v.
     """
 
     takes_impulse = False
-    states = ("out of its window", "at work")
+    states = ("out of range", "active")
 
     def __init__(self, name: str, spec: ActiveRange, rows: Sequence[int], columns: tuple[int, int]) -> None:
         super().__init__(name)
@@ -38,7 +38,7 @@ class RangeSwitch(Switch):
         self.q, self.v = columns
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         out = []
         for c in mechanism.constraints:
             if isinstance(c, Closure) and c.within:
@@ -53,31 +53,34 @@ class RangeSwitch(Switch):
         return self.all_rows
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
-        """Return whether the joint is within a window, whatever the motion."""
-        return ON if self.spec.depth(float(q[self.q])) > 0 else OFF
+        """Return the state at q, which depends on the joint coordinate alone."""
+        return INSIDE if self.spec.depth(float(q[self.q])) > 0 else OUTSIDE
 
     def depth(self, point: "ModePoint") -> float:
-        """Return the distance inside a window."""
+        """Return the distance from the boundary of the range, positive inside."""
         return self.spec.depth(float(point.q[self.q]))
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        sign = 1.0 if state == ON else -1.0
-        return (Guard("pass", self.name, self.at, lambda x: sign * self.depth(x), loads=True, longest=self.longest),)
+        sign = 1.0 if state == INSIDE else -1.0
+        depth: PointFunction = lambda x: sign * self.depth(x)  # noqa: E731
+        return (
+            Guard("range boundary", self.name, self.index, depth, needs_multipliers=True, max_step=self.max_step),
+        )
 
     def _scale(self, point: "ModePoint") -> float:
         return float(point.system.mechanism.coordinate_scales[self.v])
 
-    def longest(self, point: "ModePoint") -> float:
-        """Return the time in which the joint crosses the shortest window."""
+    def max_step(self, point: "ModePoint") -> float:
+        """Return the time in which the joint passes the shortest range."""
         return self.spec.shortest / max(abs(float(point.v[self.v])), STILL * point.speed * self._scale(point))
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
-        there = self.next_state(point, (), (), False) == ON
-        return tuple(ImpactRow(row, 0.0) for row in self.all_rows) if there else ()
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
+        inside = self.next_state(point, (), (), False) == INSIDE
+        return tuple(ImpactRow(row, 0.0) for row in self.all_rows) if inside else ()
 
     def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
     ) -> int:
         v = float(point.v[self.v])
-        step = AHEAD * self._scale(point) * ((v > 0) - (v < 0))
-        return ON if self.spec.depth(float(point.q[self.q]) + step) > 0 else OFF
+        step = LOOKAHEAD * self._scale(point) * ((v > 0) - (v < 0))
+        return INSIDE if self.spec.depth(float(point.q[self.q]) + step) > 0 else OUTSIDE

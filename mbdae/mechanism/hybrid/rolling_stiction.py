@@ -7,7 +7,7 @@ import numpy as np
 
 from ...tolerances import COINCIDENT
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import Guard, LoadCandidate, Switch, Value
+from .switch import Guard, LoadCandidate, PointFunction, Switch
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-IDLE, GRIPS, SLIDES = 0, 1, 2
-ACROSS = 10  # velocity tolerances: where the slip ends along its direction, errors of the run are left across it
+IDLE, STICKING, SLIDING = 0, 1, 2
+TRANSVERSE = 10  # velocity tolerances: when the slip ends in its direction, errors of the run remain transverse to it
 
 
 class RollingStiction(Switch):
@@ -24,46 +24,46 @@ class RollingStiction(Switch):
 
     Args:
         force: the friction force.
-        rows: the height row and the no-slip rows.
-        which: index among the frictions of closures.
+        rows: indices of the normal row and the no-slip rows.
+        friction_index: index of the force among the frictions of closures.
     """
 
     takes_impulse = False
-    states = ("idle", "grips", "slides")
+    states = ("idle", "sticking", "sliding")
 
-    def __init__(self, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
+    def __init__(self, force: CoulombFriction, rows: Sequence[int], friction_index: int) -> None:
         super().__init__(f"{force.closure} grip")
         self.limit = force.coefficient if force.static is None else force.static
-        self.height, self.grip, self.which = rows[0], list(rows[1:]), which
+        self.normal, self.no_slip, self.friction_index = rows[0], list(rows[1:]), friction_index
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
+    def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        pressing = {c.name for c in mechanism.closures if c.opens}
+        unilateral = {c.name for c in mechanism.closures if c.opens}
         return [
             cls(f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)
-            if f.sticks and f.closure not in pressing
+            if f.sticks and f.closure not in unilateral
         ]
 
     @property
     def rows(self) -> tuple[int, ...]:
-        return tuple(self.grip)
+        return tuple(self.no_slip)
 
     def friction_ratio(self, lam: "Array") -> "Array":
         """Return the friction along the no-slip rows as a fraction of its limit."""
-        return lam[self.grip] / max(self.limit * abs(float(lam[self.height])), np.finfo(float).tiny)
+        return lam[self.no_slip] / max(self.limit * abs(float(lam[self.normal])), np.finfo(float).tiny)
 
     def margin(self, point: "ModePoint") -> float:
-        """Return the remaining friction as a fraction of its limit."""
+        """Return the stiction margin as a fraction of the limit."""
         return 1.0 - float(np.linalg.norm(self.friction_ratio(point.lam)))
 
-    def slip(self) -> Value:
-        """Return the slip along its direction at the first evaluation."""
+    def slip(self) -> PointFunction:
+        """Return the slip velocity along its direction at the first evaluation, as a function."""
         first: list[Array] = []
 
         def value(point: "ModePoint") -> float:
-            slip = point.rate[self.grip]
+            slip = point.rate[self.no_slip]
             if not first:
                 first.append(self.direction(point))
             return float(slip @ first[0])
@@ -71,48 +71,48 @@ class RollingStiction(Switch):
         return value
 
     def slips(self, point: "ModePoint") -> bool:
-        """Return whether it slides."""
-        return bool(np.linalg.norm(point.rate[self.grip]) > ACROSS * point.velocity_tolerance(self.grip[0]))
+        """Return whether the contact slides."""
+        return bool(np.linalg.norm(point.rate[self.no_slip]) > TRANSVERSE * point.velocity_tolerance(self.no_slip[0]))
 
     def direction(self, point: "ModePoint") -> "Array":
         """Return the direction of the slip, or of the impending slip."""
         if self.slips(point):
-            slip = point.rate[self.grip]
+            slip = point.rate[self.no_slip]
             return slip / np.linalg.norm(slip)
-        return point.system.sliding.heading[self.which]
+        return point.system.sliding.heading[self.friction_index]
 
     def guards(self, state: int) -> tuple[Guard, ...]:
-        if state == GRIPS:
+        if state == STICKING:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
-            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=ratio),)
-        return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
+            return (Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, load=ratio),)
+        return (Guard("zero velocity", self.name, self.index, self.slip()),) if state == SLIDING else ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
-        if self.slips(point) or (state == GRIPS and self.margin(point) < COINCIDENT):
+    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+        if self.slips(point) or (state == STICKING and self.margin(point) < COINCIDENT):
             return ()
         system, before = point.system, point.system.mode
-        system.enter(tuple(GRIPS if i == self.at else k for i, k in enumerate(before)))
+        system.enter(tuple(STICKING if i == self.index else k for i, k in enumerate(before)))
         lam = system.derivative(point.t, point.y)[1]
         system.enter(before)
         if np.linalg.norm(self.friction_ratio(lam)) > 1.0:
-            self._head(point, lam)
+            self._set_slip_direction(point, lam)
             return ()
-        return tuple(LoadCandidate(row) for row in self.grip)
+        return tuple(LoadCandidate(row) for row in self.no_slip)
 
-    def _head(self, point: "ModePoint", lam: "Array") -> None:
-        size = float(np.linalg.norm(lam[self.grip]))
+    def _set_slip_direction(self, point: "ModePoint", lam: "Array") -> None:
+        size = float(np.linalg.norm(lam[self.no_slip]))
         if size:
-            point.system.sliding.heading[self.which][:] = -lam[self.grip] / size
+            point.system.sliding.heading[self.friction_index][:] = -lam[self.no_slip] / size
 
     def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
     ) -> int:
-        if held:
-            return GRIPS
-        if point.system.mode[self.at] == GRIPS:
-            self._head(point, point.lam)
-        point.system.sliding.heading[self.which][:] = self.direction(point)
-        return SLIDES
+        if active:
+            return STICKING
+        if point.system.mode[self.index] == STICKING:
+            self._set_slip_direction(point, point.lam)
+        point.system.sliding.heading[self.friction_index][:] = self.direction(point)
+        return SLIDING
 
     def enter(self, system: "Index2System", state: int) -> None:
-        system.sliding.active[self.which] = state == SLIDES
+        system.sliding.active[self.friction_index] = state == SLIDING

@@ -11,36 +11,37 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .mode_point import ModePoint
 
-Value = Callable[["ModePoint"], float]
-Load = Callable[["ModePoint"], "float | Array"]
+PointFunction = Callable[["ModePoint"], float]
+LoadFunction = Callable[["ModePoint"], "float | Array"]
 ACTIVE_STATE = 1  # state in which closed, locked, engaged or stuck rows are active
 
 
 class Guard(NamedTuple):
-    """A guard: a function of the point that is positive while a state lasts.
+    """A guard: a function of the point that is positive as long as a state lasts.
 
     Attributes:
-        kind: ``"touch"``, ``"let go"``, ``"slip"``, ``"rest"``, ``"pass"``, ``"command"`` or ``"step"``.
-        name: of the switch.
-        at: its index.
+        kind: ``"contact"``, ``"separation"``, ``"slip"``, ``"zero velocity"``, ``"range boundary"``, ``"command"`` or
+            ``"speed step"``.
+        name: name of the switch.
+        switch: index of the switch.
         value: the function.
-        rate: its time derivative, if known: used to detect an excursion below 0 and back within a step.
-        bend: its second time derivative.
-        loads: whether it depends on multipliers, and is sampled within steps.
-        longest: the longest step in s that cannot cross it twice.
-        load: the multipliers that it depends on and that steps should resolve: signed, relative to the limit, for
-            sticking; the multiplier itself for a row that separates at 0.
+        rate: its time derivative, if known, to detect an excursion below 0 and back within a step.
+        second_rate: its second time derivative.
+        needs_multipliers: whether the guard depends on multipliers, and is sampled within steps.
+        load: the multipliers that steps should resolve: relative to the limit, with sign, for sticking; the multiplier
+            itself for a row that separates at 0.
+        max_step: the longest step in s in which the guard cannot cross zero twice.
     """
 
     kind: str
     name: str
-    at: int
-    value: Value
-    rate: Value | None = None
-    bend: Value | None = None
-    loads: bool = False
-    load: "Load | None" = None
-    longest: Value | None = None
+    switch: int
+    value: PointFunction
+    rate: PointFunction | None = None
+    second_rate: PointFunction | None = None
+    needs_multipliers: bool = False
+    load: "LoadFunction | None" = None
+    max_step: PointFunction | None = None
 
 
 class ImpactRow(NamedTuple):
@@ -48,15 +49,15 @@ class ImpactRow(NamedTuple):
 
     Attributes:
         row: its index.
-        sign: 1 or -1: sign * (G v + g_t) is the opening speed; 0 for a kept row.
+        sign: 1 or -1: sign * (G v + g_t) is the opening speed; 0 for a bilateral row.
         restitution: coefficient of restitution.
-        share: mu, of a tangential row limited by the impulse of the switch's first row; nan for others.
+        friction: mu of a tangential row, bounded by the impulse of the first row of its switch; nan for others.
     """
 
     row: int
     sign: float
     restitution: float = 0.0
-    share: float = np.nan
+    friction: float = np.nan
 
 
 class LoadCandidate(NamedTuple):
@@ -66,16 +67,16 @@ class LoadCandidate(NamedTuple):
         row: its index.
         lower: lower bound of the multiplier.
         upper: upper bound of the multiplier.
-        share: mu, of a tangential row limited by the switch's first row, see `friction_lcp.FrictionBound`; nan for
-            others.
-        drag: friction coefficient of a sliding row, with sign.
+        friction: mu of a tangential row, bounded by the first row of its switch (`friction_lcp.FrictionBound`); nan
+            for others.
+        sliding_ratio: friction coefficient of a sliding row, with sign.
     """
 
     row: int
     lower: float = -np.inf
     upper: float = np.inf
-    share: float = np.nan
-    drag: float = np.nan
+    friction: float = np.nan
+    sliding_ratio: float = np.nan
 
     @classmethod
     def unilateral(cls, row: int, sign: float) -> "LoadCandidate":
@@ -83,18 +84,18 @@ class LoadCandidate(NamedTuple):
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
     @property
-    def one_sided(self) -> bool:
-        """Whether its multiplier has a sign."""
+    def is_unilateral(self) -> bool:
+        """Whether the multiplier has one finite bound."""
         return bool(np.isfinite(self.lower) != np.isfinite(self.upper))
 
     @property
-    def slips(self) -> bool:
-        """Whether it yields at both bounds."""
+    def is_bounded(self) -> bool:
+        """Whether the multiplier has two finite bounds, beyond which the row slips."""
         return bool(np.isfinite(self.upper - self.lower))
 
 
-class Margins(NamedTuple):
-    """Motion over x, time or arclength, to be checked by switches that do not act on it.
+class SampledMotion(NamedTuple):
+    """A motion over x, time or arclength, that switches check without acting on it.
 
     Attributes:
         x: ascending, (n,).
@@ -113,11 +114,11 @@ class Switch:
     """Base of elements that switch between a few states.
 
     Attributes:
-        name: of the stop, closure or joint.
-        at: its index among the switches of the mechanism.
-        states: names of its states.
+        name: name of the stop, closure or joint.
+        index: position among the switches of the mechanism.
+        states: names of the states.
         rest: duration in s below which a flight ends in rest.
-        row: index of its first row.
+        row: index of the first row.
         takes_impulse: whether impulses act through that row, and only that row.
     """
 
@@ -127,19 +128,19 @@ class Switch:
     rest: float = 0.0
 
     def __init__(self, name: str) -> None:
-        self.name, self.at = name, -1
+        self.name, self.index = name, -1
 
     @classmethod
-    def of(cls, mechanism: "Mechanism") -> "Sequence[Switch]":
-        """Return the switches of this kind that a mechanism has."""
+    def from_mechanism(cls, mechanism: "Mechanism") -> "Sequence[Switch]":
+        """Return all switches of this kind of a mechanism."""
         return ()
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """All its rows; `row` alone by default."""
+        """Indices of all rows; `row` alone by default."""
         return (self.row,)
 
-    def active(self, state: int) -> tuple[int, ...]:
+    def active_rows(self, state: int) -> tuple[int, ...]:
         """Return the active rows of a state; by default, all of them in state 1."""
         return self.rows if state == ACTIVE_STATE else ()
 
@@ -147,24 +148,24 @@ class Switch:
         """Return the guards of a state."""
         raise NotImplementedError
 
-    def impact_rows(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
-        """Return rows that take part in an impact at a point: active contacts, within ``near``."""
+    def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
+        """Return the rows that take part in an impact at a point: contacts closed to within ``tolerance``."""
         return ()
 
-    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
-        """Return rows that may carry load after an event; the first one decides for the others."""
+    def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
+        """Return the rows that may carry load after an event; the first one decides for the others."""
         return ()
 
-    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool) -> int:
+    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
         """Return the state after an event.
 
         Args:
             point: the point.
             lam: multipliers of the candidates; empty without candidates.
             rates: accelerations G v' + gamma of the candidates.
-            held: whether the multiplier of the first lies within its box.
+            active: whether the multiplier of the first candidate is within its bounds.
         """
-        return int(held)
+        return int(active)
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
         """Return the state in a prescribed motion, where unilateral rows carry no load.
@@ -176,7 +177,7 @@ class Switch:
         """
         return 0
 
-    def margins(self, motion: "Margins") -> "tuple[Array, Array | None] | None":
+    def margins(self, motion: "SampledMotion") -> "tuple[Array, Array | None] | None":
         """Return the distance of a motion from the limit of the switch, negative beyond it, (n,), and its rate.
 
         None without a limit.
@@ -184,14 +185,14 @@ class Switch:
         return None
 
     def enter(self, system: "Index2System", state: int) -> None:
-        """Set further properties of a workspace that depend on the state."""
+        """Set properties of a workspace other than rows that depend on the state."""
 
 
 class UnilateralRow(Switch):
     """Switch of a unilateral row: sign (G v + g_t) may grow, sign lam >= 0.
 
     Args:
-        name: of the switch.
+        name: name of the switch.
         row: index of the row.
         sign: 1 or -1.
     """
@@ -201,7 +202,7 @@ class UnilateralRow(Switch):
         self.row, self.sign = row, sign
 
     def speed(self, point: "ModePoint") -> float:
-        """Return its opening or overrunning speed."""
+        """Return the opening or overrunning speed."""
         return self.sign * float(point.rate[self.row])
 
     def acceleration(self, point: "ModePoint") -> float:

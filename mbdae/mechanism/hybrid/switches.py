@@ -1,4 +1,4 @@
-"""Switches of a mechanism, and the inactive rows of a mode."""
+"""All switches of a mechanism, and the inactive rows of a mode."""
 
 from collections.abc import Iterable, Sequence
 from functools import cache
@@ -18,10 +18,10 @@ Mode = tuple[int, ...]
 
 
 def switches_of(mechanism: "Mechanism") -> tuple[Switch, ...]:
-    """Return the numbered switches of a mechanism."""
-    found = [s for kind in _kinds() for s in kind.of(mechanism)]
-    for at, switch in enumerate(found):
-        switch.at = at
+    """Return the switches of a mechanism, each with its index."""
+    found = [s for kind in _kinds() for s in kind.from_mechanism(mechanism)]
+    for i, switch in enumerate(found):
+        switch.index = i
     return tuple(found)
 
 
@@ -33,17 +33,17 @@ def _kinds() -> tuple[type[Switch], ...]:
 def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:
     """Return the indices of the inactive rows of a mode."""
     all_rows = {row for s in switches for row in s.rows}
-    kept = {row for s, state in zip(switches, mode, strict=True) for row in s.active(state)}
+    kept = {row for s, state in zip(switches, mode, strict=True) for row in s.active_rows(state)}
     return np.array(sorted(all_rows - kept), int)
 
 
 def describe_mode(switches: Sequence[Switch], mode: Mode) -> str:
-    """Return a description of the mode: the states that are not idle."""
-    said = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]
-    return ", ".join(said) or "all open"
+    """Return a description of a mode: the states that are not idle."""
+    states = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]
+    return ", ".join(states) or "all open"
 
 
-def with_names(reason: StepError, switches: Sequence[Switch], t: float, which: Iterable[int]) -> StepError:
-    """Return an error with the names of the switches that take part, and the time."""
-    names = " and ".join(repr(switches[i].name) for i in dict.fromkeys(which))
+def error_with_names(reason: StepError, switches: Sequence[Switch], t: float, indices: Iterable[int]) -> StepError:
+    """Return an error with the names of the switches concerned, and the time."""
+    names = " and ".join(repr(switches[i].name) for i in dict.fromkeys(indices))
     return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")

@@ -96,7 +96,7 @@ def _from_run(mech: Mechanism, sol: Solution) -> Prescribed:
         raise InputError("the run has no times with finite accelerations")
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     found = np.array([sol.mode(int(i)) for i in nodes[valid]]) if sol.modes else np.empty((len(t), 0), int)
-    modes = {switch.name: found[:, switch.at] for switch in sol.mechanism.switches} if sol.modes else {}
+    modes = {switch.name: found[:, switch.index] for switch in sol.mechanism.switches} if sol.modes else {}
     impacts = tuple(x.t for x in sol.impacts)
     return Prescribed(t, sol.q[valid], sol.v[valid], sol.vdot[valid], states, (t, "t (s)"), modes, impacts)
 

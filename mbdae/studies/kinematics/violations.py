@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline, PPoly
 from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.hybrid.mode_point import AllRows
-from ...mechanism.hybrid.switch import Margins, Switch
+from ...mechanism.hybrid.switch import SampledMotion, Switch
 from ...system import Array
 from ...tolerances import HALF_DIGITS, VISIBLE
 from .pose_curve import PoseCurve
@@ -118,9 +118,10 @@ def _violations(
     return tuple(out)
 
 
-def _margins_data(all_rows: AllRows, x: Any, q: Any, rates: Any) -> Margins:
+def _margins_data(all_rows: AllRows, x: Any, q: Any, rates: Any) -> SampledMotion:
     g, G, _ = zip(*(all_rows(0.0, p) for p in q), strict=True)
-    return Margins(np.asarray(x), np.asarray(q), np.array(g), np.einsum("nij,nj->ni", np.array(G), np.asarray(rates)))
+    g_rate = np.einsum("nij,nj->ni", np.array(G), np.asarray(rates))
+    return SampledMotion(np.asarray(x), np.asarray(q), np.array(g), g_rate)
 
 
 def negative_intervals(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float, float, float]]:

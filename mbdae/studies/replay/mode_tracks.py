@@ -53,7 +53,7 @@ def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
         struck = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
         if not active and not struck:
             continue
-        word = next(word for state, word in enumerate(switch.states) if switch.active(state))
+        word = next(word for state, word in enumerate(switch.states) if switch.active_rows(state))
         impulses = np.abs([impulse for _, impulse in struck])
         strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
         ends = [t for span in active for t in span]
@@ -68,7 +68,7 @@ def _active_intervals(sol: "Solution", switch: "Switch") -> list[tuple[float, fl
     ends = [*(float(times[first]) for first, _ in sol.modes), float(times[-1])]
     out: list[tuple[float, float]] = []
     for (_, mode), begin, end in zip(sol.modes, ends[:-1], ends[1:], strict=True):
-        if switch.active(mode[switch.at]):
+        if switch.active_rows(mode[switch.index]):
             continued = out and out[-1][1] == begin
             out.append((out.pop()[0] if continued else begin, end))
     return out

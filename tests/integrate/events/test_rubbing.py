@@ -111,7 +111,7 @@ def test_the_rod_of_painleve_is_named_where_it_has_no_motion(angle, share):
         assert sol.lam[0, 0] == pytest.approx(G / (1 + 3 * c * (c - share * limit * s)), rel=1e-6)
     else:
         assert (sol.status, len(sol.t)) == ("friction", 1)
-        assert sol.message == "'tip': friction of contacts leaves no motion, or several, at t = 0"
+        assert sol.message == "'tip': friction of contacts has no solution, or several, at t = 0"
 
 
 @pytest.mark.usefixtures("back_end")

@@ -45,8 +45,8 @@ def test_stops_are_marked_while_closed_and_at_impacts(model, end, name, stop, e)
 def test_joints_are_marked_while_they_stick():
     sol, times, q, v, tracks = marked("stick_slip_slider", 2.0)
     assert [(x.name, x.word, x.struck) for x in tracks] == [
-        ("crank friction", "sticks", []),
-        ("slider friction", "sticks", []),
+        ("crank friction", "sticking", []),
+        ("slider friction", "sticking", []),
     ]
     for track, joint in zip(tracks, ("crank", "slider"), strict=True):
         stuck, rate = during(times, track), np.abs(v[:, sol.mechanism.joint_names.index(joint)])

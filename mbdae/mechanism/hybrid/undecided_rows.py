@@ -1,0 +1,63 @@
+"""Mode selection for unilateral rows that neither carry load nor separate, by their loads after a short step.
+
+For a closed contact with lam = 0 and zero acceleration, the first nonzero derivative of lam decides, with all undecided
+rows active: it stays active if lam^(k) > 0 and separates if lam^(k) < 0 (lexicographic complementarity). Derivatives
+are not formed: all undecided rows are active over a short step, after which the signs of their loads decide. Rows are
+released one at a time, the one with the largest tension first.
+
+Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for mode selection by the first
+    nonzero derivative.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import StepError
+from ...system import Array
+from .switch import ACTIVE_STATE
+
+if TYPE_CHECKING:
+    from .switch import LoadCandidate
+    from .switches import Mode
+
+STEP_FRACTIONS = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, beyond which no step may reach
+SIGNIFICANT = 1e3  # times the rounding error of multipliers: smallest significant load
+
+LoadsAfterStep = Callable[["Mode", float], tuple[Array, float]]
+"""lam (ng,) and its rounding error after a step in a mode, of a fraction of the time to the next jump."""
+
+
+def rows_that_stay_active(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: LoadsAfterStep) -> set[int]:
+    """Return the undecided switches that remain active.
+
+    Args:
+        mode: states of all switches, in which the undecided ones are open.
+        undecided: rows of the undecided switches, by their indices.
+        step: the loads after a step.
+    """
+    remaining = dict(undecided)
+    while remaining:
+        loads = _loads(mode, remaining, step)
+        worst = min(loads, key=lambda i: loads[i])
+        if loads[worst] >= 0:
+            return {i for i, load in loads.items() if load > 0}
+        del remaining[worst]
+    return set()
+
+
+def _loads(mode: "Mode", active: dict[int, "LoadCandidate"], step: LoadsAfterStep) -> dict[int, float]:
+    """Return the loads of the given switches if all are active, positive under compression; 0 if insignificant."""
+    trial, loads = list(mode), dict.fromkeys(active, 0.0)
+    for i in active:
+        trial[i] = ACTIVE_STATE
+    with suppress(StepError):
+        for fraction in STEP_FRACTIONS:
+            lam, rounding = step(tuple(trial), float(fraction))
+            signed = {i: float(lam[c.row]) * (1.0 if np.isfinite(c.lower) else -1.0) for i, c in active.items()}
+            loads = {i: x if abs(x) > SIGNIFICANT * rounding else 0.0 for i, x in signed.items()}
+            if all(loads.values()):
+                break
+    return loads
