@@ -1,9 +1,9 @@
 """Discrete modes: which rows are active, and the switches between them.
 
 A mechanism has *switches* (`switch.Switch`), each in one of a few states; the tuple of all states, integers, is a
-*mode*. `Index2System.enter(mode)` deactivates the rows that no switch requires, in Python and in the core: their g, G and
-Gdot v are 0, so they are never selected and their multipliers of minimum norm are 0; shapes never change. State 0 is
-idle: no row, no force; analyses other than runs use the idle mode.
+*mode*. `Index2System.enter(mode)` deactivates the rows that no switch requires, in Python and in the core: their g, G
+and Gdot v are 0, so they are never selected and their multipliers of minimum norm are 0; shapes never change. State 0
+is idle: no row, no force; analyses other than runs use the idle mode.
 
 Each kind of switch is a class in a file of this folder, which is discovered. It defines
 

@@ -117,7 +117,8 @@ class _ActiveSet:
         """Return whether a row neither carries load nor separates, to the rounding of the forces at the point."""
         point, row = self.point, self.point.G[c.row]
         direction = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, row)
-        smallest = STILL / SOLUTION_ROUNDING * point.rounding * float(direction @ direction) / (float(np.abs(row).max()) or 1.0)
+        error = point.rounding / (float(np.abs(row).max()) or 1.0) * float(direction @ direction)  # of accelerations
+        smallest = STILL / SOLUTION_ROUNDING * error
         zero = max(MODE_ROUNDING * self.largest, point.rounding)
         return bool(abs(self.lam[c.row]) <= zero and abs(self.rates[c.row]) <= smallest)
 
