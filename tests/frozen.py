@@ -6,7 +6,7 @@ import numpy as np
 
 import mbdae
 from mbdae import finite_differences
-from mbdae.mechanism.formats.loaded_model import number
+from mbdae.mechanism.formats.loaded_model import parameter_value
 from mbdae.mechanism.formats.template import Template
 from mbdae.system import State
 
@@ -61,7 +61,7 @@ def runs_of(model, name, T, **options):
         assert sol.ended, sol.message
         return sol
 
-    return template, number(template, name), run
+    return template, parameter_value(template, name), run
 
 
 def free_velocity(mech):

@@ -10,13 +10,13 @@ from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
 from ..frames import WORLD, find_frame, frame_names
 from ..imported_model import ImportedModel
-from .inertias import judged_inertia
-from .joint_tree import Tree, resolve_joints, turn_of_z
+from .inertias import checked_inertia
+from .joint_tree import JOINT_MODELS, Tree, resolve_joints, rotation_from_z
 from .schema import Body, Frame, MechanismFile, Source
 
 
 def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
-    """Return the model and its visuals: sources, extra bodies and frames, replaced joints, locked joints.
+    """Return the model and its visuals, with sources, extra bodies and frames, replaced joints and locked joints.
 
     Args:
         file: the mechanism file.
@@ -32,8 +32,8 @@ def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tup
     tree.model.gravity.linear = np.array(file.gravity)
     if not tree.model.nv:
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
-    refuse_infinite(tree.model)
-    refuse_acting(tree.model)
+    require_finite(tree.model)
+    require_printable_names(tree.model)
     normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
     model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
@@ -47,7 +47,7 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
         known = dict.fromkeys(frame_names(tree.model))
         ready = [pair for pair in waiting if pair[0].parent in known]
         if not ready:
-            _refuse(waiting, list(known))
+            _raise_unattached(waiting, list(known))
         for x, part in ready:
             if isinstance(x, Frame):
                 _add(tree.model, x)
@@ -57,38 +57,38 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
         waiting = [pair for pair in waiting if pair[0].parent not in known]
 
 
-def refuse_infinite(model: pin.Model) -> None:
-    """Reject inertias and placements that are infinite or extremely large, and negative masses.
+def require_finite(model: pin.Model) -> None:
+    """Require finite inertias and placements, and masses that are not negative.
 
     Raises:
-        InputError: names the joint.
+        InputError: for an infinite or extremely large value, or a negative mass.
     """
-    for name, inertia, place in zip(model.names, model.inertias, model.jointPlacements, strict=True):
-        numbers = [inertia.mass, *inertia.lever, *inertia.inertia.ravel(), *place.homogeneous.ravel()]
+    for name, inertia, pose_in_joint in zip(model.names, model.inertias, model.jointPlacements, strict=True):
+        numbers = [inertia.mass, *inertia.lever, *inertia.inertia.ravel(), *pose_in_joint.homogeneous.ravel()]
         if not np.abs(numbers).max() <= HUGE:
             raise InputError(f"the inertia or placement of joint {name!r} is not finite, or beyond {HUGE:g}")
         if inertia.mass < 0:
-            raise InputError(f"the mass behind joint {name!r} is negative: {inertia.mass:g} kg")
+            raise InputError(f"the mass carried by joint {name!r} is negative: {inertia.mass:g} kg")
 
 
-def refuse_acting(model: pin.Model) -> None:
-    """Reject names of joints and frames with control characters, which could affect a terminal.
+def require_printable_names(model: pin.Model) -> None:
+    """Require names of joints and frames without control characters, which could affect a terminal.
 
     Raises:
-        InputError: names the joint or frame.
+        InputError: for a name with control characters.
     """
     for name in (*model.names, *(f.name for f in model.frames)):
         if printable(name) != name:
-            raise InputError(f"the name {name!r} holds control characters")
+            raise InputError(f"the name {name!r} contains control characters")
 
 
-def _refuse(waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], known: Sequence[str]) -> NoReturn:
-    """Raise for frames without a valid parent: it is unknown, or a descendant."""
+def _raise_unattached(waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], known: Sequence[str]) -> NoReturn:
+    """Raise an error for frames whose parent is unknown or a descendant."""
     names = [x.name for x, _ in waiting if isinstance(x, Frame)]
-    lost = [x.parent for x, _ in waiting if x.parent not in names]
-    if lost or not names:
-        raise UnknownNameError("frame", lost[0], known)
-    raise InputError(f"frames hang on each other and not on the world: {', '.join(names)}")
+    unknown = [x.parent for x, _ in waiting if x.parent not in names]
+    if unknown or not names:
+        raise UnknownNameError("frame", unknown[0], known)
+    raise InputError(f"frames are attached to each other and not to the world: {', '.join(names)}")
 
 
 def placement(x: Source | Frame) -> pin.SE3:
@@ -98,19 +98,19 @@ def placement(x: Source | Frame) -> pin.SE3:
 
 def _add(model: pin.Model, x: Frame) -> None:
     if x.name == WORLD or model.existFrame(x.name):
-        raise InputError(f"the name {x.name!r} is taken: frames and bodies need names of their own")
+        raise InputError(f"the name {x.name!r} is taken: frames and bodies need different names")
     parent = find_frame(model, x.parent)
-    place = parent.placement * placement(x)
+    pose_in_joint = parent.placement * placement(x)
     joint = parent.parentJoint
     if isinstance(x, Body):
         inertia = body_inertia(x)
         if x.joint != "fixed":
-            moving, turn = _joint(x), _turn(x)
-            joint, place = model.addJoint(joint, moving, place * turn, x.name), turn.inverse()
+            moving, rotation = _joint(x), _joint_rotation(x)
+            joint, pose_in_joint = model.addJoint(joint, moving, pose_in_joint * rotation, x.name), rotation.inverse()
         if inertia is not None:
-            model.appendBodyToJoint(joint, inertia, place)
+            model.appendBodyToJoint(joint, inertia, pose_in_joint)
     kind = pin.FrameType.BODY if isinstance(x, Body) else pin.FrameType.OP_FRAME
-    model.addFrame(pin.Frame(x.name, joint, place, kind))
+    model.addFrame(pin.Frame(x.name, joint, pose_in_joint, kind))
 
 
 def body_inertia(x: Body) -> pin.Inertia | None:
@@ -123,7 +123,7 @@ def body_inertia(x: Body) -> pin.Inertia | None:
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     if x.mass == 0 and not tensor.any():
         return None
-    return judged_inertia(x.mass, np.array(x.com), tensor, f"body {x.name!r}")
+    return checked_inertia(x.mass, np.array(x.com), tensor, f"body {x.name!r}")
 
 
 def _joint(x: Body) -> pin.JointModel:
@@ -140,15 +140,9 @@ def _joint(x: Body) -> pin.JointModel:
             return pin.JointModelPrismaticUnaligned(axis)
         case "universal":
             return pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
-    plain = {
-        "spherical": pin.JointModelSpherical,
-        "planar": pin.JointModelPlanar,
-        "translation": pin.JointModelTranslation,
-        "free": pin.JointModelFreeFlyer,
-    }
-    return plain[x.joint]()
+    return JOINT_MODELS[x.joint]()
 
 
-def _turn(x: Body) -> pin.SE3:
-    """Return the placement of the joint frame in the body's: the axis of continuous and planar joints is its z."""
-    return turn_of_z(x.axis) if x.joint in ("continuous", "planar") else pin.SE3.Identity()
+def _joint_rotation(x: Body) -> pin.SE3:
+    """Return the placement of the joint frame in that of the body: z is the axis of continuous and planar joints."""
+    return rotation_from_z(x.axis) if x.joint in ("continuous", "planar") else pin.SE3.Identity()

@@ -1,4 +1,4 @@
-"""Description of a mechanism in a saved solution, and the mechanism recreated from it."""
+"""Description of a mechanism in a saved solution, and its reconstruction."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
 from ..model_serialization import model_from_data, model_to_data
 from ..model_settings import Motor
-from .load import Recipe, make, of_file, table_of
+from .load import Recipe, make, mechanism_from_file, table_of
 from .schema import MechanismFile
 from .sources import restored
 
@@ -40,8 +40,8 @@ def describe(mech: Mechanism) -> dict[str, Any]:
     return {"name": mech.title, "file": table_of(file), "model": model_to_data(mech.model), "functions": functions}
 
 
-class _Functions(Table):
-    """A Python force: its name, its index among all forces, and the start values of its states."""
+class _PythonForce(Table):
+    """A Python force: its name, its index among all forces, and the initial values of its states."""
 
     name: str
     at: int = Field(ge=0)
@@ -49,7 +49,7 @@ class _Functions(Table):
 
 
 class _Parameter(Table):
-    """A parameter of a mechanism.py: its value, and its type in words."""
+    """A parameter of a mechanism.py: its value, and a description of its type."""
 
     name: str
     value: Any
@@ -61,7 +61,7 @@ class _Description(Table):
 
     name: str
     file: MechanismFile
-    functions: tuple[_Functions, ...]
+    functions: tuple[_PythonForce, ...]
     model: dict[str, Any] | None = None
     parts: tuple[dict[str, Any], ...] = ()
     motors: tuple[Motor, ...] = ()
@@ -70,7 +70,7 @@ class _Description(Table):
 
 
 def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mechanism:
-    """Recreate a mechanism from its description, without Python forces; read meshes from these folders only.
+    """Reconstruct a mechanism from its description, without Python forces; read meshes from these folders only.
 
     Raises:
         InputError: for a damaged description.
@@ -79,19 +79,19 @@ def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mech
         d = _Description.model_validate(description)
     except ValidationError as e:
         raise InputError(one_line(e, lambda path: [])) from None
-    missing = [(f.at, _missing(f.name, f.states)) for f in d.functions]
+    unavailable = [(f.at, _unavailable_force(f.name, f.states)) for f in d.functions]
     if d.model is None:
         parameters = [p.model_dump() for p in d.parameters]
         parts = [restored(r, meshes) for r in d.parts]
-        return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
+        return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in unavailable])
     forces: list[Any] = list(d.file.force)
-    for at, law in missing:
+    for at, law in unavailable:
         forces.insert(at, law)
-    return of_file(model_from_data(d.model), d.file, forces, d.file.title)
+    return mechanism_from_file(model_from_data(d.model), d.file, forces, d.file.title)
 
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:
-    """Names of the Python forces, their places among all forces, and the start values of their states."""
+    """Return names, indices among all forces, and initial states of the Python forces."""
     states = {law.name: law.states for law, _ in mech.bind_forces(mech.make_workspace()).bound if law.states}
     python = [
         (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
@@ -101,11 +101,11 @@ def _functions(mech: Mechanism) -> list[dict[str, Any]]:
     return [{"name": name, "at": i, "states": states.get(name)} for i, name in python]
 
 
-def _missing(name: str, states: dict[str, float] | None) -> Any:
-    """Return a force that raises an error when evaluated."""
+def _unavailable_force(name: str, states: dict[str, float] | None) -> Any:
+    """Return a placeholder of a Python force that raises an error when evaluated."""
 
-    def missing(*point: Any) -> np.ndarray:
+    def unavailable(*point: Any) -> np.ndarray:
         raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")
 
-    missing.__name__ = name
-    return Actuator(missing, missing, states, name) if states else missing
+    unavailable.__name__ = name
+    return Actuator(unavailable, unavailable, states, name) if states else unavailable

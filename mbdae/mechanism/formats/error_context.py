@@ -1,4 +1,4 @@
-"""Errors of a mechanism file, with the file and key path; all unknown names at once."""
+"""Context of errors in a mechanism file: the file, the key path, and all unknown names at once."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -9,8 +9,8 @@ from ..frames import WORLD, frame_names, joint_names
 from ..imported_model import ImportedModel, mimic_couplings
 from .schema import MechanismFile
 
-SAYS = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}
-SAYS |= {"closure": "closure"}  # keys whose values are names, and tables name = value
+REFERENCES = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}
+REFERENCES |= {"closure": "closure"}  # keys whose values are names
 TABLES = {"motor": "motor"} | dict.fromkeys(("lock", "joint_type", "q", "v", "guess", "guess_v"), "joint")
 
 
@@ -27,19 +27,21 @@ def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedM
         yield
     except MbdaeError as e:
         if path:
-            said = _unknown(e, file, parts) if isinstance(e, UnknownNameError) else []
-            e.args = (printable(f"{path}: {'; '.join(said) or e}"),)
+            unknown = _unknown(e, file, parts) if isinstance(e, UnknownNameError) else []
+            e.args = (printable(f"{path}: {'; '.join(unknown) or e}"),)
         raise
 
 
 def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedModel]) -> list[str]:
     """Return the unknown name and all others, by kind, each with the valid names."""
     known, out = _known(file, parts), list[str]()
-    uses = [use for use in _uses(file.model_dump()) if use[2] not in known[use[0]] or use[::2] == (e.kind, e.name)]
-    for kind in dict.fromkeys(kind for kind, *_ in uses):
+    references = [
+        x for x in _references(file.model_dump()) if x[2] not in known[x[0]] or x[::2] == (e.kind, e.name)
+    ]
+    for kind in dict.fromkeys(kind for kind, *_ in references):
         valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are resolved one after the other
-        faults = {place: UnknownNameError(kind, name, valid) for of, place, name in uses if of == kind}
-        out += [f"{place}: {fault.what}" for place, fault in faults.items()]
+        faults = {location: UnknownNameError(kind, name, valid) for of, location, name in references if of == kind}
+        out += [f"{location}: {fault.what}" for location, fault in faults.items()]
         out.append(next(iter(faults.values())).choice)
     return out
 
@@ -64,20 +66,20 @@ def _names(*tables: Iterable[Any]) -> list[str]:
     return [x.name for table in tables for x in table]
 
 
-def _uses(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
-    """Yield kind, place and name of each reference in a file."""
+def _references(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
+    """Yield kind, path and name of each reference in a file."""
     for key, value in _entries(data):
         label = value.get("name") or key if isinstance(value, dict) else key
-        here = f"{path}.{label}" if path else str(label)
+        location = f"{path}.{label}" if path else str(label)
         kind = _kind_named_by(key, data)
         if kind and isinstance(value, str):
-            yield kind, here, value
+            yield kind, location, value
         elif kind and isinstance(value, tuple) and all(isinstance(name, str) for name in value):
-            yield from ((kind, f"{here}.{i}", name) for i, name in enumerate(value))
+            yield from ((kind, f"{location}.{i}", name) for i, name in enumerate(value))
         elif key in TABLES and isinstance(value, dict):
-            yield from ((TABLES[key], f"{here}.{name}", name) for name in value)
+            yield from ((TABLES[key], f"{location}.{name}", name) for name in value)
         else:
-            yield from _uses(value, here)
+            yield from _references(value, location)
 
 
 def _entries(data: Any) -> Iterable[tuple[Any, Any]]:
@@ -87,5 +89,5 @@ def _entries(data: Any) -> Iterable[tuple[Any, Any]]:
 
 
 def _kind_named_by(key: Any, data: Any) -> str | None:
-    """Return the kind of what a key refers to by name; None for other keys, and for a body's kind of joint."""
-    return None if key == "joint" and "parent" in data else SAYS.get(str(key))
+    """Return the kind of object whose name is the value of a key; None for other keys, and for joint of a body."""
+    return None if key == "joint" and "parent" in data else REFERENCES.get(str(key))

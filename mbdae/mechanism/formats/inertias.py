@@ -1,4 +1,4 @@
-"""Inertia of a body from a file, checked before it is passed to Pinocchio."""
+"""Inertia of a body from a file, validated before it is passed to Pinocchio."""
 
 import numpy as np
 import pinocchio as pin
@@ -8,11 +8,11 @@ from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
 
 
-def judged_inertia(mass: float, com: Array, tensor: Array, of: str) -> pin.Inertia:
+def checked_inertia(mass: float, com: Array, tensor: Array, of: str) -> pin.Inertia:
     """Return the inertia of a mass, its centre (3,) in m, and its tensor (3, 3) about that centre in kg m^2.
 
     Args:
-        mass: in kg.
+        mass: mass in kg.
         com: centre of mass, (3,).
         tensor: symmetric, (3, 3).
         of: name of the body, for messages.

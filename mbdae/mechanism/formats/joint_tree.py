@@ -1,4 +1,4 @@
-"""Copies of joint trees: renumbered depth first, with locked or replaced joints, or several trees merged."""
+"""Copies of joint trees: in depth-first order, with locked or replaced joints, or of several trees."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -12,7 +12,7 @@ from ..frames import find_joint, joint_names
 from ..joints import PER_COORDINATE, PER_VELOCITY, is_depth_first, joint_transform, subspace
 from ..model_settings import coordinates
 
-PLAIN: dict[str, Callable[[], pin.JointModel]] = {
+JOINT_MODELS: dict[str, Callable[[], pin.JointModel]] = {
     "spherical": pin.JointModelSpherical,
     "planar": pin.JointModelPlanar,
     "translation": pin.JointModelTranslation,
@@ -25,7 +25,7 @@ class Tree:
 
     Attributes:
         model: the joints, bodies and frames.
-        visuals: its visual geometry.
+        visuals: the visual geometry.
     """
 
     def __init__(self, name: str = "") -> None:
@@ -41,7 +41,7 @@ class Tree:
         placement: pin.SE3 | None = None,
         prefix: str = "",
         kinds: Mapping[str, str] | None = None,
-        turns: Mapping[str, pin.SE3] | None = None,
+        rotations: Mapping[str, pin.SE3] | None = None,
         locked: Mapping[str, np.ndarray] | None = None,
     ) -> "Tree":
         """Append a copy of a model, with joints in depth-first order, and return the tree.
@@ -49,58 +49,60 @@ class Tree:
         Args:
             model: remains unchanged.
             visuals: remain unchanged.
-            parent: frame of this tree that carries the copy; the world when left out.
-            placement: of the copy's world in the parent frame.
+            parent: frame of this tree to which the copy is attached; the world if omitted.
+            placement: placement of the world of the copy in the parent frame.
             prefix: added to the name of every joint, frame and visual.
             kinds: new kinds of joints, by their old names, at the same placement.
-            turns: placements of joints, by their old names, in their old frame; bodies keep their placement.
+            rotations: placements of joints in their old frames, by their old names; bodies keep their placement.
             locked: configurations of joints to lock, by their old names.
 
         Raises:
             UnknownNameError: for an unknown joint.
             InputError: for a duplicate name.
         """
-        kinds, turns, locked = kinds or {}, turns or {}, locked or {}
-        for name in (*kinds, *turns, *locked):
+        kinds, rotations, locked = kinds or {}, rotations or {}, locked or {}
+        for name in (*kinds, *rotations, *locked):
             find_joint(model, name)
         base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
-        number, where = {0: parent.parentJoint if parent else 0}, {0: base}  # old joint: new joint, placement in it
-        self._append_inertia(number[0], model.inertias[0], base)
-        for j in _walk(model, 0):
+        new_index = {0: parent.parentJoint if parent else 0}  # of each old joint
+        placements = {0: base}  # of each old joint in the new one
+        self._append_inertia(new_index[0], model.inertias[0], base)
+        for j in _depth_first_order(model, 0):
             old, name = model.joints[j], model.names[j]
-            at, place = number[model.parents[j]], where[model.parents[j]] * model.jointPlacements[j]
+            new_parent, place = new_index[model.parents[j]], placements[model.parents[j]] * model.jointPlacements[j]
             if name in locked:
-                number[j], where[j] = at, place * joint_transform(old, locked[name])
+                new_index[j], placements[j] = new_parent, place * joint_transform(old, locked[name])
             else:
-                new = override(old, name, kinds[name]) if name in kinds else old
-                turn = turns.get(name, pin.SE3.Identity())
-                number[j], where[j] = self._add_joint(at, new, place * turn, prefix + name), turn.inverse()
-                _copy_arrays(self.model, self.model.joints[number[j]], model, old)
-            self._append_inertia(number[j], model.inertias[j], where[j])
-        frames = self._copy_frames(model, number, where, prefix, set(locked), parent)
+                new = replacement_joint(old, name, kinds[name]) if name in kinds else old
+                rotation = rotations.get(name, pin.SE3.Identity())
+                new_index[j] = self._add_joint(new_parent, new, place * rotation, prefix + name)
+                placements[j] = rotation.inverse()
+                _copy_arrays(self.model, self.model.joints[new_index[j]], model, old)
+            self._append_inertia(new_index[j], model.inertias[j], placements[j])
+        frames = self._copy_frames(model, new_index, placements, prefix, set(locked), parent)
         for g in visuals.geometryObjects if visuals is not None else ():
-            self._copy_visual(g, number, where, prefix, frames)
+            self._copy_visual(g, new_index, placements, prefix, frames)
         return self
 
-    def _add_joint(self, at: int, joint: pin.JointModel, place: pin.SE3, name: str) -> int:
+    def _add_joint(self, new_parent: int, joint: pin.JointModel, place: pin.SE3, name: str) -> int:
         if name in joint_names(self.model):
             raise InputError(f"two joints are called {name!r}: give one source a prefix")
-        return int(self.model.addJoint(at, joint, place, name))
+        return int(self.model.addJoint(new_parent, joint, place, name))
 
-    def _append_inertia(self, joint: int, inertia: pin.Inertia, where: pin.SE3) -> None:
+    def _append_inertia(self, joint: int, inertia: pin.Inertia, placements: pin.SE3) -> None:
         if inertia.mass or inertia.inertia.any():
-            self.model.appendBodyToJoint(joint, inertia, where)
+            self.model.appendBodyToJoint(joint, inertia, placements)
 
     def _copy_frames(
         self,
         model: pin.Model,
-        number: dict[int, int],
-        where: dict[int, pin.SE3],
+        new_index: dict[int, int],
+        placements: dict[int, pin.SE3],
         prefix: str,
         locked: set[str],
         parent: pin.Frame | None,
     ) -> dict[int, int]:
-        """Copy frames; return the new index of each."""
+        """Copy the frames, and return their new indices."""
         frames = {0: self.model.getFrameId(parent.name, parent.type) if parent else 0}
         taken = {(f.name, f.type) for f in self.model.frames}
         for i, f in enumerate(list(model.frames)[1:], 1):
@@ -108,22 +110,22 @@ class Tree:
             kind = pin.FrameType.FIXED_JOINT if f.type == pin.FrameType.JOINT and f.name in locked else f.type
             if (name, kind) in taken:
                 raise InputError(f"two frames are called {name!r}: give one source a prefix")
-            above, place = frames.get(int(f.parentFrame), 0), where[j] * f.placement
-            copy = pin.Frame(name, number[j], above, place, kind, f.inertia)
+            parent_frame, place = frames.get(int(f.parentFrame), 0), placements[j] * f.placement
+            copy = pin.Frame(name, new_index[j], parent_frame, place, kind, f.inertia)
             frames[i] = int(self.model.addFrame(copy, False))
         return frames
 
     def _copy_visual(
         self,
         geometry: pin.GeometryObject,
-        number: dict[int, int],
-        where: dict[int, pin.SE3],
+        new_index: dict[int, int],
+        placements: dict[int, pin.SE3],
         prefix: str,
         frames: dict[int, int],
     ) -> None:
         g, joint = geometry.copy(), int(geometry.parentJoint)
-        g.name, g.parentJoint = prefix + g.name, number[joint]
-        g.placement, g.parentFrame = where[joint] * g.placement, frames.get(int(g.parentFrame), 0)
+        g.name, g.parentJoint = prefix + g.name, new_index[joint]
+        g.placement, g.parentFrame = placements[joint] * g.placement, frames.get(int(g.parentFrame), 0)
         self.visuals.addGeometryObject(g)
 
 
@@ -134,7 +136,7 @@ def resolve_joints(
     lock: Mapping[str, Any],
     normals: Mapping[str, Axis] | None = None,
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
-    """Return the model with replaced joints, joints locked at values, and all of them numbered depth first.
+    """Return the model with replaced and locked joints, in depth-first order.
 
     Pinocchio's planar joint moves in its frame's xy plane: the frame of a joint with a normal, or one that replaces a
     joint with an axis, is rotated accordingly.
@@ -142,9 +144,9 @@ def resolve_joints(
     Args:
         model: remains unchanged.
         visuals: remain unchanged.
-        kinds: joint = kind.
-        lock: joint = value.
-        normals: of the planes of planar joints, in their frames.
+        kinds: new kinds of joints by name.
+        lock: values of locked joints by name.
+        normals: normals of the planes of planar joints, in the joint frames, by name.
 
     Raises:
         UnknownNameError, InputError: for an unknown joint or a wrong number of values.
@@ -153,8 +155,8 @@ def resolve_joints(
     axes = {n: axis for n, axis in (normals or {}).items() if kinds.get(n, "planar") == "planar"}
     axes |= {n: _axis(find_joint(model, n)) for n, kind in kinds.items() if kind == "planar" and n not in axes}
     if kinds or axes:
-        turns = {n: turn_of_z(axis) for n, axis in axes.items()}
-        tree = Tree(name).graft(model, visuals, kinds=kinds, turns=turns)
+        rotations = {n: rotation_from_z(axis) for n, axis in axes.items()}
+        tree = Tree(name).graft(model, visuals, kinds=kinds, rotations=rotations)
         model, visuals = tree.model, tree.visuals
     if lock:
         q = coordinates(model, lock)[0]
@@ -170,7 +172,7 @@ def resolve_joints(
 def depth_first(
     model: pin.Model, visuals: pin.GeometryModel | None = None
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
-    """Return the model with its joints numbered depth first: the same model if they are already."""
+    """Return the model with its joints in depth-first order; the same model if they are already."""
     if is_depth_first(model):
         return model, visuals
     tree = Tree(model.name).graft(model, visuals)
@@ -178,8 +180,8 @@ def depth_first(
     return tree.model, None if visuals is None else tree.visuals
 
 
-def override(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
-    """Return a joint of another kind that replaces one.
+def replacement_joint(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
+    """Return a joint of another kind as a replacement.
 
     A revolute one keeps its axis; a universal joint rotates about axes of the joint frame, x then y unless its name
     specifies otherwise.
@@ -187,20 +189,20 @@ def override(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
     Raises:
         InputError: for a revolute joint that replaces one without an axis of rotation.
     """
-    if kind in PLAIN:
-        return PLAIN[kind]()
+    if kind in JOINT_MODELS:
+        return JOINT_MODELS[kind]()
     if kind.startswith("universal"):
         first, second = (np.eye(3)["xyz".index(c)] for c in (kind.removeprefix("universal_") if "_" in kind else "xy"))
         return pin.JointModelUniversal(first, second)
     if kind != "revolute":
-        raise UnknownNameError("kind of joint", kind, [*PLAIN, "revolute", "universal"])
+        raise UnknownNameError("kind of joint", kind, [*JOINT_MODELS, "revolute", "universal"])
     axis = subspace(old)[3:, 0] if old.nv == 1 else np.zeros(3)
     if not axis.any():
         raise InputError(f"joint {name!r} has no axis of rotation: it cannot become revolute")
     return pin.JointModelRevoluteUnaligned(axis)
 
 
-def turn_of_z(axis: Axis) -> pin.SE3:
+def rotation_from_z(axis: Axis) -> pin.SE3:
     """Return the shortest rotation that maps z to an axis."""
     return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(axis) / np.linalg.norm(axis)), np.zeros(3))
 
@@ -209,12 +211,12 @@ def _axis(joint: pin.JointModel) -> Axis:
     """Return the axis of a joint with one coordinate, in its frame; z for other joints."""
     if joint.nv != 1:
         return Z
-    x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # one of the halves is zero
+    x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # either the linear or the angular part is zero
     return float(x), float(y), float(z)
 
 
 def _copy_arrays(model: pin.Model, new: pin.JointModel, source: pin.Model, old: pin.JointModel) -> None:
-    """Copy a model's values of a joint; one number is repeated for all coordinates of a replacing joint."""
+    """Copy the values of a joint; a common value is used for all coordinates of a joint of another kind."""
     for name in PER_VELOCITY:
         values = np.array(getattr(source, name))[old.idx_v : old.idx_v + old.nv]
         if old.nv == new.nv or len(set(values.tolist())) == 1:
@@ -225,7 +227,7 @@ def _copy_arrays(model: pin.Model, new: pin.JointModel, source: pin.Model, old: 
             getattr(model, name)[new.idx_q : new.idx_q + new.nq] = values
 
 
-def _walk(model: pin.Model, j: int) -> list[int]:
+def _depth_first_order(model: pin.Model, j: int) -> list[int]:
     out, waiting = [], list(model.children[j])[::-1]
     while waiting:
         k = int(waiting.pop())

@@ -1,4 +1,4 @@
-"""Read a mechanism from files."""
+"""Load mechanisms from files."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from ..mechanism import Mechanism
 from ..model_settings import Motor
 from .build import build
 from .error_context import with_error_context
-from .merge import merged
+from .merge import merge_sources
 from .model_library import IN_FOLDER, find, model_names
 from .parametric import read_parametric, split
 from .readers import CONVERTERS, MECHANISM, PARAMETRIC, converted
@@ -48,21 +48,22 @@ def load(
     Args:
         path: the name of a model that comes with mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a
             robot.yaml next to a robot.urdf, or a folder with one of these.
-        closures: more closures, after those of the file.
-        drivers: more drivers, after those of the file.
-        stops: more stops, after those of the file.
-        clutches: more clutches.
-        forces: more forces, after those of the file.
+        closures: additional closures, after those of the file.
+        drivers: additional drivers, after those of the file.
+        stops: additional stops, after those of the file.
+        clutches: additional clutches, after those of the file.
+        forces: additional forces, after those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
-        key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
-        assemble: make the file's start consistent; False keeps it as it is, and rejects it if it violates a closure.
-        free_flyer: put a free joint, ``root_joint``, under the root link of each URDF source, which otherwise is fixed
-            to the world; the same as ``free_flyer = true`` of a mechanism file.
-        parameters: of a mechanism.py, also written after the name: ``"n_four_bar?N=10"``.
+        key: keyframe of an MJCF file with the initial state; the first one if omitted, ``"qpos0"`` for none.
+        assemble: make the initial state consistent; False keeps that of the file, and rejects it if it violates a
+            closure.
+        free_flyer: add a free joint, ``root_joint``, between the world and the root link of each URDF source, which is
+            fixed to the world otherwise; the same as ``free_flyer = true`` of a mechanism file.
+        parameters: values for a mechanism.py; they can also follow the name: ``"n_four_bar?N=10"``.
 
     Raises:
         UnknownNameError: for an unknown model, parameter, frame, joint, motor or keyframe; lists the valid names.
-        InputError: for an invalid file: one line with the key and what was expected.
+        InputError: for an invalid file; the message names the key and the expected value.
     """
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
@@ -85,7 +86,7 @@ class Recipe(NamedTuple):
         parts: the imported sources.
         motors: named inputs.
         left_out: features of the files that are not supported.
-        parameters: name, value and type in words, of each parameter of a mechanism.py.
+        parameters: name, value and description of the type of each parameter of a mechanism.py.
         remarks: unsupported features of sources that are not ``quiet``.
     """
 
@@ -107,7 +108,7 @@ def read(
     free_flyer: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> Recipe:
-    """Read the files of a mechanism; ``more`` holds further entries of its tables, the rest is as for `load`."""
+    """Read the files of a mechanism; ``more`` has additional entries of its tables, the rest is as for `load`."""
     plain, written = split(str(path))
     found = find(plain)
     name = found.parent.name if found.name in IN_FOLDER else found.stem
@@ -126,7 +127,7 @@ def read(
     file = file.model_copy(update=update)
     parts = [read_source(s, found.parent) for s in file.source]
     with with_error_context("" if any((more or {}).values()) else str(path), file, parts):
-        file, motors, left_out, remarks = merged(file, parts)
+        file, motors, left_out, remarks = merge_sources(file, parts)
     return Recipe(file, name, parts, motors, left_out, chosen, remarks)
 
 
@@ -155,12 +156,12 @@ def _with_options(source: Source, free_flyer: bool, key: str) -> Source:
 
 
 def make(recipe: Recipe, functions: Sequence[Any] = (), *, recorded: bool = True) -> Mechanism:
-    """Create the mechanism that files describe.
+    """Create the mechanism that the files describe.
 
     Args:
         recipe: the merged files.
         functions: Python forces, after those of the file.
-        recorded: keep the files for `describe`; False if their values were changed since they were read.
+        recorded: store the files for `describe`; False if their values were changed after reading.
 
     Raises:
         UnknownNameError, InputError: for inconsistent input.
@@ -173,7 +174,7 @@ def make(recipe: Recipe, functions: Sequence[Any] = (), *, recorded: bool = True
     rest = {"visuals": visuals, "source": source, "motors": recipe.motors}
     rest |= {"left_out": recipe.left_out, "remarks": recipe.remarks}
     try:
-        return of_file(model, file, [*file.force, *functions], file.title or name, **rest)
+        return mechanism_from_file(model, file, [*file.force, *functions], file.title or name, **rest)
     except MemoryError:
         raise InputError(f"{name}: there is not enough memory for {model.njoints - 1} joints") from None
 
@@ -190,7 +191,9 @@ def _source(recipe: Recipe) -> dict[str, Any]:
     }
 
 
-def of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any) -> Mechanism:
+def mechanism_from_file(
+    model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any
+) -> Mechanism:
     """Return the mechanism of a model, with the other tables of a file."""
     return Mechanism(
         model, file.closure, forces, drivers=file.driver, stops=file.stop, clutches=file.clutch, start=file.start,
@@ -198,7 +201,7 @@ def of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title:
     )  # fmt: skip
 
 
-def recipe_of(mech: Mechanism) -> Recipe:
+def recipe_from_mechanism(mech: Mechanism) -> Recipe:
     """Return the files of a mechanism, without visuals."""
     said: dict[str, Any] = mech.source or {}
     file = MechanismFile.model_validate(said["file"])

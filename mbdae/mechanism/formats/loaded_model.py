@@ -9,16 +9,16 @@ from ..forces import FORCES
 from ..frames import joint_names
 from ..mechanism import Mechanism
 from ..time_functions import Constant
-from .load import Recipe, recipe_of
+from .load import Recipe, recipe_from_mechanism
 from .schema import Body
-from .template import KEPT, Template, as_body, first_key, split_joint
+from .template import CACHE_SIZE, Template, as_body, first_key, split_joint
 
 
 class LoadedModel(Template):
-    """The files of a mechanism, as kept by it.
+    """The files from which a mechanism was loaded, as a template.
 
     Args:
-        mech: from `mbdae.load`.
+        mech: a mechanism from `mbdae.load`.
 
     Raises:
         InputError: for a mechanism that was not created from files.
@@ -27,43 +27,43 @@ class LoadedModel(Template):
     def __init__(self, mech: Mechanism) -> None:
         if not mech.source:
             raise InputError("the mechanism was not read from files: give model=, a file or a function that makes it")
-        recipe = recipe_of(mech)
+        recipe = recipe_from_mechanism(mech)
         self.path, self.parameters = recipe.name, ()
         self.functions = [f for f in mech.forces if not isinstance(f, FORCES)]
         self._read = lru_cache(1)(lambda text: recipe)
-        self._made = lru_cache(KEPT)(lambda text: self._make(*json.loads(text)))
+        self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
 
 
-def number(template: Template, name: str) -> float:
-    """Return the number that a dotted name refers to.
+def parameter_value(template: Template, name: str) -> float:
+    """Return the value of the parameter with a dotted name.
 
     Raises:
         UnknownNameError: for an invalid path.
-        InputError: for an entry that is not a number, or is missing.
+        InputError: for an entry that is missing or not a number.
     """
     recipe = template.recipe({})
     given = {p["name"]: p["value"] for p in recipe.parameters}
-    at: Any = given.get(name, recipe.file)
+    entry: Any = given.get(name, recipe.file)
     if name not in given:
         template.check({name: 0.0})
         rest = name
         if name.startswith("joint."):
-            at, rest = _joint(recipe, name.removeprefix("joint."))
+            entry, rest = _joint(recipe, name.removeprefix("joint."))
         while rest:
-            key, rest = first_key(at, rest, name)
-            at = at.get(key) if isinstance(at, dict) else _entry(at, key)
-    at = at.value if isinstance(at, Constant) else at
-    if isinstance(at, bool) or not isinstance(at, int | float):
-        raise InputError(f"{name!r} is no number, but {at!r:.60}: give its value, name = value")
-    return float(at)
+            key, rest = first_key(entry, rest, name)
+            entry = entry.get(key) if isinstance(entry, dict) else _entry_of(entry, key)
+    entry = entry.value if isinstance(entry, Constant) else entry
+    if isinstance(entry, bool) or not isinstance(entry, int | float):
+        raise InputError(f"{name!r} is no number, but {entry!r:.60}: give its value, name = value")
+    return float(entry)
 
 
-def _entry(at: Any, key: str) -> Any:
-    return at[int(key)] if isinstance(at, tuple) else getattr(at, key)
+def _entry_of(entry: Any, key: str) -> Any:
+    return entry[int(key)] if isinstance(entry, tuple) else getattr(entry, key)
 
 
 def _joint(recipe: Recipe, path: str) -> tuple[Body, str]:
-    """Return the joint of a source as a body table, and the key that a path names."""
+    """Return the joint of a source as a body table, and the key within it."""
     for source, part in zip(recipe.file.source, recipe.parts, strict=True):
         names = [source.prefix + n for n in joint_names(part.model)]
         if any(path.startswith(f"{n}.") for n in names):

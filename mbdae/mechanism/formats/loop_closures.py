@@ -3,8 +3,8 @@
 ================================  ======================================================================
 closures: [{link_a, link_b,       a hinge between two links: a point on it in m, and its direction, both in
             point, axis}]         the axes of the base link with all joints at zero
-independent: [joint]              joints that are moved: named inputs
-dependent: [joint]                joints that follow by the closures
+independent: [joint]              actuated joints: named inputs
+dependent: [joint]                joints determined by the closures
 ================================  ======================================================================
 """
 
@@ -32,7 +32,7 @@ FILE, BASE = "loop_closures.yaml", "base_link"
 
 
 class CutHinge(Table):
-    """A hinge that was cut."""
+    """A hinge that was cut to obtain a tree."""
 
     link_a: str
     link_b: str
@@ -48,25 +48,25 @@ class CutLoops(Table):
     independent: tuple[str, ...] = Field(default=())
 
 
-def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> ImportedModel:
+def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) -> ImportedModel:
     """Add the closures of a loop_closures.yaml next to a URDF, or in the package above its folder ``urdf``.
 
     Raises:
-        InputError: one line with the key and what was expected.
+        InputError: for invalid contents; the message names the key and the expected value.
         UnknownNameError: for an unknown link or joint.
     """
     above = path.parent.parent
-    beside = [path.parent / FILE, *((above / FILE, above / "config" / FILE) if path.parent.name == "urdf" else ())]
-    found = next((file for file in beside if file.is_file()), None)
+    candidates = [path.parent / FILE, *((above / FILE, above / "config" / FILE) if path.parent.name == "urdf" else ())]
+    found = next((file for file in candidates if file.is_file()), None)
     if found is None:
         return part
-    if not places.holds(found):
-        raise access_error(FILE, found.resolve(), places.root)
+    if not allowed.holds(found):
+        raise access_error(FILE, found.resolve(), allowed.root)
     content: Any = yaml_table(read_text(found), FILE)
     try:
         loops = CutLoops.model_validate(content)
     except ValidationError as e:
-        raise InputError(f"{FILE}: {one_line(e, lambda at: list(CutLoops.model_fields), content)}") from None
+        raise InputError(f"{FILE}: {one_line(e, lambda hinge: list(CutLoops.model_fields), content)}") from None
     model = part.model
     for name in (*loops.independent, *loops.dependent):
         find_joint(model, name)
@@ -74,11 +74,11 @@ def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> Importe
     pin.forwardKinematics(model, data, pin.neutral(model))
     frames, closures = [], []
     for i, cut in enumerate(loops.closures, 1):
-        at = frame_placement(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
+        hinge = frame_placement(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
         names = tuple(f"loop {i} on {link}" for link in (cut.link_a, cut.link_b))
         for name, link in zip(names, (cut.link_a, cut.link_b), strict=True):
-            here = frame_placement(model, data, link).actInv(at)
-            xyz, rpy = here.translation.tolist(), pin.rpy.matrixToRpy(here.rotation).tolist()
+            relative = frame_placement(model, data, link).actInv(hinge)
+            xyz, rpy = relative.translation.tolist(), pin.rpy.matrixToRpy(relative.rotation).tolist()
             frames.append(Frame(name=name, parent=link, xyz=xyz, rpy=rpy))
         closures.append(Closure(kind="revolute", name=f"loop {i}", frames=names, axis=cut.axis))
     motors = tuple(Motor(n, n) for n in loops.independent)
@@ -86,6 +86,6 @@ def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> Importe
 
 
 def _base(model: pin.Model) -> str:
-    """Return the base link, or the first of all links."""
+    """Return the base link, or else the first link."""
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.name != "universe"]
     return BASE if BASE in links else links[0]

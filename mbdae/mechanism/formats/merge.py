@@ -15,31 +15,31 @@ from ..time_functions import Constant
 from .schema import MechanismFile
 
 
-def merged(
+def merge_sources(
     file: MechanismFile, parts: Sequence[ImportedModel]
 ) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...], tuple[str, ...]]:
-    """Put what the sources say into the mechanism file, which has the last word.
+    """Merge the contents of the sources into the mechanism file, which has priority.
 
     Returns:
-        The file, the named inputs, what the sources say that is left out, and what of it is worth a warning.
+        The file, the named inputs, the unsupported features of the sources, and those of them that deserve a warning.
 
     Raises:
         UnknownNameError: for a motor that does not exist.
-        InputError: for a joint that is locked while the one that it follows is not, or gravities that differ.
+        InputError: for a locked mimic joint whose leader is not locked, or different gravities.
     """
     named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
     joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
     couplings, lock = mimic_couplings(tuple(chain.from_iterable(p.mimics for p in named)), file.lock, joints)
     gravity = _gravity(file, named)
     motors = {m.name: m for m in chain.from_iterable(p.motors for p in named)}
-    brought: dict[str, Iterable[Any]] = {
+    from_sources: dict[str, Iterable[Any]] = {
         "frame": chain.from_iterable(p.frames for p in named),
         "closure": (*chain.from_iterable(p.closures for p in named), *couplings),
         "driver": chain.from_iterable(p.drivers for p in named),
-        "force": (*_forces(named, gravity), *_driven(motors, _controls(file, named))),
+        "force": (*_forces(named, gravity), *_motor_torques(motors, _controls(file, named))),
     }
     update = {
-        **{table: (*entries, *getattr(file, table)) for table, entries in brought.items()},
+        **{table: (*entries, *getattr(file, table)) for table, entries in from_sources.items()},
         "lock": lock,
         "gravity": gravity,
         "start": _start(file, named, {*lock, *file.joint_type}),
@@ -49,7 +49,7 @@ def merged(
 
 
 def _start(file: MechanismFile, parts: Sequence[ImportedModel], changed: Collection[str]) -> Start:
-    """The start of the sources, as far as joints are not changed, and then that of the file."""
+    """Return the start values of unchanged joints of the sources, overridden by those of the file."""
     tables = {}
     for key, table in file.start.tables.items():
         old = {n: x for p in parts for n, x in p.start.tables[key].items() if n not in changed}
@@ -60,7 +60,7 @@ def _start(file: MechanismFile, parts: Sequence[ImportedModel], changed: Collect
 def _forces(parts: Sequence[ImportedModel], gravity: Sequence[float]) -> Iterator[Any]:
     for part in parts:
         yield from part.forces
-        yield from _carried(part.weightless, gravity)
+        yield from _weight_compensation(part.weightless, gravity)
 
 
 def _controls(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, Any]:
@@ -68,49 +68,49 @@ def _controls(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, 
 
 
 def _left_out(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return features of the sources that the mechanism will not have, and those that are worth a warning."""
-    taken = {LIMITS: {s.joint for s in file.stop if s.limits}, FRICTION: set(_with_friction(file))}
-    phrases = [(s, _untaken(text, taken)) for s, p in zip(file.source, parts, strict=True) for text in p.left_out]
+    """Return the features of the sources that are not carried over, and those that deserve a warning."""
+    used = {LIMITS: {s.joint for s in file.stop if s.limits}, FRICTION: set(_with_friction(file))}
+    phrases = [(s, _without_used(text, used)) for s, p in zip(file.source, parts, strict=True) for text in p.left_out]
     return tuple(x for _, x in phrases if x), tuple(x for s, x in phrases if x and not s.quiet)
 
 
 def _with_friction(file: MechanismFile) -> Iterator[str | None]:
-    """The joints whose friction is taken up; None means all."""
+    """Yield the joints whose friction is used; None means all."""
     for force in file.force:
         if isinstance(force, JointFriction):
             yield from [force.joint] if isinstance(force.joint, str) else force.joint or [None]
 
 
-def _untaken(text: str, taken: Mapping[str, Collection[str | None]]) -> str:
-    """Return a text of `_left_out` without the joints that are taken as stops or friction; None means all joints."""
-    for what, joints in taken.items():
+def _without_used(text: str, used: Mapping[str, Collection[str | None]]) -> str:
+    """Return a text of `_left_out` without joints that are used in stops or friction; None means all joints."""
+    for what, joints in used.items():
         before, found, names = text.partition(f"{what} ")
         prefix = before.removesuffix(": ")
         if found and before in ("", f"{prefix}: "):
-            left = [n for n in names.split(", ") if None not in joints and prefix + n not in joints]
-            return before + found + ", ".join(left) if left else ""
+            remaining = [n for n in names.split(", ") if None not in joints and prefix + n not in joints]
+            return before + found + ", ".join(remaining) if remaining else ""
     return text
 
 
-def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:
+def _motor_torques(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:
     for name in controls:
         if name not in motors:
             raise UnknownNameError("motor", name, motors)
-    acting = [m for m in motors.values() if m.name in controls or any(m.bias)]
-    return [JointTorque(torque=controls.get(m.name, 0.0), **m._asdict()) for m in acting]
+    active = [m for m in motors.values() if m.name in controls or any(m.bias)]
+    return [JointTorque(torque=controls.get(m.name, 0.0), **m._asdict()) for m in active]
 
 
 def _gravity(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[float, ...]:
-    said = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
-    if "gravity" in file.model_fields_set or not said:
+    given = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
+    if "gravity" in file.model_fields_set or not given:
         return file.gravity
-    if len(said) > 1:
-        differing = " and ".join(str(list(g)) for g in said)
-        raise InputError(f"sources say gravity {differing}: the mechanism file must say it")
-    return said[0]
+    if len(given) > 1:
+        differing = " and ".join(str(list(g)) for g in given)
+        raise InputError(f"sources have different gravity, {differing}: set it in the mechanism file")
+    return given[0]
 
 
-def _carried(weightless: Mapping[str, float], gravity: Sequence[float]) -> list[Wrench]:
-    """Forces that carry the weight of masses which have none."""
+def _weight_compensation(weightless: Mapping[str, float], gravity: Sequence[float]) -> list[Wrench]:
+    """Return forces that compensate the weight of weightless masses."""
     forces = {n: tuple(Constant(value=-mass * g) for g in gravity) for n, mass in weightless.items()}
     return [Wrench(name=n, frame=n, force=force) for n, force in forces.items() if any(gravity)]

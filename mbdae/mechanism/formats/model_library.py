@@ -1,4 +1,4 @@
-"""Locations of files: the models that come with mbdae, and robots of other packages."""
+"""Locations of model files: models that come with mbdae, and robots of other packages."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -15,10 +15,10 @@ IN_FOLDER = (*LIBRARY_FILES, "robot.yaml", "robot.urdf")
 
 
 def find(name: str) -> Path:
-    """Return the file of a model's name or a path.
+    """Return the file for the name of a model or a path.
 
     Raises:
-        UnknownNameError: if it is neither.
+        UnknownNameError: for neither of them.
         InputError: for an unsupported kind of file.
     """
     if name.startswith(ROBOTS):
@@ -36,7 +36,7 @@ def find(name: str) -> Path:
         if path.suffix:
             raise InputError(f"no such file: {name}")
         raise UnknownNameError("model", name, [*model_names(), f"a path to a {SUFFIXES} file or their folder"])
-    refuse_suffix(path)
+    require_supported_suffix(path)
     return path
 
 
@@ -61,11 +61,11 @@ def _described(name: str) -> Path | None:
     return found
 
 
-def refuse_suffix(path: Path) -> None:
-    """Reject an unsupported kind of file.
+def require_supported_suffix(path: Path) -> None:
+    """Require a supported kind of file.
 
     Raises:
-        InputError: lists the supported ones.
+        InputError: for another kind; lists the supported ones.
     """
     if path.suffix not in (MECHANISM, PARAMETRIC, *SOURCES, *CONVERTERS):
         raise InputError(f"cannot read {path.name}: expected a {SUFFIXES} file")

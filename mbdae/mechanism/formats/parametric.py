@@ -3,7 +3,7 @@
     def mechanism(N: Annotated[int, Field(ge=1)] = 2) -> dict:
         return {"title": f"{N} four-bars", "body": [...], "closure": [...]}
 
-The annotations define valid values of the parameters; defaults are used for missing ones.
+The annotations define the valid values of the parameters; omitted parameters have their defaults.
 """
 
 import inspect
@@ -46,10 +46,10 @@ def _exists(name: str) -> bool:
 
 
 def read_parametric(path: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, list[dict[str, Any]]]:
-    """Call the function of a file.
+    """Call the function of a mechanism.py.
 
     Returns:
-        The mechanism file; and name, value and type (kind, range and default in words) of each parameter.
+        The mechanism file; and name, value and description (type, range and default) of each parameter.
 
     Raises:
         UnknownNameError: for an unknown parameter; lists the valid ones, with their defaults.
@@ -83,7 +83,7 @@ def read_parametric(path: Path, name: str, values: Mapping[str, Any]) -> tuple[M
 
 
 def parameter_names(path: Path) -> tuple[str, ...]:
-    """Names of the parameters that a mechanism.py takes.
+    """Return the names of the parameters of a mechanism.py.
 
     Raises:
         InputError: for a file that cannot be run, or an invalid function.

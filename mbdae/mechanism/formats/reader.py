@@ -1,4 +1,4 @@
-"""File format: the suffixes of its files, and the function that makes a tree of one."""
+"""Reader of a file format: the suffixes of its files, and the function that imports a model."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,18 +17,19 @@ class Reader:
     """Reads the sources of one format.
 
     Attributes:
-        name: of the format; the key by which a record is known that ``restore`` takes.
-        suffixes: of its files.
-        read: makes a part of a file, with the folders in which further files may be, and the options of its source.
-        root: the first element of its XML files, where it shares suffixes with another format.
-        refused: options of a source that it does not have, and what is said then; ``{}`` is the file's name.
-        restore: makes a part again from the record of `ImportedModel`, and the folders from which a saved run may read
-            meshes, see `mbdae.mechanism.formats.sources.restored`; None where the record is the tree itself.
+        name: name of the format, which is also the key of its records for ``restore``.
+        suffixes: suffixes of its files.
+        read: imports the model of a file; arguments are the file, the allowed paths of further files, and the options
+            of its source.
+        root: root element of its XML files, if it shares suffixes with another format.
+        rejected: options of a source that the format does not have, with the message; ``{}`` is the name of the file.
+        restore: reconstructs a model from the record of `ImportedModel` and the folders from which a saved run may read
+            meshes, see `mbdae.mechanism.formats.sources.restored`; None if the record is the tree itself.
     """
 
     name: str
     suffixes: tuple[str, ...]
     read: Callable[[Path, AllowedPaths, Source], ImportedModel]
     root: str = ""
-    refused: Mapping[str, str] = field(default_factory=lambda: {**KEY, "free_flyer": "does not belong to {}"})
+    rejected: Mapping[str, str] = field(default_factory=lambda: {**KEY, "free_flyer": "does not belong to {}"})
     restore: Callable[[Mapping[str, Any], Sequence[Path] | None], ImportedModel] | None = None

@@ -1,4 +1,4 @@
-"""The formats of files: found as members of this folder, and among what installed packages add."""
+"""All file formats: those of this folder, and those of installed packages."""
 
 import re
 from collections.abc import Callable
@@ -10,25 +10,28 @@ from ...file_io import read_text
 from .reader import Reader
 
 MECHANISM, PARAMETRIC = ".toml", ".py"
-_OWN: tuple[Reader, ...] = (*instances_of(__package__, Reader), *instances_of(__package__, Reader, files="*/read.py"))
-_TAKEN = {MECHANISM, PARAMETRIC, *(suffix for reader in _OWN for suffix in reader.suffixes)}
-_ADDED = plugins(
-    "mbdae.readers",
-    lambda x: callable(x) or (isinstance(x, Reader) and _TAKEN.isdisjoint(x.suffixes)),
-    "a function of a path, or a Reader of suffixes of its own",
+_BUILT_IN: tuple[Reader, ...] = (
+    *instances_of(__package__, Reader),
+    *instances_of(__package__, Reader, files="*/read.py"),
 )
-READERS: tuple[Reader, ...] = (*_OWN, *(x for x in _ADDED.values() if isinstance(x, Reader)))
+_RESERVED = {MECHANISM, PARAMETRIC, *(suffix for reader in _BUILT_IN for suffix in reader.suffixes)}
+_PLUGINS = plugins(
+    "mbdae.readers",
+    lambda x: callable(x) or (isinstance(x, Reader) and _RESERVED.isdisjoint(x.suffixes)),
+    "a function of a path, or a Reader of other suffixes",
+)
+READERS: tuple[Reader, ...] = (*_BUILT_IN, *(x for x in _PLUGINS.values() if isinstance(x, Reader)))
 """Readers of source files."""
 SOURCES = tuple(sorted({suffix for reader in READERS for suffix in reader.suffixes}))
 """The suffixes of source files."""
 CONVERTERS: dict[str, Callable[[Path], str]] = {
-    f".{name}": x for name, x in _ADDED.items() if callable(x) and f".{name}" not in (*_TAKEN, *SOURCES)
+    f".{name}": x for name, x in _PLUGINS.items() if callable(x) and f".{name}" not in (*_RESERVED, *SOURCES)
 }
-"""Of installed packages: a suffix, and what returns the text of a mechanism file."""
+"""Functions of installed packages that return the text of a mechanism file, by suffix."""
 
 
 def reader_of(path: Path) -> Reader:
-    """Return the reader of a source file, by its first element where several have its suffix."""
+    """Return the reader of a source file, which its root element decides if several have the suffix."""
     *others, last = sorted((r for r in READERS if path.suffix in r.suffixes), key=lambda r: not r.root)
     first = first_element(path) if others else ""
     return next((r for r in others if r.root == first), last)
@@ -44,7 +47,7 @@ def converted(path: Path) -> str:
     """Return the text of a mechanism file from the function of an installed package.
 
     Raises:
-        InputError: where it fails, or returns no text.
+        InputError: if the function fails, or does not return text.
     """
     try:
         text = CONVERTERS[path.suffix](path)

@@ -1,7 +1,7 @@
-"""XML elements that record which of their contents were read, so that the rest can be reported.
+"""XML elements that record which of their contents were read, to report the others.
 
-A reader queries a `Recorded` element for its children, attributes and text; whatever it never queried is not part of
-the mechanism. Where another program reads a file (Pinocchio a URDF, MuJoCo an MJCF), `Recorded.mark` takes a table of
+A reader queries a `Recorded` element for children, attributes and text; contents that it does not query are not part of
+the mechanism. If another program reads the file (Pinocchio a URDF, MuJoCo an MJCF), `Recorded.mark` takes a table of
 the contents that are carried over.
 """
 
@@ -18,16 +18,16 @@ class Recorded:
     """An XML element, and a record of which attributes, children and text were read.
 
     Attributes:
-        tag: of the element.
-        names: of the element and its ancestors, without the root's, joined by ``/``.
+        tag: tag of the element.
+        names: names of the element and its ancestors except the root, joined by ``/``.
     """
 
-    def __init__(self, element: ET.Element, above: "Recorded | None" = None) -> None:
-        self.tag, self._element, self._above = element.tag, element, above
-        own = [element.get(NAME, "")] if above else []
-        self.names: str = "/".join(filter(None, [above.names if above else "", *own]))
-        self._made: list[Recorded] | None = None
-        self._attributes, self._text, self._visited = {NAME}, False, above is None
+    def __init__(self, element: ET.Element, parent: "Recorded | None" = None) -> None:
+        self.tag, self._element, self._parent = element.tag, element, parent
+        own = [element.get(NAME, "")] if parent else []
+        self.names: str = "/".join(filter(None, [parent.names if parent else "", *own]))
+        self._children: list[Recorded] | None = None
+        self._attributes, self._text, self._visited = {NAME}, False, parent is None
 
     @classmethod
     def parse(cls, text: str | bytes, name: str) -> "Recorded":
@@ -44,9 +44,9 @@ class Recorded:
     @property
     def children(self) -> "list[Recorded]":
         """All children; this does not mark them as read."""
-        if self._made is None:
-            self._made = [Recorded(e, self) for e in self._element]
-        return self._made
+        if self._children is None:
+            self._children = [Recorded(e, self) for e in self._element]
+        return self._children
 
     def get(self, key: str, default: str = "") -> str:
         """Read an attribute."""
@@ -67,15 +67,15 @@ class Recorded:
 
     def first(self, path: str) -> "Recorded | None":
         """Read the first child of a tag, or the first one along a path of tags."""
-        at: Recorded | None = self
+        element: Recorded | None = self
         for tag in path.split("/"):
-            at = next((e for e in at.children if e.tag == tag), None) if at else None
-            if at:
-                at._visited = True
-        return at
+            element = next((e for e in element.children if e.tag == tag), None) if element else None
+            if element:
+                element._visited = True
+        return element
 
     def text(self, path: str = "") -> str | None:
-        """Read the text of the element, or of the first one along a path; None if there is none."""
+        """Read the text of the element, or of the first one along a path; None if it does not exist."""
         e = self.first(path) if path else self
         if e is None:
             return None
@@ -83,25 +83,24 @@ class Recorded:
         return (e._element.text or "").strip()
 
     def mark(self, table: Mapping[str, str]) -> None:
-        """Mark the contents of a table as read, in the element and all below it.
+        """Mark contents of the element and its descendants as read.
 
         Args:
-            table: ``"tag"``, or ``"parent/tag"`` where that differs from the rest, and the attributes read, separated
-                by
-            spaces: ``"*"`` is all of them, ``"**"`` also everything below. A tag followed by ``!`` is read once.
+            table: for each ``"tag"``, or ``"parent/tag"`` if this differs, the attributes that are read, separated by
+                spaces: ``"*"`` means all of them, ``"**"`` also all descendants. A tag followed by ``!`` is read once.
         """
         waiting = [self]
         while waiting:
-            at = waiting.pop()
-            at._visited = True
-            once = set[str]()
-            for e in at.children:
-                keys = (f"{at.tag}/{e.tag}", f"{at.tag}/{e.tag}!", e.tag, f"{e.tag}!")
+            element = waiting.pop()
+            element._visited = True
+            seen = set[str]()
+            for e in element.children:
+                keys = (f"{element.tag}/{e.tag}", f"{element.tag}/{e.tag}!", e.tag, f"{e.tag}!")
                 key = next((k for k in keys if k in table), None)
-                if key is None or key in once:
+                if key is None or key in seen:
                     continue
                 if key.endswith("!"):
-                    once.add(key)
+                    seen.add(key)
                 e._mark(table[key])
                 if table[key] != 2 * ALL:
                     waiting.append(e)
@@ -117,30 +116,30 @@ class Recorded:
                 e._attributes.update(e._element.keys())
                 waiting += e.children
 
-    def unread(self, but: "Collection[Recorded]" = ()) -> Iterator[tuple[str, str]]:
-        """Yield path and names, from this element on, of unread contents: elements, attributes (``@``) and text.
+    def unread(self, skip: "Collection[Recorded]" = ()) -> Iterator[tuple[str, str]]:
+        """Yield relative path and names of unread contents: elements, attributes (``@``) and text.
 
         Args:
-            but: elements to skip.
+            skip: elements to skip.
         """
         waiting = [(self, "")]
         while waiting:
-            at, path = waiting.pop()
-            names = at.names.removeprefix(self.names).strip("/")
-            if not at._visited:
+            element, path = waiting.pop()
+            names = element.names.removeprefix(self.names).strip("/")
+            if not element._visited:
                 yield path, names
                 continue
-            for key in at._element.keys():  # noqa: SIM118 - an element is not a mapping
-                if key not in at._attributes:
+            for key in element._element.keys():  # noqa: SIM118 - an element is not a mapping
+                if key not in element._attributes:
                     yield f"{path}/@{key}".strip("/"), names
-            written = (at._element.text, *(e._element.tail for e in at.children))
-            if any(x and x.strip() for x in written[at._text :]):
+            written = (element._element.text, *(e._element.tail for e in element.children))
+            if any(x and x.strip() for x in written[element._text :]):
                 yield f"{path}/text()".strip("/"), names
-            waiting += [(e, f"{path}/{e.tag}".strip("/")) for e in reversed(at.children) if e not in but]
+            waiting += [(e, f"{path}/{e.tag}".strip("/")) for e in reversed(element.children) if e not in skip]
 
 
 def unread_phrases(unread: Iterator[tuple[str, str]]) -> list[str]:
-    """Return one phrase for each unread path, with the names of all elements that have it."""
+    """Return one phrase for each unread path, with the names of all its elements."""
     found: dict[str, dict[str, None]] = {}
     for path, name in unread:
         found.setdefault(printable(path), {})[printable(name)] = None

@@ -2,10 +2,10 @@
 
 ==============================  ========================================================================
 closed_loop: [[frame, frame]]   pairs of frames that coincide
-type: [6d]                      of each pair: whole frames (6d, also when left out) or origins only (3d)
+type: [6d]                      of each pair: whole frames (6d, the default) or origins only (3d)
 name_mot: [joint]               motors; one text selects every joint whose name contains it
-joint_name: [joint]             joints of another kind than the URDF says,
-joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
+joint_name: [joint]             joints of another kind than in the URDF,
+joint_type: [SPHERICAL]         and their kinds: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
 ==============================  ========================================================================
 
 A universal joint replaces the URDF's joint and keeps its name; it has two coordinates.
@@ -44,7 +44,7 @@ FIXED = "FIXED"
 
 
 class RobotTables(BaseModel):
-    """Valid entries of a robot.yaml; other keys are left out, by name."""
+    """Valid entries of a robot.yaml; other keys are ignored and reported."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -55,37 +55,37 @@ class RobotTables(BaseModel):
     joint_type: tuple[str, ...] = ()
 
 
-def read_robot_yaml(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
-    """Read a robot.yaml and the robot.urdf beside it.
+def read_robot_yaml(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
+    """Read a robot.yaml and the robot.urdf in the same folder.
 
     Args:
-        path: of the robot.yaml.
-        places: where meshes are looked up.
-        source: whether a free joint is put under the root link.
+        path: path of the robot.yaml.
+        allowed: allowed paths of meshes.
+        source: options of the source: whether the root link has a free joint.
 
     Raises:
-        InputError: one line with the key and what was expected.
+        InputError: for invalid contents; the message names the key and the expected value.
         UnknownNameError: for an unknown joint.
     """
     tables, urdf = read_tables(read_text(path), path.name), path.with_name(URDF)
     kinds = {n: t.upper() for n, t in zip(tables.joint_name, tables.joint_type, strict=True)}
-    part = read_urdf(
+    model_of_urdf = read_urdf(
         read_text(urdf),
         urdf.name,
-        places,
+        allowed,
         source.free_flyer,
         kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
         lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
     )
     extra = sorted(tables.model_extra or ())
     return replace(
-        part,
+        model_of_urdf,
         closures=tuple(
             Closure(kind=CLOSURES[t.lower()], frames=pair)
             for pair, t in zip(tables.closed_loop, tables.type or (), strict=True)
         ),
-        motors=tuple(Motor(n, n) for n in _actuated_joints(part.model, tables.name_mot, path.name)),
-        left_out=(*part.left_out, *([f"keys of {path.name} {', '.join(extra)}"] if extra else [])),
+        motors=tuple(Motor(n, n) for n in _actuated_joints(model_of_urdf.model, tables.name_mot, path.name)),
+        left_out=(*model_of_urdf.left_out, *([f"keys of {path.name} {', '.join(extra)}"] if extra else [])),
     )
 
 
@@ -104,7 +104,7 @@ def read_tables(text: str, name: str) -> RobotTables:
     """Read the tables of a robot.yaml.
 
     Raises:
-        InputError: one line with the key and what was expected.
+        InputError: for invalid contents; the message names the key and the expected value.
     """
     content = yaml_table(text, name)
     if not isinstance(content, dict) or not any(k in RobotTables.model_fields for k in content):
@@ -117,8 +117,8 @@ def read_tables(text: str, name: str) -> RobotTables:
         tables = tables.model_copy(update={"type": ("6d",) * len(tables.closed_loop)})
     _same_length(name, "closed_loop", tables.closed_loop, "type", tables.type or ())
     _same_length(name, "joint_name", tables.joint_name, "joint_type", tables.joint_type)
-    if twice := {n for n in tables.joint_name if tables.joint_name.count(n) > 1}:
-        raise InputError(f"{name}: joint_name has {', '.join(sorted(twice))} more than once")
+    if duplicates := {n for n in tables.joint_name if tables.joint_name.count(n) > 1}:
+        raise InputError(f"{name}: joint_name has {', '.join(sorted(duplicates))} more than once")
     for t in tables.type or ():
         _one_of(name, "type", t.lower(), CLOSURES)
     for t in tables.joint_type:
@@ -136,4 +136,4 @@ def _one_of(name: str, key: str, value: str, valid: Any) -> None:
         raise InputError(f"{name}: {key} {value[:40]!r}; known: {', '.join(valid)}")
 
 
-robot_yaml = Reader("robot.yaml", (".yaml",), read_robot_yaml, refused=KEY)
+robot_yaml = Reader("robot.yaml", (".yaml",), read_robot_yaml, rejected=KEY)

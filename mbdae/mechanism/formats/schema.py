@@ -1,4 +1,4 @@
-"""Mechanism file: its keys, their types and defaults. For unknown keys, the error lists the valid ones."""
+"""Mechanism file: its keys with types and defaults; errors for unknown keys list the valid ones."""
 
 import math
 import tomllib
@@ -18,7 +18,7 @@ from ..model_settings import OrderSettings, SolveSettings, Start, Value
 from ..time_functions import TimeFunction
 
 Vector = tuple[float, float, float]
-Override = Literal[
+ReplacementKind = Literal[
     "revolute", "spherical", "planar", "translation", "free",
     "universal", "universal_xy", "universal_xz", "universal_yx", "universal_yz", "universal_zx", "universal_zy",
 ]  # fmt: skip
@@ -33,7 +33,7 @@ class Frame(Table):
 
     Attributes:
         name: name of the frame.
-        parent: the link, body, joint or frame that carries it, or ``"world"``.
+        parent: link, body, joint or frame to which it is attached, or ``"world"``.
         xyz: position in the parent frame, in m.
         rpy: rotation in the parent frame, in rad: roll, pitch, yaw as in URDF.
     """
@@ -45,13 +45,13 @@ class Frame(Table):
 
 
 class Body(Frame):
-    """An extra body with the joint that carries it; joint and link get the body's name.
+    """An extra body and its joint; the joint and the link have the name of the body.
 
     Attributes:
-        name: of joint, link and the frame at the joint.
-        joint: its kind; a continuous joint is unbounded, a translation is one along x, y and z.
-        axis: of a revolute, continuous or prismatic joint; the normal of a planar joint's plane; not for others.
-        mass: in kg.
+        name: name of the joint, the link and the frame at the joint.
+        joint: kind of the joint; a continuous joint is unbounded, a translation has the coordinates x, y and z.
+        axis: axis of a revolute, continuous or prismatic joint, or normal of the plane of a planar joint.
+        mass: mass in kg.
         com: centre of mass in the body's frame, in m.
         inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, in kg m^2.
     """
@@ -63,9 +63,9 @@ class Body(Frame):
     inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
 
     @model_validator(mode="after")
-    def _axis_fits(self) -> "Body":
+    def _check_axis(self) -> "Body":
         if "axis" in self.model_fields_set and self.joint not in WITH_AXIS:
-            raise ValueError(f"axis does not belong to a {self.joint} joint; turn its frame by rpy")
+            raise ValueError(f"axis does not belong to a {self.joint} joint; rotate its frame by rpy")
         return self
 
 
@@ -75,13 +75,13 @@ class Source(Table):
     Attributes:
         file: relative to the mechanism file, or ``"example-robot-data:..."``.
         prefix: added to every name of the file.
-        parent: frame that carries it; ``"world"`` or a frame of another source or body.
+        parent: frame to which it is attached: ``"world"`` or a frame of another source or body.
         xyz: position in the parent frame, in m.
         rpy: rotation in the parent frame, in rad.
-        free_flyer: put a free joint under the root link of a URDF.
-        key: keyframe of an MJCF file to start from.
+        free_flyer: add a free joint between the world and the root link of a URDF.
+        key: keyframe of an MJCF file with the initial state.
         quiet: report unsupported features of the file in ``mbdae info`` only, without a warning.
-        packages: more folders from which files named in the source may be read, also by ``package://`` names.
+        packages: further folders from which files named in the source may be read, also by ``package://`` names.
     """
 
     file: str
@@ -101,8 +101,8 @@ class MechanismFile(Table):
     Attributes:
         title: one line for tables and figures.
         source: name of a file, or tables ``[[source]]``; several sources are merged into one mechanism.
-        gravity: acceleration in m/s^2, along the world's axes.
-        free_flyer: put a free joint under the root link of each source.
+        gravity: gravitational acceleration in m/s^2, in world axes.
+        free_flyer: add a free joint between the world and the root link of each source.
         lock: joints that are removed, locked at this value in rad or m.
         joint_type: joints of a URDF that are replaced by another kind.
         motor: controls of named inputs.
@@ -114,8 +114,8 @@ class MechanismFile(Table):
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
         force: springs, dampers, motors, controllers.
-        start: the start state.
-        order: the order study.
+        start: initial state.
+        order: settings of the order study.
         solve: settings of runs.
     """
 
@@ -124,7 +124,7 @@ class MechanismFile(Table):
     gravity: Vector = (0.0, 0.0, -9.81)
     free_flyer: bool = False
     lock: dict[str, Value] = Field(default_factory=dict)
-    joint_type: dict[str, Override] = Field(default_factory=dict)
+    joint_type: dict[str, ReplacementKind] = Field(default_factory=dict)
     motor: dict[str, TimeFunction] = Field(default_factory=dict)
     duration: float = Field(default=10.0, gt=0)
     frame: tuple[Frame, ...] = ()
@@ -140,7 +140,7 @@ class MechanismFile(Table):
 
     @field_validator("source", mode="before")
     @classmethod
-    def _one_or_several(cls, source: Any) -> Any:
+    def _as_sources(cls, source: object) -> object:
         if isinstance(source, str):
             return ({"file": source},)
         return (source,) if isinstance(source, dict | Source) else source or ()
@@ -165,27 +165,27 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
     Raises:
         InputError: one line with the key, the error, and the valid keys.
     """
-    wild = next(_wild(content), None)
-    if wild is not None:
-        raise InputError(f"{name}: {wild} is beyond {HUGE:g} in magnitude, or holds control characters")
+    invalid = next(_invalid_values(content), None)
+    if invalid is not None:
+        raise InputError(f"{name}: {invalid} is beyond {HUGE:g} in magnitude, or contains control characters")
     try:
         return MechanismFile.model_validate(content)
     except ValidationError as e:
         raise InputError(f"{name}: {one_line(e, _known_keys, content)}") from None
 
 
-def _wild(value: Any, where: str = "") -> Iterator[str]:
-    """Yield keys of numbers whose products would overflow, and of texts that would affect a terminal."""
+def _invalid_values(value: Any, path: str = "") -> Iterator[str]:
+    """Yield the keys of numbers whose products would overflow, and of texts with control characters."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             if printable(str(key)) != str(key):
                 yield str(key)
-            yield from _wild(inner, f"{where}.{key}" if where else str(key))
+            yield from _invalid_values(inner, f"{path}.{key}" if path else str(key))
     elif isinstance(value, str):
         if printable(value) != value:
-            yield where
+            yield path
     elif isinstance(value, float | int) and abs(value) > HUGE and value not in (math.inf, -math.inf):
-        yield where
+        yield path
 
 
 def _known_keys(path: Sequence[Any]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The source files of a mechanism: read by the reader of their format, and made again from what was remembered."""
+"""Source files of a mechanism: read by the reader of their format, and reconstructed from their records."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,19 +24,19 @@ def read_source(source: Source, base: Path) -> ImportedModel:
     if path.suffix not in SOURCES:
         raise InputError(f"cannot read source {path.name}: expected {', '.join(SOURCES)}")
     reader = reader_of(path)
-    for option, reason in reader.refused.items():
+    for option, reason in reader.rejected.items():
         if getattr(source, option):
             raise InputError(f"{option} {reason.format(path.name)}")
     return reader.read(path, AllowedPaths.of(path, [base, *(base / p for p in source.packages)]), source)
 
 
 def restored(record: Mapping[str, Any], meshes: Sequence[Path] | None = None) -> ImportedModel:
-    """Recreate the imported model of a ``record``, with its tree and visuals.
+    """Reconstruct an imported model from its ``record``, with its tree and visuals.
 
     Args:
         record: the record of an imported model.
         meshes: folders from which a saved run may read meshes, besides installed packages; None for models of this
-            process, which read them from their original places.
+            process, which read them from their original locations.
 
     Raises:
         InputError: for a damaged record.

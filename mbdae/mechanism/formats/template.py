@@ -1,4 +1,4 @@
-"""Mechanisms with other parameters: files are read once, and entries of their tables changed by dotted paths.
+"""Mechanisms with changed parameters: files are read once; dotted paths name the entries of their tables.
 
 gravity.2                       an entry of a list, counted from 0
 force.spring.stiffness          a force, closure, driver, stop, clutch, frame or body by its name, and a key of it
@@ -34,21 +34,21 @@ from .model_library import PARAMETRIC, find
 from .parametric import parameter_names, split
 from .schema import Body, MechanismFile
 
-TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of a file
+TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of files
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
-WHOLE = ("duration", "gravity")  # that may be given as a whole
-KEPT = 8  # mechanisms with equal parameters, of several threads
+WHOLE_TABLES = ("duration", "gravity")  # with values for the whole table
+CACHE_SIZE = 8  # mechanisms with other parameters, for several threads
 
 
 class Template:
     """A mechanism file with parameters that can be changed.
 
     Args:
-        path: as for `mbdae.load`, including parameters after the name.
+        path: as for `mbdae.load`, possibly with parameters after the name.
 
     Attributes:
-        parameters: names of the parameters of a mechanism.py, to be changed besides its tables.
+        parameters: names of the parameters of a mechanism.py, which can be changed in addition to its tables.
 
     Raises:
         UnknownNameError, InputError: as `mbdae.load`.
@@ -56,15 +56,15 @@ class Template:
 
     def __init__(self, path: str | Path) -> None:
         self.path = str(path)
-        plain, _ = split(self.path)
-        found = find(plain)
+        file_parameters, _ = split(self.path)
+        found = find(file_parameters)
         self.parameters = parameter_names(found) if found.suffix == PARAMETRIC else ()
         self.functions: Sequence[Any] = ()
-        self._read = lru_cache(KEPT)(lambda text: _light(read(self.path, json.loads(text))))
-        self._made = lru_cache(KEPT)(lambda text: self._make(*json.loads(text)))
+        self._read = lru_cache(CACHE_SIZE)(lambda text: _without_visuals(read(self.path, json.loads(text))))
+        self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
 
     def recipe(self, values: Mapping[str, Any]) -> Recipe:
-        """Return the files for the parameters among ``values``; visuals are left out."""
+        """Return the files for the parameters among ``values``, without visuals."""
         return self._read(json.dumps({n: x for n, x in values.items() if n in self.parameters}))
 
     def check(self, values: Mapping[str, Any]) -> None:
@@ -78,41 +78,41 @@ class Template:
             root, dot, rest = name.partition(".")
             if name in self.parameters:
                 continue
-            if root not in (*TABLES, "joint") or not (dot or root in WHOLE):
-                valid = [f"{t}. ..." for t in (*TABLES, "joint", "solve") if t not in WHOLE]
-                raise UnknownNameError("parameter", name, (*self.parameters, *WHOLE, *valid))
+            if root not in (*TABLES, "joint") or not (dot or root in WHOLE_TABLES):
+                valid = [f"{t}. ..." for t in (*TABLES, "joint", "solve") if t not in WHOLE_TABLES]
+                raise UnknownNameError("parameter", name, (*self.parameters, *WHOLE_TABLES, *valid))
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
                 _check_joint(recipe, name, rest)
             else:
-                _check(recipe.file, name)
+                _check_path(recipe.file, name)
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
-        """Return the mechanism with these values; one object serves runs that differ only in their start.
+        """Return the mechanism with these values; mechanisms that differ only in their start share one model.
 
         Raises:
             UnknownNameError, InputError: for invalid names or values.
         """
-        plain = {n: x for n, x in values.items() if n in self.parameters}
-        changed = {n: x for n, x in values.items() if n not in plain and not n.startswith(START)}
-        mech = self._made(json.dumps([plain, changed]))
-        return with_start(mech, {n: x for n, x in values.items() if n.startswith(START) and n not in plain})
+        file_parameters = {n: x for n, x in values.items() if n in self.parameters}
+        changed = {n: x for n, x in values.items() if n not in file_parameters and not n.startswith(START)}
+        mech = self._made(json.dumps([file_parameters, changed]))
+        return with_start(mech, {n: x for n, x in values.items() if n.startswith(START) and n not in file_parameters})
 
-    def _make(self, plain: dict[str, Any], changed: dict[str, Any]) -> Mechanism:
-        recipe = self.recipe(plain)
+    def _make(self, file_parameters: dict[str, Any], changed: dict[str, Any]) -> Mechanism:
+        recipe = self.recipe(file_parameters)
         file, parts = recipe.file, recipe.parts
-        moved = {n.removeprefix("joint."): x for n, x in changed.items() if n.startswith("joint.")}
-        if moved:
-            parts = [_changed(p, s.prefix, moved) for p, s in zip(parts, file.source, strict=True)]
+        joint_values = {n.removeprefix("joint."): x for n, x in changed.items() if n.startswith("joint.")}
+        if joint_values:
+            parts = [_with_joint_values(p, s.prefix, joint_values) for p, s in zip(parts, file.source, strict=True)]
         for name, value in changed.items():
             if not name.startswith("joint."):
-                file = replaced(file, name, value, name)
+                file = with_entry(file, name, value, name)
         return make(recipe._replace(file=file, parts=parts), self.functions, recorded=False)
 
 
 def _check_joint(recipe: Recipe, name: str, rest: str) -> None:
-    """Reject an invalid name of a joint's parameter, and bodies of the mechanism file."""
+    """Reject an invalid name of a parameter of a joint, or of a body of the mechanism file."""
     sources = zip(recipe.file.source, recipe.parts, strict=True)
     joints, joint = [s.prefix + n for s, p in sources for n in joint_names(p.model)], rest.partition(".")[0]
     if joint not in joints and joint in [b.name for b in recipe.file.body]:
@@ -144,7 +144,7 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
     start: Start = mech.start_values
     for name, value in values.items():
         check_start(mech, name)
-        start = replaced(start, name.removeprefix(START), value, name)
+        start = with_entry(start, name.removeprefix(START), value, name)
     other = copy(mech)
     other.start_values, other._starts, other.workspaces = start, {}, WorkspacePool(other)
     if mech.source:
@@ -152,14 +152,14 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
     return other
 
 
-def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
-    """Return a checked table, or an entry of it, with another value at the end of a dotted path.
+def with_entry(part: Any, path: str, value: Any, whole: str) -> Any:
+    """Return a copy of a table with another value at the end of a dotted path.
 
     Args:
-        part: a table, a list or a dict.
-        path: of the value, below ``part``.
+        part: a checked table, a list or a dict; the value itself if the path is empty.
+        path: path of the value within ``part``.
         value: the value.
-        whole: the path from the top, for messages.
+        whole: the complete path, for messages.
 
     Raises:
         UnknownNameError: for an invalid path.
@@ -171,20 +171,20 @@ def replaced(part: Any, path: str, value: Any, whole: str) -> Any:
     if isinstance(part, Table):
         said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
         try:
-            return type(part)(**{**said, key: replaced(getattr(part, key), rest, value, whole)})
+            return type(part)(**{**said, key: with_entry(getattr(part, key), rest, value, whole)})
         except UnknownNameError:
             raise
         except InputError as e:
             raise InputError(str(e) if str(e).startswith(whole) else f"{whole}: {e}") from None
     if isinstance(part, dict):
-        return {**part, key: replaced(part.get(key), rest, value, whole)}
+        return {**part, key: with_entry(part.get(key), rest, value, whole)}
     at = int(key)
-    return (*part[:at], replaced(part[at], rest, value, whole), *part[at + 1 :])
+    return (*part[:at], with_entry(part[at], rest, value, whole), *part[at + 1 :])
 
 
 def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
-    """Return the first key of a path, which may contain dots, and the rest; entries of lists are numbered."""
-    if isinstance(part, dict):  # joint = value: the valid joints are known to the model
+    """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered."""
+    if isinstance(part, dict):  # joint = value: the model checks the names of joints
         return path, ""
     keys = _keys(part)
     found = [k for k in keys if path == k or path.startswith(f"{k}.")]
@@ -196,7 +196,7 @@ def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
 
 
 def _keys(part: Any) -> dict[str, str]:
-    """Return the valid next keys of a path, and the key or index that each means."""
+    """Return the valid next keys of a path, each with its key or index."""
     if isinstance(part, MechanismFile):
         return {k: k for k in TABLES}
     if isinstance(part, Table):
@@ -207,7 +207,7 @@ def _keys(part: Any) -> dict[str, str]:
 
 
 def _names(entries: tuple[Any, ...]) -> dict[str, str]:
-    """Return names of the entries of a table list, and their indices; unnamed ones have their kind and number."""
+    """Return the indices of the entries of a list of tables by name; unnamed ones by kind and number."""
     out = {}
     for i, entry in enumerate(entries):
         if isinstance(entry, Table) and "name" in type(entry).model_fields:
@@ -215,25 +215,25 @@ def _names(entries: tuple[Any, ...]) -> dict[str, str]:
     return out
 
 
-def _check(file: MechanismFile, name: str) -> None:
+def _check_path(file: MechanismFile, name: str) -> None:
     """Reject a dotted path into the tables of a file that is invalid, or ends at a table."""
     at: Any = file
     rest = name
     while rest:
         key, rest = first_key(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
-    if isinstance(at, Constant):  # a number in place of a function of time
+    if isinstance(at, Constant):  # a number as a function of time
         return
     if isinstance(at, Table) or _names(at if isinstance(at, tuple) else ()):
         raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(_keys(at))}")
 
 
 def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
-    """Return the joint and the key that a path names."""
+    """Return the joint and the key of a path."""
     names = list(joints)
     found = [n for n in names if path.startswith(f"{n}.")]
     if not found and path in names:
-        raise InputError(f"joint.{path} is a joint: name a number of it, joint.{path}. {', '.join(JOINT)}")
+        raise InputError(f"joint.{path} is a joint: name an entry of it, joint.{path}. {', '.join(JOINT)}")
     if not found:
         raise UnknownNameError("joint of a source", path.rpartition(".")[0] or path, names)
     joint = max(found, key=len)
@@ -245,17 +245,17 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     return joint, rest
 
 
-def _changed(part: ImportedModel, prefix: str, moved: Mapping[str, Any]) -> ImportedModel:
-    """Return a source with other values at its joints."""
+def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[str, Any]) -> ImportedModel:
+    """Return a source with other values of its joints and bodies."""
     model = part.model.copy()
     bodies: dict[str, Any] = {}
-    for path, value in moved.items():
+    for path, value in joint_values.items():
         names = [prefix + n for n in joint_names(model)]
         if not any(path.startswith(f"{n}.") for n in names):
             continue
         joint, rest = split_joint(path, names)
         body = bodies.get(joint) or as_body(model, joint.removeprefix(prefix))
-        bodies[joint] = replaced(body, rest, value, f"joint.{path}")
+        bodies[joint] = with_entry(body, rest, value, f"joint.{path}")
         at = model.getJointId(joint.removeprefix(prefix))
         if rest.startswith("rpy"):
             model.jointPlacements[at] = placement(bodies[joint])
@@ -282,5 +282,5 @@ def as_body(model: pin.Model, joint: str) -> Body:
     )
 
 
-def _light(recipe: Recipe) -> Recipe:
+def _without_visuals(recipe: Recipe) -> Recipe:
     return recipe._replace(parts=[replace(p, visuals=None) for p in recipe.parts])

@@ -12,38 +12,38 @@ from ..allowed_paths import AllowedPaths
 from ..checked_table import HUGE
 from ..scene.meshes import placeholder
 
-TOKEN = 10_000_000  # m: the size of boxes in the place of meshes
+MARKER = 10_000_000  # m: size of the boxes that replace meshes
 
 
-def visuals_found(name: str, model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.GeometryModel | None:
-    """Return the visuals of a URDF, or nothing and a warning.
+def read_visuals(name: str, model: pin.Model, tree: ET.Element, allowed: AllowedPaths) -> pin.GeometryModel | None:
+    """Return the visuals of a URDF; None with a warning if they cannot be read.
 
     Args:
-        name: of the file, for the warning.
-        model: its tree.
-        tree: its elements, of which meshes and textures are taken away.
-        places: where meshes are searched.
+        name: name of the file, for the warning.
+        model: the Pinocchio model of the file.
+        tree: elements of the file, from which meshes and textures are removed.
+        allowed: allowed paths of meshes.
     """
     try:
-        return _visuals(model, tree, places)
+        return _visuals(model, tree, allowed)
     except (ValueError, RuntimeError) as e:
-        reason = str(e) if isinstance(e, InputError) else short(e)
+        reason = str(e) if isinstance(e, InputError) else one_line(e)
         warnings.warn(f"{name}: visuals left out, {reason}", stacklevel=3)
         return None
 
 
-def _visuals(model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.GeometryModel:
-    """The visuals, whose meshes are files that may be read: Pinocchio sees a box for each, by whose size it is known.
+def _visuals(model: pin.Model, tree: ET.Element, allowed: AllowedPaths) -> pin.GeometryModel:
+    """Return the visuals; Pinocchio reads boxes whose sizes identify the meshes, which only allowed files provide.
 
     Raises:
-        InputError: for a mesh that is missing, damaged, stands elsewhere, or is of a format that is not drawn.
+        InputError: for a mesh that is missing, damaged, outside the allowed paths, or of an unsupported format.
     """
     meshes = []
     for shape in tree.iterfind("link/visual/geometry"):
         for mesh in shape.findall("mesh"):
-            meshes.append((places.find(mesh.get("filename", "")), _scale(mesh.get("scale", "1 1 1"))))
+            meshes.append((allowed.find(mesh.get("filename", "")), _scale(mesh.get("scale", "1 1 1"))))
             shape.remove(mesh)
-            ET.SubElement(shape, "box", size=f"{TOKEN + len(meshes) - 1} {TOKEN} {TOKEN}")
+            ET.SubElement(shape, "box", size=f"{MARKER + len(meshes) - 1} {MARKER} {MARKER}")
     for material in tree.iter("material"):
         for texture in material.findall("texture"):
             material.remove(texture)
@@ -51,10 +51,10 @@ def _visuals(model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.Ge
     visuals = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, None, [])
     for g in visuals.geometryObjects:
         size = 2 * g.geometry.halfSide if isinstance(g.geometry, coal.Box) else np.zeros(3)
-        if size[1] == size[2] == TOKEN:
-            path, g.meshScale = meshes[round(size[0] - TOKEN)]
+        if size[1] == size[2] == MARKER:
+            path, g.meshScale = meshes[round(size[0] - MARKER)]
             g.meshPath, g.geometry = str(path), placeholder(path, g.meshScale)
-            g.meshTexturePath = str(places.companions(path))
+            g.meshTexturePath = str(allowed.companions(path))
     return visuals
 
 
@@ -65,6 +65,6 @@ def _scale(text: str) -> np.ndarray:
     return scale
 
 
-def short(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """Return the message of a library's error in one line."""
     return " ".join(str(error).split())[:200] or type(error).__name__

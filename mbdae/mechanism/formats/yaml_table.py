@@ -1,4 +1,4 @@
-"""YAML, read with bounds: tables of names, lists and numbers."""
+"""YAML with bounded size: tables of names, lists and numbers."""
 
 import math
 from typing import Any
@@ -7,21 +7,21 @@ import yaml
 
 from ...errors import InputError
 
-LARGEST = 100_000  # entries of a file
+MAX_ENTRIES = 100_000  # entries of a file
 
 
 def yaml_table(text: str, name: str) -> Any:
-    """Read YAML whose aliases expand to no more entries than a file would have.
+    """Read a YAML text, with at most `MAX_ENTRIES` entries after its aliases are expanded.
 
     Raises:
-        InputError: for a text that is none.
+        InputError: for a text that is not YAML, has too many entries, or duplicate keys.
     """
     try:
         node = yaml.compose(text, yaml.SafeLoader)
-        if (size := _written_out(node, {})) > LARGEST:
-            raise InputError(f"{name}: its aliases expand to {size:.3g} entries, more than {LARGEST}")
-        if twice := _said_twice(node):
-            raise InputError(f"{name}: the key {twice!r} is there more than once")
+        if (size := _expanded_size(node, {})) > MAX_ENTRIES:
+            raise InputError(f"{name}: its aliases expand to {size:.3g} entries, more than {MAX_ENTRIES}")
+        if duplicate := _duplicate_key(node):
+            raise InputError(f"{name}: the key {duplicate!r} occurs more than once")
         return yaml.safe_load(text)
     except InputError:
         raise
@@ -29,27 +29,27 @@ def yaml_table(text: str, name: str) -> Any:
         raise InputError(f"{name} is not YAML: {' '.join(str(e).split())[:200]}") from None
 
 
-def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:
-    """Number of entries of a node where every alias is written out; infinite if an alias contains itself."""
+def _expanded_size(node: yaml.Node | None, sizes: dict[int, float]) -> float:
+    """Return the number of entries of a node with all aliases expanded; infinite if an alias contains itself."""
     if not isinstance(node, yaml.CollectionNode):
         return 1
-    if id(node) not in known:
-        known[id(node)] = math.inf  # while it is open
+    if id(node) not in sizes:
+        sizes[id(node)] = math.inf  # while it is open
         inner = (x for entry in node.value for x in (entry if isinstance(entry, tuple) else (entry,)))
-        known[id(node)] = 1 + sum(_written_out(x, known) for x in inner)
-    return known[id(node)]
+        sizes[id(node)] = 1 + sum(_expanded_size(x, sizes) for x in inner)
+    return sizes[id(node)]
 
 
-def _said_twice(node: yaml.Node | None) -> str:
-    """A key that a table has more than once, of which YAML takes the last; empty where there is none."""
+def _duplicate_key(node: yaml.Node | None) -> str:
+    """Return a duplicate key of a table, of which YAML uses the last value; empty if there is none."""
     waiting = [node]
     while waiting:
-        at = waiting.pop()
-        if isinstance(at, yaml.MappingNode):
-            keys = [str(key.value) for key, _ in at.value if isinstance(key, yaml.ScalarNode)]
-            if twice := next((key for key in keys if keys.count(key) > 1), ""):
-                return twice
-            waiting += [value for _, value in at.value]
-        elif isinstance(at, yaml.SequenceNode):
-            waiting += at.value
+        node = waiting.pop()
+        if isinstance(node, yaml.MappingNode):
+            keys = [str(key.value) for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+            if duplicate := next((key for key in keys if keys.count(key) > 1), ""):
+                return duplicate
+            waiting += [value for _, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            waiting += node.value
     return ""

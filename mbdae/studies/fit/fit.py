@@ -18,7 +18,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
-from ...mechanism.formats.loaded_model import number
+from ...mechanism.formats.loaded_model import parameter_value
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
@@ -227,7 +227,7 @@ def _default_start(make: MechanismFactory, name: str, low: float, high: float) -
     if not isinstance(make, Template):
         return middle
     try:
-        given = number(make, name)
+        given = parameter_value(make, name)
     except InputError as e:
         if "is no number" not in str(e):
             raise

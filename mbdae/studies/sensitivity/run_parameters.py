@@ -14,7 +14,7 @@ from ...errors import InputError, StepError, UnknownNameError, is_number, requir
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import attempted
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.formats.loaded_model import LoadedModel, number
+from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
 from ...mechanism.formats.template import Template
 from ...solution.solution import Solution
 from ...system import Array
@@ -108,7 +108,7 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
         return {name: _value(name, value) for name, value in names.items()}
     if not isinstance(make, Template):
         raise InputError("the parameters of a function that makes a mechanism are given as name = value")
-    return {name: number(make, name) for name in listed}
+    return {name: parameter_value(make, name) for name in listed}
 
 
 def scaled(given: Any, default: Mapping[str, float]) -> Array:

@@ -87,7 +87,7 @@ def test_a_continuous_joint_may_wind_up(tmp_path):
         ('[[source]]\nfile = "robot.urdf"\nkey = "home"', "key belongs to an MJCF source"),
         ('[[source]]\nfile = "robot.urdf"\nparent = "b"', "unknown frame 'b'; valid: world"),
         ('[[source]]\nfile = "robot.urdf"\n[[source]]\nfile = "robot.urdf"', "give one source a prefix"),
-        (CIRCLE, "frames hang on each other and not on the world: a, b"),
+        (CIRCLE, "frames are attached to each other and not to the world: a, b"),
     ],
 )  # fmt: skip
 def test_wrong_tables_are_one_line(line, words, tmp_path):
@@ -277,7 +277,7 @@ def test_older_tables_of_parallel_robots(tmp_path):
         ("{", "is not YAML"),
         ("", "is not a table of keys"),
         ("closed_loop: &a [*a]", "its aliases expand to inf entries"),
-        ("name_mot: motor\nname_mot: []", "the key 'name_mot' is there more than once"),
+        ("name_mot: motor\nname_mot: []", "the key 'name_mot' occurs more than once"),
     ],
 )
 def test_wrong_robot_yaml_is_one_line(text, words, tmp_path):

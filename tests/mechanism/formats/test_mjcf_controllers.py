@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import LoadedModel, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 FIVE_BAR = """<mujoco>
@@ -100,7 +100,7 @@ def test_runs_have_derivatives_by_the_parameters_of_actuators(name, five_bar):
         return mbdae.solve(files.make({key: x}), (0, 0.5), **tight).signals()["q.left"][-1]
 
     files = LoadedModel(mech)
-    x = number(files, key)
+    x = parameter_value(files, key)
     assert slope == pytest.approx((end(x + 1e-4) - end(x - 1e-4)) / 2e-4, rel=1e-5)
 
 

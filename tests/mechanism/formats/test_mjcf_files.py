@@ -227,7 +227,7 @@ def test_sources_that_disagree_about_gravity_are_refused(tmp_path):
         text += f'[[source]]\nfile = "{name}.xml"\nprefix = "{name}_"\n'
     path = tmp_path / "mechanism.toml"
     path.write_text(text)
-    with pytest.raises(InputError, match=r"sources say gravity \[0.0, 0.0, -9.81\] and \[0.0, 0.0, -1.62\]"):
+    with pytest.raises(InputError, match=r"different gravity, \[0.0, 0.0, -9.81\] and \[0.0, 0.0, -1.62\]"):
         mbdae.load(path)
     path.write_text("gravity = [0.0, 0.0, -1.62]\n" + text)
     assert mbdae.load(path).gravity.tolist() == [0, 0, -1.62]

@@ -116,7 +116,7 @@ def test_a_planar_joint_that_becomes_another_keeps_its_frame(tmp_path):
 
 @pytest.mark.parametrize("kind", ["spherical", "universal", "translation", "free", "fixed"])
 def test_joints_without_an_axis_refuse_one(tmp_path, kind):
-    with pytest.raises(InputError, match=f"axis does not belong to a {kind} joint; turn its frame by rpy"):
+    with pytest.raises(InputError, match=f"axis does not belong to a {kind} joint; rotate its frame by rpy"):
         in_toml(tmp_path, (0, 0, 1), kind)
     if kind != "fixed":
         mech = in_toml(tmp_path, None, kind)
@@ -125,7 +125,7 @@ def test_joints_without_an_axis_refuse_one(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "planar"])
 def test_axes_of_zero_are_refused(tmp_path, kind):
-    with pytest.raises(InputError, match=r"slider.urdf: the axis of joint 'slide' is no direction: 0.0 0.0 0.0"):
+    with pytest.raises(InputError, match=r"slider.urdf: the axis of joint 'slide' is not a direction: 0.0 0.0 0.0"):
         in_urdf(tmp_path, (0.0, 0.0, 0.0), kind)
     with pytest.raises(InputError, match="the axis of body 'puck' is zero"):
         in_toml(tmp_path, (0.0, 0.0, 0.0), kind)

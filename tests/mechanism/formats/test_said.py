@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.mjcf.said import READ
+from mbdae.mechanism.formats.mjcf.unread_contents import READ
 from mbdae.mechanism.formats.urdf import OF_KIND, SHAPES
 
 # -- URDF --------------------------------------------------------------------------------------------------------------

@@ -87,13 +87,13 @@ def test_unattached_links_are_free_and_static_ones_are_fixed(tmp_path):
     ("old", "new", "words"),
     [
         ('type="revolute"', 'type="screw"', "joint 'drive' is of kind 'screw'; known: revolute"),
-        ("<parent>world</parent>", "<parent>wall</parent>", "joint 'drive' joins 'wall', which is no link"),
-        ("<xyz>0 -1 0</xyz>", "<xyz>0 0 0</xyz>", "the axis of joint 'drive' is no direction"),
+        ("<parent>world</parent>", "<parent>wall</parent>", "joint 'drive' joins 'wall', which is not a link"),
+        ("<xyz>0 -1 0</xyz>", "<xyz>0 0 0</xyz>", "the axis of joint 'drive' is zero"),
         ("<mass>0.5</mass>", "<mass>heavy</mass>", "the inertial of 'crank' takes 1 finite numbers"),
         ("<mass>0.5</mass>", "<mass>-0.5</mass>", r"the mass of link 'crank' of linkage.sdf is negative: -0.5 kg"),
         ("<inertia>", "<inertia><iyy>-1</iyy>", "the inertia of link 'crank' of linkage.sdf is not positive semi-def"),
         ("</mass>", "</mass><inertia><ixy>2</ixy></inertia>", "inertia of link 'crank' .* is not positive semi-def"),
-        ('relative_to="crank"', 'relative_to="coupler"', "placed relative to itself"),
+        ('relative_to="crank"', 'relative_to="coupler"', "is placed relative to itself"),
         ("<sdf", "<urdf", "is not XML|expected <sdf>"),
         ("<model name", '<model name="two"/><model name', "with one <model>, got <sdf> with 2"),
         ("<joint", "<include/><joint", "<include> within a model is not read"),
@@ -187,7 +187,7 @@ def test_inertia_of_shapes(tmp_path):
     assert pin.crba(mech.model, mech.model.createData(), np.zeros(1))[0, 0] == pytest.approx(expected, rel=1e-12)
     half, _ = loaded(tmp_path, text.format(shapes.replace("/>", "><mass>1</mass></inertial>", 1), "revolute", ""))
     assert pin.crba(half.model, half.model.createData(), np.zeros(1))[0, 0] == pytest.approx(expected / (rod + bob))
-    with pytest.raises(InputError, match="is to follow from its shapes, and 'arm/bob' is no solid"):
+    with pytest.raises(InputError, match="follows from its shapes, and 'arm/bob' is not a solid"):
         loaded(tmp_path, text.format(shapes.replace("sphere", "heightmap"), "revolute", ""))
     with pytest.raises(InputError, match=r"the mass of 'arm/rod' of .* is negative"):
         loaded(tmp_path, text.format(shapes.replace("<length>1<", "<length>-1<"), "revolute", ""))

@@ -34,7 +34,7 @@ def test_names_with_control_characters_are_refused(tmp_path):
     assert mbdae.load(tmp_path / "x.toml").nv == 1
 
 
-@pytest.mark.filterwarnings("ignore:x. not carried over. what else x.xml says, which is no well-formed XML")
+@pytest.mark.filterwarnings("ignore:x. not carried over. other contents of x.xml, which is not well-formed XML")
 def test_mjcf_names_with_control_characters_are_refused(tmp_path):
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     text = f'<mujoco><worldbody><body name="{RED}"><joint/><geom size="0.1"/></body></worldbody></mujoco>'

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 import mbdae
 from mbdae import tolerances
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.loaded_model import number
+from mbdae.mechanism.formats.loaded_model import parameter_value
 from mbdae.mechanism.formats.model_library import find
 from mbdae.mechanism.formats.template import Template
 from mbdae.studies.fit.data import records
@@ -73,7 +73,7 @@ def test_eight_parameters_of_four_bar_from_clean_data():
     names = ["frame.coupler_tip.xyz.0", "frame.rocker_tip.xyz.0", "joint.rocker.xyz.0", "joint.coupler.mass",
              "joint.rocker.com.0", "gravity.2", "start.q.crank", "start.v.crank"]  # fmt: skip
     template = Template("four_bar")
-    truth = {name: number(template, name) for name in names}
+    truth = {name: parameter_value(template, name) for name in names}
     truth["start.v.crank"] = 0.5
     data = measured("four_bar", truth, np.linspace(0.05, 0.8, 16), ["q.crank", "q.coupler", "q.rocker"], **STEP)
     bounds = {name: sorted((0.8 * x, 1.3 * x)) for name, x in truth.items()}

@@ -9,7 +9,7 @@ from smooth import SMOOTH
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formats.loaded_model import LoadedModel, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
 from mbdae.methods import method
 from mbdae.system import State
 
@@ -69,7 +69,7 @@ def test_multipliers_that_converge_after_the_state(options):
     """In a parallelogram those of stages are 1e-7 off when x and x' have converged to rounding."""
     name = "frame.crank_1_tip.xyz.0"
     make = LoadedModel(mbdae.load("n_four_bar"))
-    value = number(make, name)
+    value = parameter_value(make, name)
 
     @cache
     def run(x):

@@ -13,7 +13,7 @@ from mbdae import backend
 from mbdae.errors import InputError
 from mbdae.integrate import trajectory
 from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
-from mbdae.mechanism.formats.loaded_model import number
+from mbdae.mechanism.formats.loaded_model import parameter_value
 from mbdae.mechanism.formats.template import Template
 from mbdae.mechanism.mechanism import Mechanism
 from mbdae.methods import METHODS, Tableau
@@ -107,7 +107,7 @@ def test_placements_on_a_moving_tree():
     for i, name in enumerate(names):
         if name.split(".")[-2] in ("xyz", "rpy"):
             continue  # the given start would not close
-        error = best(found.dy[..., i], lambda x, name=name: run(name, x).y, number(template, name), mech=mech)
+        error = best(found.dy[..., i], lambda x, name=name: run(name, x).y, parameter_value(template, name), mech=mech)
         assert error < 1e-9, name
 
 
@@ -129,7 +129,7 @@ def test_modes_that_do_not_change(model, values, others, T, mode, project):
 def test_one_binding_serves_runs_in_two_modes():
     """Perturbed friction acts in the direction of slip of each run."""
     template, name = Template("stick_slip_slider"), "force.joint_friction 3.friction"
-    mech, value = template.make({}), number(template, name)
+    mech, value = template.make({}), parameter_value(template, name)
     q, v = mech.start
     free = free_velocity(mech)
     runs = [mbdae.solve(mech, (0.0, 4e-3), q, v + x * free, step=2e-3, method="pherk5") for x in (1.0, -1.0)]

@@ -9,7 +9,7 @@ from frozen import best, compare
 import mbdae
 from mbdae import Driver
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.loaded_model import LoadedModel, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
 from mbdae.mechanism.formats.template import Template
 
 WIDTHS = (1e-5, 1e-4, 1e-3)
@@ -25,7 +25,7 @@ ON_ROWS = [(GENEVA, {}, "closure.dwell.coefficients.0"), (GENEVA, SLOT, "frame.p
 @pytest.mark.parametrize(("template", "values", "name"), ON_ROWS)
 def test_rows_of_a_mode_with_perturbed_velocities(template, values, name, project):
     """Perturbed runs begin with an impact, which projects their velocities onto the rows; a driver does work there."""
-    value = number(template, name)
+    value = parameter_value(template, name)
 
     @cache
     def run(x):

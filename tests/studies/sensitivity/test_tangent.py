@@ -248,7 +248,7 @@ def test_what_has_no_derivative_is_refused_by_name():
     for names, words in (([3], "dotted names, as 'gravity.2' or 'joint.crank.mass', got 3"), (3, "a list of names"),
                          ((), "takes parameters, .* or start=True"), (None, "got None"), (0, "got 0"),
                          (["gravity.2", "gravity.2"], "'gravity.2' is named twice"),
-                         (["joint.crank"], "joint.crank is a joint: name a number of it, .*mass"),
+                         (["joint.crank"], "joint.crank is a joint: name an entry of it, .*mass"),
                          ({"gravity.2": None}, "'gravity.2' is a finite number, got None")):  # fmt: skip
         with pytest.raises(InputError, match=words):
             mbdae.sensitivity(sol, names)

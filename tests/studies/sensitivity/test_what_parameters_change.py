@@ -8,7 +8,7 @@ from chains import random_inertia
 import mbdae
 from mbdae import JointPID, backend
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.loaded_model import LoadedModel, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, parameter_value
 
 
 def with_pid(**more):
@@ -48,7 +48,7 @@ def test_a_projection_is_differentiated_even_without_a_violation(method):
     """Steps of a parallelogram end on the closures; those of one whose coupler is longer do not."""
     name = "frame.coupler_2_tip.xyz.0"
     make = LoadedModel(mbdae.load("n_four_bar", N=2))
-    h, x = 2e-4, number(make, name)
+    h, x = 2e-4, parameter_value(make, name)
 
     def end(value):
         return mbdae.solve(make.make({name: value}), (0.0, 0.1), method=method, step=0.05, project=True).y[-1]

@@ -13,7 +13,7 @@ import mbdae
 from mbdae import Closure, Mechanism
 from mbdae.errors import InputError
 from mbdae.finite_differences import converged_difference
-from mbdae.mechanism.formats.loaded_model import number
+from mbdae.mechanism.formats.loaded_model import parameter_value
 from mbdae.mechanism.formats.template import Template
 from mbdae.mechanism.model_settings import Start
 
@@ -84,7 +84,7 @@ def test_a_start_that_its_guess_does_not_decide(tmp_path):
     def run(x):
         return mbdae.solve(model.make({name: x}), (0.0, 0.02), step=0.01, method="pherk5")
 
-    value = number(model, name)
+    value = parameter_value(model, name)
     sol = run(value)
     found = mbdae.sensitivity(sol, {name: value}, model=model).dy[..., 0]
     assert best(found, lambda x: run(x).y, value, (1e-5, 1e-4, 1e-3), mech=sol.mechanism) < 1e-9

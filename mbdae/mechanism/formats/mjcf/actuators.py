@@ -1,4 +1,4 @@
-"""Motors and springs of an MJCF file."""
+"""Actuators and springs of an MJCF file."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,9 +18,9 @@ class MjcfActuators(NamedTuple):
     """Actuators of an MJCF file.
 
     Attributes:
-        motors: by the index of their control.
+        motors: motors by the index of their control.
         others: names of unsupported actuators.
-        limited: names of those whose limits or delays are not carried over.
+        limited: names of motors whose limits or delays are not carried over.
     """
 
     motors: dict[int, Motor]
@@ -29,10 +29,11 @@ class MjcfActuators(NamedTuple):
 
 
 def actuators_of(c: "MjcfModel") -> MjcfActuators:
-    """Return actuators on hinges and slides with force gain u + b_0 + b_1 length + b_2 velocity of the transmission.
+    """Return the actuators on hinges and slides with force gain u + b_0 + b_1 length + b_2 velocity.
 
-    That is motor, position, velocity, and general with affine bias. With length = gear q the torque on the joint is
-    gear times that force, gear gain u + gear b_0 + gear^2 (b_1 q + b_2 v): gear of the motor is gear gain.
+    These are motor, position, velocity, and general with affine bias; length is that of the transmission.
+    With length = gear q the torque on the joint is gear times the force, gear gain u + gear b_0 +
+    gear^2 (b_1 q + b_2 v): the gear of the motor is gear gain.
     """
     m, lib = c.m, c.lib
     motors: dict[int, Motor] = {}
@@ -49,7 +50,7 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
         )
         gear = float(m.actuator_gear[_address(m, "actuator_outadr", i), 0])
         if joint is not None:
-            _reflected(c, i, joint, gear)
+            _add_reflected_inertia(c, i, joint, gear)
         if not _active(c, i):
             others.append(f"{name} (not active)")
         elif joint is not None and plain:
@@ -70,7 +71,7 @@ def actuator_name(c: "MjcfModel", i: int) -> str:
 
 
 def _active(c: "MjcfModel", i: int) -> bool:
-    """Return whether the file's options leave an actuator enabled."""
+    """Return whether an actuator is enabled by the options of the file."""
     group = int(c.m.actuator_group[i])
     return not c.disables("ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
 
@@ -96,7 +97,7 @@ def _address(m: Any, array: str, i: int) -> int:
     return int(getattr(m, array)[i]) if hasattr(m, array) else i
 
 
-def _reflected(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
+def _add_reflected_inertia(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
     """Add armature and damping of an actuator to its joint (MuJoCo 4)."""
     m = c.m
     if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
@@ -107,7 +108,7 @@ def _reflected(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
 
 
 def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
-    """Return springs of hinges and slides; of ball and free joints as bushings of equal stiffnesses."""
+    """Return the springs of hinges and slides, and those of ball and free joints as bushings of equal stiffnesses."""
     m = c.m
     out: list[JointSpring | Bushing] = []
     for j in np.flatnonzero(m.jnt_stiffness).tolist() if not c.disables("SPRING") else ():
@@ -116,7 +117,7 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
             out.append(JointSpring(name=name, joint=c.joints[j], stiffness=k, rest=float(rest[0])))
             continue
         free = c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE
-        parent, place = c.before[j]
+        parent, place = c.joint_parents[j]
         here = place * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
         number = c.model.getJointId(c.joints[j])
         frames = (c.unique(f"{name}.1"), c.unique(f"{name}.2"))
@@ -127,7 +128,7 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
 
 
 def weightless(c: "MjcfModel") -> dict[str, float]:
-    """Return frames and masses that represent armature of free joints: with inertia, but without weight."""
+    """Return frames and masses for the armature of free joints, which has inertia, but no weight."""
     m, out = c.m, {}
     for j in range(m.njnt):
         mass = float(m.dof_armature[m.jnt_dofadr[j]])

@@ -16,9 +16,9 @@ class MjcfModel:
         lib: the mujoco package.
         m: the mujoco.MjModel.
         model: the Pinocchio model.
-        home: for each MuJoCo body the joint that carries it and its placement there.
-        before: for each MuJoCo joint the joint that carries it and its placement there.
-        joints: Pinocchio's name of each MuJoCo joint.
+        carriers: joint that carries each MuJoCo body, and the placement of the body in it.
+        joint_parents: parent joint of each MuJoCo joint, and its placement in it.
+        joints: name of each MuJoCo joint in Pinocchio.
         sites: name of the frame of each MuJoCo site.
     """
 
@@ -26,8 +26,8 @@ class MjcfModel:
         self.lib, self.m = lib, m
         self.model = pin.Model()
         self.model.name = name
-        self.home: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
-        self.before: list[tuple[int, pin.SE3]] = []
+        self.carriers: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
+        self.joint_parents: list[tuple[int, pin.SE3]] = []
         self._taken = {"world", "universe"}
         self.joints = [self._name("JOINT", j, "joint") for j in range(m.njnt)]
         self._taken = {"world", "universe"}  # joints and frames may share names
@@ -43,7 +43,7 @@ class MjcfModel:
         return self.lib.mj_id2name(self.m, getattr(self.lib.mjtObj, f"mjOBJ_{kind}"), i) or ""
 
     def disables(self, flag: str) -> bool:
-        """Return whether the file's option disables a term of the dynamics."""
+        """Return whether an option of the file disables a term of the dynamics."""
         bits = self.lib.mjtDisableBit
         bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE
         return bool(self.m.opt.disableflags & bit)
@@ -66,24 +66,24 @@ class MjcfModel:
 
     def add_frame(self, name: str, body: int, position: np.ndarray, quaternion: np.ndarray | None = None) -> str:
         """Add a frame on a MuJoCo body; return its name."""
-        joint, place = self.home[body]
+        joint, place = self.carriers[body]
         here = place * pose(position, quaternion)
         self.model.addFrame(pin.Frame(name, joint, here, pin.FrameType.OP_FRAME))
         return name
 
     def _add_body(self, b: int, name: str) -> None:
-        m, (joint, place) = self.m, self.home[self.m.body_parentid[b]]
+        m, (joint, place) = self.m, self.carriers[self.m.body_parentid[b]]
         place = place * pose(m.body_pos[b], m.body_quat[b])
         for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             joint, place = self._add_joint(j, joint, place)
-        self.home.append((joint, place))
-        turn = pose(np.zeros(3), m.body_iquat[b]).rotation
-        inertia = pin.Inertia(m.body_mass[b], m.body_ipos[b], turn @ np.diag(m.body_inertia[b]) @ turn.T)
+        self.carriers.append((joint, place))
+        rotation = pose(np.zeros(3), m.body_iquat[b]).rotation
+        inertia = pin.Inertia(m.body_mass[b], m.body_ipos[b], rotation @ np.diag(m.body_inertia[b]) @ rotation.T)
         self.model.appendBodyToJoint(joint, inertia, place)
         self.model.addFrame(pin.Frame(name, joint, place, pin.FrameType.BODY))
 
     def _add_joint(self, j: int, parent: int, place: pin.SE3) -> tuple[int, pin.SE3]:
-        """Add a joint; ``place`` is the body in the parent joint's frame before the joint, the result is that after."""
+        """Add a joint; return its number and the placement of the body in it, given that in the parent joint."""
         m, kinds = self.m, self.lib.mjtJoint
         at, axis = pose(m.jnt_pos[j]), np.array(m.jnt_axis[j])
         ref, after = float(m.qpos0[m.jnt_qposadr[j]]), at.inverse()
@@ -98,19 +98,19 @@ class MjcfModel:
             case kinds.mjJNT_SLIDE:
                 place = place * at * pose(-ref * axis)
                 joint = pin.JointModelPrismaticUnaligned(axis)
-        self.before.append((parent, place))
+        self.joint_parents.append((parent, place))
         number = self.model.addJoint(parent, joint, place, self.joints[j])
         new = self.model.joints[number]
-        ours, theirs = slice(new.idx_v, new.idx_v + new.nv), slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + new.nv)
-        self.model.armature[ours] = m.dof_armature[theirs]
-        if new.nv == 6:  # in space, as a weightless mass at the origin: Pinocchio's would rotate with the body
-            self.model.armature[ours.start : ours.start + 3] = 0
-            origin = pin.Inertia(m.dof_armature[theirs.start], np.zeros(3), np.zeros((3, 3)))
+        pin_rows, mujoco_rows = slice(new.idx_v, new.idx_v + new.nv), slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + new.nv)
+        self.model.armature[pin_rows] = m.dof_armature[mujoco_rows]
+        if new.nv == 6:  # as a weightless mass at the origin: armature of Pinocchio would rotate with the body
+            self.model.armature[pin_rows.start : pin_rows.start + 3] = 0
+            origin = pin.Inertia(m.dof_armature[mujoco_rows.start], np.zeros(3), np.zeros((3, 3)))
             self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
         if m.jnt_limited[j] and new.nq == 1:
             (self.model.lowerPositionLimit[new.idx_q], self.model.upperPositionLimit[new.idx_q]) = m.jnt_range[j]
-        self.model.upperDryFrictionLimit[ours] = m.dof_frictionloss[theirs]
-        self.model.lowerDryFrictionLimit[ours] = -m.dof_frictionloss[theirs]
+        self.model.upperDryFrictionLimit[pin_rows] = m.dof_frictionloss[mujoco_rows]
+        self.model.lowerDryFrictionLimit[pin_rows] = -m.dof_frictionloss[mujoco_rows]
         if not self.disables("DAMPER"):
-            self.model.damping[ours] = m.dof_damping[theirs]
+            self.model.damping[pin_rows] = m.dof_damping[mujoco_rows]
         return number, after

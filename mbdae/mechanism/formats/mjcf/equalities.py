@@ -11,15 +11,15 @@ if TYPE_CHECKING:
     from .compiled_model import MjcfModel
 
 
-def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
-    """Return closures and drivers of the active equalities, and the names of those left out with the reason.
+def closures_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
+    """Return closures and drivers of the active equalities, and names and reasons of the unsupported ones.
 
     A joint that is fixed at a value becomes a constant driver.
     """
     m, kinds, flags = c.m, c.lib.mjtEq, c.lib.mjtDisableBit
     off = bool(m.opt.disableflags & (flags.mjDSBL_EQUALITY | flags.mjDSBL_CONSTRAINT))
     out: list[Closure] = []
-    held: list[Driver] = []
+    drivers: list[Driver] = []
     unread: list[str] = []
     names: set[str] = set()
     for i in range(m.neq):
@@ -31,23 +31,23 @@ def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
         if off or not m.eq_active0[i]:
             unread.append(f"{name} (not active)")
         elif kind == kinds.mjEQ_JOINT and m.eq_obj2id[i] < 0:
-            held.append(Driver(name=name, joint=c.joints[m.eq_obj1id[i]], motion=_held(c, i)))
+            drivers.append(Driver(name=name, joint=c.joints[m.eq_obj1id[i]], motion=_constant_value(c, i)))
         elif kind == kinds.mjEQ_JOINT:
             out.append(_coupling(c, i, name))
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _same_carrier(c, i):
-            unread.append(f"{name} (its bodies do not move against each other)")
+            unread.append(f"{name} (no relative motion of its bodies)")
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             out.append(_closure(c, i, name))
         else:
             unread.append(f"{name} ({kind.name.removeprefix('mjEQ_').lower()})")
-    return out, held, unread
+    return out, drivers, unread
 
 
 def _same_carrier(c: "MjcfModel", i: int) -> bool:
     """Return whether both sides of an equality are carried by the same joint."""
     sides = int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     sites = c.lib.mjtObj(c.m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE
-    one, two = (c.home[c.m.site_bodyid[x] if sites else x][0] for x in sides)
+    one, two = (c.carriers[c.m.site_bodyid[x] if sites else x][0] for x in sides)
     return one == two
 
 
@@ -57,16 +57,16 @@ def _closure(c: "MjcfModel", i: int, name: str) -> Closure:
     weld = c.lib.mjtEq(m.eq_type[i]) == c.lib.mjtEq.mjEQ_WELD
     if c.lib.mjtObj(m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE:
         frames = (c.sites[one], c.sites[two])
-    else:  # MuJoCo stores a weld's anchor in body 2 first, a connect's in body 1
+    else:  # MuJoCo stores first the anchor of a weld in body 2, of a connect in body 1
         at, there = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
-        turn = data[6:10] if weld else None
+        rotation = data[6:10] if weld else None
         first, second = c.unique(f"{name}.1"), c.unique(f"{name}.2")
-        frames = (c.add_frame(first, one, at, turn), c.add_frame(second, two, there))
-    turns = weld and data[10] != 0  # torquescale 0 leaves the rotation free
-    return Closure(kind="frame" if turns else "point", frames=frames, name=name)
+        frames = (c.add_frame(first, one, at, rotation), c.add_frame(second, two, there))
+    rotations = weld and data[10] != 0  # torquescale 0 leaves the rotation free
+    return Closure(kind="frame" if rotations else "point", frames=frames, name=name)
 
 
-def _held(c: "MjcfModel", i: int) -> Constant:
+def _constant_value(c: "MjcfModel", i: int) -> Constant:
     return Constant(value=float(c.m.qpos0[c.m.jnt_qposadr[c.m.eq_obj1id[i]]] + c.m.eq_data[i, 0]))
 
 

@@ -1,7 +1,7 @@
 """Checks before MuJoCo reads an MJCF file: files must be on allowed paths, and counts must be limited.
 
-MuJoCo follows file names and counts without checks, so both are checked first. The text is searched and not parsed:
-everything that MuJoCo takes for an attribute is found, and possibly more, for instance in comments.
+MuJoCo does not check file names and counts, so both are checked first. The text is searched and not parsed: all
+attributes are found, and possibly more, for instance in comments.
 """
 
 import os
@@ -16,13 +16,13 @@ from ...allowed_paths import AllowedPaths, access_error
 
 ATTRIBUTE = re.compile(rb"""([A-Za-z_]\w*)\s*=\s*("[^"]*"|'[^']*')""")
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-LARGEST = {
+MAX_COUNTS = {
     **dict.fromkeys(("count", "nkey", "nrow", "ncol"), 10_000),
     **dict.fromkeys(("width", "height"), 8_192),
     "gridsize": 144,
 }
-USER = 10_000  # of ``nuser_body`` and the like
-MANY = 32  # folders
+MAX_USER = 10_000  # of ``nuser_body`` and the like
+MAX_FOLDERS = 32  # folders
 REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")
 
 
@@ -30,10 +30,9 @@ class XmlFiles(NamedTuple):
     """XML files of a model.
 
     Attributes:
-        main: the model's own.
-        texts: of this one and of those that it names.
-        named: the file that each name means.
-    named: the file of each name.
+        main: file of the model.
+        texts: contents of this file and of those that it names.
+        named: file of each name.
     """
 
     main: Path
@@ -41,11 +40,11 @@ class XmlFiles(NamedTuple):
     named: dict[str, Path]
 
 
-def check_files(path: Path, places: AllowedPaths) -> XmlFiles:
-    """Check the files that an MJCF file names, read its includes, and return those.
+def check_files(path: Path, allowed: AllowedPaths) -> XmlFiles:
+    """Check the files that an MJCF file names, read its includes, and return these.
 
     Raises:
-        InputError: names a file that is not allowed, or a number that is too large.
+        InputError: for a file that is not allowed, or a number that is too large.
     """
     folders, names, counts = {""}, set[tuple[Path, str]](), dict[Path, int]()
     waiting, files = [path.resolve()], XmlFiles(path.resolve(), {}, {})
@@ -54,29 +53,29 @@ def check_files(path: Path, places: AllowedPaths) -> XmlFiles:
             found = file.read_bytes()
             files.texts[file], counts[file] = found, _replicated(found, path.name)
             for key, value in _attributes(found):
-                _refuse_many(key, value, path.name)
+                _require_count(key, value, path.name)
                 if key.startswith("file"):
                     names.add((file.parent, value))
                 elif key in FOLDERS:
                     folders.add(value)
-        if len(folders) > MANY:
-            raise InputError(f"{path.name} names more than {MANY} folders of meshes and textures")
-        meant = {(base, n): _found(n, {base, files.main.parent}, folders, places) for base, n in names}
+        if len(folders) > MAX_FOLDERS:
+            raise InputError(f"{path.name} names more than {MAX_FOLDERS} folders of meshes and textures")
+        meant = {(base, n): _found(n, {base, files.main.parent}, folders, allowed) for base, n in names}
         files.named.update({n: found[0] for (_, n), found in meant.items() if found})
         waiting = [f for f in sorted({f for found in meant.values() for f in found} - counts.keys()) if _is_text(f)]
-    if prod(counts.values()) > LARGEST["count"]:
-        raise InputError(f"{path.name} replicates bodies {prod(counts.values())} times, beyond {LARGEST['count']}")
+    if prod(counts.values()) > MAX_COUNTS["count"]:
+        raise InputError(f"{path.name} replicates bodies {prod(counts.values())} times, beyond {MAX_COUNTS['count']}")
     return files
 
 
 def _attributes(text: bytes) -> list[tuple[str, str]]:
-    """Return names and values, as written and with escapes resolved."""
+    """Return names and values of attributes, both as written and with escapes resolved."""
     pairs = [(key.decode(), os.fsdecode(value[1:-1])) for key, value in ATTRIBUTE.findall(text)]
     return [*pairs, *((key, unescape(value)) for key, value in pairs if "&" in value)]
 
 
-def _found(name: str, bases: set[Path], folders: set[str], places: AllowedPaths) -> list[Path]:
-    """Return the files that a name may mean to MuJoCo, which may ignore its folders."""
+def _found(name: str, bases: set[Path], folders: set[str], allowed: AllowedPaths) -> list[Path]:
+    """Return all files that MuJoCo may find for a name, possibly without its folders."""
     plain = name.rpartition("://")[2]
     out = []
     for place in (base / folder / n for base in bases for folder in folders for n in {plain, Path(plain).name}):
@@ -86,10 +85,10 @@ def _found(name: str, bases: set[Path], folders: set[str], places: AllowedPaths)
                 continue
         except (OSError, ValueError, RuntimeError):  # not a path
             continue
-        if not places.holds(file):
-            raise access_error(name, file, places.root)
+        if not allowed.holds(file):
+            raise access_error(name, file, allowed.root)
         if not file.is_file():
-            raise InputError(f"{name!r} is not a plain file: {file}")
+            raise InputError(f"{name!r} is not a regular file: {file}")
         out.append(file)
     return out
 
@@ -100,8 +99,8 @@ def _is_text(file: Path) -> bool:
         return stream.read(200).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
 
-def _refuse_many(key: str, value: str, name: str) -> None:
-    largest = USER if key.startswith("nuser") else LARGEST.get(key)
+def _require_count(key: str, value: str, name: str) -> None:
+    largest = MAX_USER if key.startswith("nuser") else MAX_COUNTS.get(key)
     if largest is None:
         return
     numbers = [float(x) for x in re.findall(r"\d+(?:\.\d*)?(?:[eE]\+?\d+)?", value)]

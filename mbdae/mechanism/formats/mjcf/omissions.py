@@ -25,7 +25,7 @@ def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
     for g in np.flatnonzero(c.m.geom_group < SHOWN_GROUPS).tolist():
         name, material = c.name("GEOM", g) or f"geom{g}", int(c.m.geom_matid[g])
-        joint, place = c.home[c.m.geom_bodyid[g]]
+        joint, place = c.carriers[c.m.geom_bodyid[g]]
         here = place * pose(c.m.geom_pos[g], c.m.geom_quat[g])
         shape = _shape(c, g, meshes, level=joint == 0 and here.rotation[2, 2] > LEVEL)
         if shape is None:
@@ -68,16 +68,16 @@ def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS], level
 def left_out(
     c: "MjcfModel", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
-    """Everything that moves or shows the file's model and is not carried over, each with its names."""
+    """Return all features with an effect on motion or appearance that are not carried over, with their names."""
     found: list[tuple[str, Iterable[str]]] = [
-        ("contact between geoms", [""] if _touching(c) else []),
+        ("contact between geoms", [""] if _may_collide(c) else []),
         *_of_joints(c),
         ("equalities", equalities),
         ("actuators that are no motors, positions or velocities of a hinge or slide", actuators),
         ("limits and delays of motors", limited),
         ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(c.m, "actuator_dampingpoly"))),
         *_objects(c),
-        ("sleep of bodies", _sleepers(c)),
+        ("sleep of bodies", _sleeping_bodies(c)),
         ("forces of a fluid", [""] if c.m.opt.density or c.m.opt.viscosity else []),
         ("shapes", shapes),
     ]
@@ -96,7 +96,7 @@ def _of_joints(c: "MjcfModel") -> list[tuple[str, list[str]]]:
 
 
 def _objects(c: "MjcfModel") -> list[tuple[str, list[str]]]:
-    """Objects of MuJoCo, by its word for their kind; nameless ones by the word that follows, and their number."""
+    """Return unsupported objects by their kind in MuJoCo; nameless ones are called by the word and their number."""
     m = c.m
     found: list[tuple[str, str, str, Iterable[int]]] = [
         ("tendons", "TENDON", "tendon", range(m.ntendon)),
@@ -126,8 +126,8 @@ def _joints(c: "MjcfModel", per_dof: np.ndarray) -> list[str]:
     return list(dict.fromkeys(c.joints[c.m.dof_jntid[d]] for d in dofs))
 
 
-def _sleepers(c: "MjcfModel") -> list[str]:
-    """Return bodies whose trees have a sleep setting; a nameless one if the file only enables sleeping."""
+def _sleeping_bodies(c: "MjcfModel") -> list[str]:
+    """Return the bodies whose trees have a sleep setting, or one without a name if the file only enables sleeping."""
     m, own = c.m, getattr(c.lib, "mjtSleepPolicy", None)
     if own is None:
         return []
@@ -137,7 +137,7 @@ def _sleepers(c: "MjcfModel") -> list[str]:
     return [c.name("BODY", b) or f"body{b}" for b in bodies] or ([""] if on else [])
 
 
-def _touching(c: "MjcfModel") -> bool:
+def _may_collide(c: "MjcfModel") -> bool:
     """Return whether two geoms on bodies in relative motion may collide, according to their bit masks."""
     m = c.m
     if c.m.opt.disableflags & (c.lib.mjtDisableBit.mjDSBL_CONTACT | c.lib.mjtDisableBit.mjDSBL_CONSTRAINT):

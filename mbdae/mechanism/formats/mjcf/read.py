@@ -1,7 +1,7 @@
-"""MJCF: compiled by MuJoCo itself, then converted to a Pinocchio model with closures, forces and a start state.
+"""MJCF: compiled by MuJoCo, then converted to a Pinocchio model with closures, forces and an initial state.
 
-MuJoCo's compiler resolves defaults, includes, angles and inertias, so the converted values are those that MuJoCo would
-simulate with. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of free joints
+The compiler of MuJoCo resolves defaults, includes, angles and inertias, so the converted values are those of MuJoCo's
+simulation. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of free joints
 change according to `mbdae.mechanism.formats.mjcf.states`. A body with several joints becomes a chain of joints with
 massless intermediate links. Equalities become exact closures: their softness (solref, solimp) is not carried over.
 """
@@ -25,14 +25,14 @@ from ..reader import Reader
 from ..schema import Source
 from .actuators import actuators_of, springs_of, weightless
 from .compiled_model import MjcfModel
-from .equalities import loops_of
+from .equalities import closures_of
 from .file_checks import check_files
 from .omissions import left_out, visuals
-from .said import unread
 from .states import from_mujoco
+from .unread_contents import unread
 
 REFERENCE = "qpos0"
-ONE_AT_A_TIME = Lock()  # MuJoCo has one global warning handler for all threads
+COMPILER_LOCK = Lock()  # MuJoCo has one global warning handler for all threads
 NUMBERS = (
     "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis",
     "jnt_stiffness", "dof_armature", "dof_damping", "qpos0", "qpos_spring", "key_qpos", "key_qvel", "eq_data",
@@ -41,14 +41,14 @@ NUMBERS = (
 )  # fmt: skip
 
 
-def read_mjcf(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
+def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
     """Read an MJCF file.
 
     Args:
-        path: the file; files that it includes are found as MuJoCo finds them.
-        places: where the file may be.
-        source: with the name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first
-            keyframe, if there is one, when left out.
+        path: the file; included files are searched as by MuJoCo.
+        allowed: paths of the files that may be read.
+        source: options, with the keyframe of the initial state, ``"qpos0"`` for the reference configuration; the first
+            keyframe, if there is one, by default.
 
     Raises:
         InputError: if MuJoCo is missing, or cannot compile the file, or for a file that is not allowed.
@@ -58,16 +58,16 @@ def read_mjcf(path: Path, places: AllowedPaths, source: Source) -> ImportedModel
         import mujoco
     except ImportError:
         raise InputError(f"{path.name} is MJCF: reading it needs MuJoCo, pip install 'mbdae[mjcf]'") from None
-    files = check_files(path, places)
+    files = check_files(path, allowed)
     m = _compile(mujoco, path)
-    _refuse_wild(m, path.name)
+    _require_finite(m, path.name)
     c = MjcfModel(mujoco, m, path.stem)
-    acting = actuators_of(c)
+    actuators = actuators_of(c)
     frame = _key(c, source.key)
     start = _start(c, frame)
     control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
     gravity = (0.0, 0.0, 0.0) if c.disables("GRAVITY") else tuple(m.opt.gravity.tolist())
-    closures, drivers, equalities = loops_of(c)
+    closures, drivers, equalities = closures_of(c)
     forces, masses, (geometry, shapeless) = springs_of(c), weightless(c), visuals(c)
     return ImportedModel(
         c.model,
@@ -79,16 +79,16 @@ def read_mjcf(path: Path, places: AllowedPaths, source: Source) -> ImportedModel
         forces=tuple(forces),
         weightless=masses,
         start=start,
-        motors=tuple(acting.motors.values()),
-        controls={motor.name: float(control[i]) for i, motor in acting.motors.items() if control[i]},
-        left_out=(*left_out(c, equalities, acting.others, acting.limited, shapeless), *unread(files)),
+        motors=tuple(actuators.motors.values()),
+        controls={motor.name: float(control[i]) for i, motor in actuators.motors.items() if control[i]},
+        left_out=(*left_out(c, equalities, actuators.others, actuators.limited, shapeless), *unread(files)),
     )
 
 
 def _compile(lib: ModuleType, path: Path) -> Any:
     said: list[str] = []
-    with ONE_AT_A_TIME:
-        before = lib.get_mju_user_warning()
+    with COMPILER_LOCK:
+        joint_parents = lib.get_mju_user_warning()
         lib.set_mju_user_warning(said.append)  # otherwise MuJoCo writes them to a file in the working directory
         try:
             m = lib.MjModel.from_xml_path(str(path))
@@ -96,14 +96,14 @@ def _compile(lib: ModuleType, path: Path) -> Any:
             words = " ".join(str(e).split())
             raise InputError(f"{path.name} is not an MJCF file that MuJoCo compiles: {words}") from None
         finally:
-            lib.set_mju_user_warning(before)
+            lib.set_mju_user_warning(joint_parents)
     for text in said:
         warnings.warn(f"{path.name}: MuJoCo says {text.strip()}", stacklevel=4)
     return m
 
 
-def _refuse_wild(m: Any, name: str) -> None:
-    """Reject numbers that are not finite, or whose products would overflow."""
+def _require_finite(m: Any, name: str) -> None:
+    """Require numbers that are finite, and whose products do not overflow."""
     for array in NUMBERS:
         if not np.abs(getattr(m, array)).max(initial=0) <= HUGE:
             raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")
@@ -137,5 +137,5 @@ mjcf = Reader(
     "mjcf",
     (".xml", ".mjcf"),
     read_mjcf,
-    refused={"free_flyer": "does not belong to an MJCF source: {} has free joints of its own"},
+    rejected={"free_flyer": "does not belong to an MJCF source: {} has free joints of its own"},
 )

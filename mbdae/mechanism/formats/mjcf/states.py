@@ -9,7 +9,7 @@ free          position, quaternion w x y z;               position, quaternion x
               v of the origin in the world, w in the body  v of the origin and w in the body
 ============  ==========================================  =======================================
 
-Both number joints depth first, so the order is the same.
+Both order joints depth first.
 """
 
 import numpy as np
@@ -28,11 +28,11 @@ def from_mujoco(model: pin.Model, qpos: np.ndarray, qvel: np.ndarray | None = No
     """
     q, v = _checked(model, qpos, qvel)
     for joint, kind in _quaternion_joints(model):
-        turn = slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
-        q[turn] = _unit(q[turn][TO_XYZW])
+        quaternion = slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
+        q[quaternion] = _unit(q[quaternion][TO_XYZW])
         if kind == "JointModelFreeFlyer":
             linear = slice(joint.idx_v, joint.idx_v + 3)
-            v[linear] = pin.Quaternion(q[turn]).matrix().T @ v[linear]
+            v[linear] = pin.Quaternion(q[quaternion]).matrix().T @ v[linear]
     return q, v
 
 
@@ -44,11 +44,11 @@ def to_mujoco(model: pin.Model, q: np.ndarray, v: np.ndarray | None = None) -> t
     """
     qpos, qvel = _checked(model, q, v)
     for joint, kind in _quaternion_joints(model):
-        turn = slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
+        quaternion = slice(joint.idx_q + joint.nq - 4, joint.idx_q + joint.nq)
         if kind == "JointModelFreeFlyer":
             linear = slice(joint.idx_v, joint.idx_v + 3)
-            qvel[linear] = pin.Quaternion(_unit(qpos[turn])).matrix() @ qvel[linear]
-        qpos[turn] = qpos[turn][TO_WXYZ]
+            qvel[linear] = pin.Quaternion(_unit(qpos[quaternion])).matrix() @ qvel[linear]
+        qpos[quaternion] = qpos[quaternion][TO_WXYZ]
     return qpos, qvel
 
 

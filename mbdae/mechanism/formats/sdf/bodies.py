@@ -10,17 +10,17 @@ import pinocchio as pin
 from ....errors import InputError
 from ...allowed_paths import AllowedPaths
 from ...scene.meshes import placeholder
-from ..inertias import judged_inertia
+from ..inertias import checked_inertia
 from ..recorded import Recorded
 from .elements import YES, SdfElements
 
-WATER = 1000.0  # kg/m^3: the format's density
+WATER = 1000.0  # kg/m^3: default density of the format
 GREY = (0.6, 0.6, 0.6, 1.0)
 ENTRIES = (("ixx", 1.0), ("ixy", 0.0), ("iyy", 1.0), ("ixz", 0.0), ("iyz", 0.0), ("izz", 1.0))
 
 
 def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
-    """Return the inertia of a link in its frame: from the file, or from its collision shapes where requested.
+    """Return the inertia of a link in its frame, from the file or, on request, from its collision shapes.
 
     Raises:
         InputError: for invalid numbers, masses and tensors that are not physical, and shapes of unknown inertia.
@@ -31,11 +31,11 @@ def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
     mass = of.number(e, "mass", 1.0, what)
     xx, xy, yy, xz, yz, zz = (of.number(e, f"inertia/{key}", default, what) for key, default in ENTRIES)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    inertia = judged_inertia(mass, np.zeros(3), tensor, f"link {link!r} of {of.file}")
+    inertia = checked_inertia(mass, np.zeros(3), tensor, f"link {link!r} of {of.file}")
     if e is None:
         return inertia
     here = of.links[link]
-    return here.actInv(of.placed(e, f"{link}, its inertial", here)).act(inertia)
+    return here.actInv(of.placement_in_world(e, f"{link}, its inertial", here)).act(inertia)
 
 
 def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
@@ -45,22 +45,22 @@ def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
         InputError: for a shape that is not a solid of the format.
     """
     what, here, total = f"the inertial of {link!r}", of.links[link], pin.Inertia.Zero()
-    usual = of.number(e, "density", WATER, what)
+    default_density = of.number(e, "density", WATER, what)
     for shape in of.by_name[link].all("collision"):
         name = f"{link}/{shape.get('name')}"
         solid = solid_of(of, shape.first("geometry"), name)
         if solid is None:
-            raise InputError(f"{of.file}: {what} is to follow from its shapes, and {name!r} is no solid: say the mass")
-        density = of.number(shape, "density", usual, f"the density of {name!r}")
+            raise InputError(f"{of.file}: {what} follows from its shapes, and {name!r} is not a solid: set the mass")
+        density = of.number(shape, "density", default_density, f"the density of {name!r}")
         moment = density * np.array(solid.computeMomentofInertia())
         com = np.array(solid.computeCOM()).ravel()
-        one = judged_inertia(density * solid.computeVolume(), com, moment, f"{name!r} of {of.file}")
-        total += here.actInv(of.placed(shape, name, here)).act(one)
+        one = checked_inertia(density * solid.computeVolume(), com, moment, f"{name!r} of {of.file}")
+        total += here.actInv(of.placement_in_world(shape, name, here)).act(one)
     if not total.mass > 0:
-        raise InputError(f"{of.file}: {what} is to follow from its shapes, and they have no mass")
+        raise InputError(f"{of.file}: {what} follows from its shapes, which have no mass")
     mass = of.number(e, "mass", total.mass, what)
     tensor = total.inertia * abs(mass / total.mass)
-    return judged_inertia(mass, total.lever, tensor, f"link {link!r} of {of.file}")
+    return checked_inertia(mass, total.lever, tensor, f"link {link!r} of {of.file}")
 
 
 def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
@@ -84,18 +84,17 @@ def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
 
 
 def visuals_of(
-    of: SdfElements, places: AllowedPaths, carried: Callable[[str], tuple[int, pin.SE3]]
+    of: SdfElements, allowed: AllowedPaths, carried: Callable[[str], tuple[int, pin.SE3]]
 ) -> tuple[pin.GeometryModel, list[str], str]:
     """Return the visuals of the links.
 
     Args:
         of: the elements.
-        places: allowed paths of meshes.
-        carried: the joint that carries a link, and its placement in the world.
+        allowed: allowed paths of meshes.
+        carried: returns the joint that carries a link, and its placement in the world.
 
     Returns:
-        Solids and meshes; the names of unsupported shapes and of meshes that are not found; and the reason for the
-        first.
+        Solids and meshes; the names of unsupported shapes and of missing meshes; and the reason for the first.
     """
     out, missing, reason = pin.GeometryModel(), list[str](), ""
     for link, here in of.links.items():
@@ -108,8 +107,8 @@ def visuals_of(
                     shape = solid_of(of, geometry, name)
                 else:
                     scale = np.array(of.parse_numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
-                    found = places.find(mesh.text("uri") or "")
-                    shape, files = placeholder(found, scale), (str(found), str(places.companions(found)))
+                    found = allowed.find(mesh.text("uri") or "")
+                    shape, files = placeholder(found, scale), (str(found), str(allowed.companions(found)))
             except InputError as error:
                 if mesh is None:
                     raise
@@ -117,7 +116,7 @@ def visuals_of(
             if shape is None:
                 missing.append(name)
                 continue
-            g = pin.GeometryObject(name, joint, origin.actInv(of.placed(e, name, here)), shape)
+            g = pin.GeometryObject(name, joint, origin.actInv(of.placement_in_world(e, name, here)), shape)
             (g.meshPath, g.meshTexturePath), g.meshScale = files, scale
             colour = e.text("material/diffuse") or e.text("material/ambient")
             g.meshColor = np.array(of.parse_numbers(colour, 4, name) if colour else GREY)

@@ -1,6 +1,7 @@
-"""Elements of an SDF model: numbers, relative poses, and the links that carry frames."""
+"""Elements of an SDF model: numbers, relative poses, and the links to which frames are attached."""
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,7 @@ from ...checked_table import HUGE
 from ...frames import WORLD
 from ..recorded import Recorded
 
-MODEL, OWN = "__model__", "the model"
+MODEL, MODEL_LABEL = "__model__", "the model"
 YES = ("1", "true")
 AXES_IN_MODEL = (1, 4)  # up to this version axes are in the model frame
 
@@ -20,9 +21,9 @@ class SdfElements:
 
     Attributes:
         file: name of the file, for messages.
-        version: of the format, two numbers; infinite if the file has none.
-        model: the element.
-        by_name: links, joints and frames.
+        version: version of the format, two numbers; infinite if the file has none.
+        model: the model element.
+        by_name: elements of links, joints and frames.
         links: placement of each link in the world.
 
     Raises:
@@ -42,7 +43,7 @@ class SdfElements:
     def _name(self, e: Recorded) -> str:
         name = e.get("name")
         if not name or sum(x.get("name") == name for x in self.model.all(e.tag)) > 1:
-            raise InputError(f"{self.file}: each <{e.tag}> needs a name of its own, got {name!r}")
+            raise InputError(f"{self.file}: each <{e.tag}> needs a different name, got {name!r}")
         return name
 
     def is_set(self, e: Recorded, path: str, default: bool = False) -> bool:
@@ -53,17 +54,19 @@ class SdfElements:
     def placement_of(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
         """Return the placement of a link, joint or frame in the world."""
         if name in ("", MODEL):
-            return self.pose(self.model, OWN)
+            return self.pose(self.model, MODEL_LABEL)
         if name == WORLD:
             return pin.SE3.Identity()
         if name not in self.by_name or name in seen:
-            raise InputError(f"{self.file}: {name!r} is no link, joint or frame, or placed relative to itself")
+            raise InputError(f"{self.file}: {name!r} is not a link, joint or frame, or is placed relative to itself")
         e = self.by_name[name]
         base = e.get("attached_to") if e.tag == "frame" else (e.text("child") or "") if e.tag == "joint" else ""
-        return self.placed(e, name, lambda: self.placement_of(base, (*seen, name)), (*seen, name))
+        return self.placement_in_world(e, name, lambda: self.placement_of(base, (*seen, name)), (*seen, name))
 
-    def placed(self, e: Recorded, name: str, base: "pin.SE3 | object", seen: tuple[str, ...] = ()) -> pin.SE3:
-        """Return the world placement of an element: its pose relative to the frame that it names, or else ``base``.
+    def placement_in_world(
+        self, e: Recorded, name: str, base: pin.SE3 | Callable[[], pin.SE3], seen: tuple[str, ...] = ()
+    ) -> pin.SE3:
+        """Return the world placement of an element: its pose relative to the frame that it names, or to ``base``.
 
         Args:
             e: element with or without a pose.
@@ -85,7 +88,7 @@ class SdfElements:
         pose.skip_blank("frame")  # of versions 1.5 and 1.6, where a name has no defined meaning
         style, degrees = pose.get("rotation_format", "euler_rpy"), pose.get("degrees").lower() in YES
         if style not in ("euler_rpy", "quat_xyzw"):
-            raise InputError(f"{self.file}: the pose of {name!r} is no roll, pitch and yaw, and no quaternion")
+            raise InputError(f"{self.file}: the pose of {name!r} is neither roll, pitch and yaw, nor a quaternion")
         x = np.array(self.parse_numbers(text, 7 if style == "quat_xyzw" else 6, f"the pose of {name!r}"))
         if style == "quat_xyzw":
             if not np.linalg.norm(x[3:]) > 0:
@@ -113,7 +116,7 @@ class SdfElements:
         return default if text is None else self.parse_numbers(text, 1, what)[0]
 
     def link_of(self, name: str) -> str | None:
-        """Return the link, or the world, that carries a link, frame or joint; None if there is none."""
+        """Return the link, or the world, to which a link, frame or joint is attached; None if there is none."""
         seen = set[str]()
         while name not in (WORLD, *self.links):
             if name in ("", MODEL):

@@ -33,9 +33,9 @@ class SdfAxis:
         damping: in N m s/rad or N s/m.
         friction: in N m or N.
         stiffness: in N m/rad or N/m.
-        rest: zero of the spring, in rad or m.
-        ends: lower and upper limit in rad or m.
-        bounds: of effort and of velocity.
+        rest: rest position of the spring, in rad or m.
+        limits: lower and upper limit in rad or m.
+        bounds: bounds of effort and velocity.
     """
 
     xyz: tuple[float, ...]
@@ -43,43 +43,43 @@ class SdfAxis:
     friction: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
-    ends: tuple[float, float] = (-np.inf, np.inf)
+    limits: tuple[float, float] = (-np.inf, np.inf)
     bounds: tuple[float, float] = (np.inf, np.inf)
 
     @property
-    def limited(self) -> bool:
+    def has_limits(self) -> bool:
         """Whether the axis has a limit."""
-        return bool(np.isfinite(self.ends).any())
+        return bool(np.isfinite(self.limits).any())
 
     @property
-    def bounded(self) -> bool:
+    def has_bounds(self) -> bool:
         """Whether its effort or its velocity has a limit."""
         return bool(np.isfinite(self.bounds).any())
 
 
 @dataclass(frozen=True)
 class SdfJoint:
-    """A joint: its kind, the links that it connects, its placement in the world, and its axes.
+    """A joint of an SDF file.
 
     Attributes:
         name: name of the joint.
         kind: kind in the file.
         parent: link, or the world.
         child: link, or the world.
-        place: placement in the world.
+        placement: placement in the world.
         axes: one for each coordinate, none for balls.
-        mimic: how it follows another joint.
-        follows: description of its leader, if that cannot be followed.
+        mimic: the coupling to another joint.
+        unsupported_leader: description of its leader, if that is not supported.
     """
 
     name: str
     kind: str
     parent: str
     child: str
-    place: pin.SE3
+    placement: pin.SE3
     axes: tuple[SdfAxis, ...] = ()
     mimic: Mimic | None = field(default=None)
-    follows: str = ""
+    unsupported_leader: str = ""
 
     @property
     def scalar(self) -> bool:
@@ -92,7 +92,7 @@ class SdfJoint:
         return any(a.damping or a.stiffness for a in self.axes)
 
     def model(self) -> Any:
-        """Pinocchio's joint."""
+        """Return the joint of Pinocchio."""
         return MOVING[self.kind](*(np.array(a.xyz) for a in self.axes))
 
     def copy_to(self, model: pin.Model, number: int) -> None:
@@ -102,7 +102,7 @@ class SdfJoint:
             v, q = moving.idx_v + i, moving.idx_q + i
             model.damping[v] = a.damping
             model.upperDryFrictionLimit[v], model.lowerDryFrictionLimit[v] = a.friction, -a.friction
-            model.lowerPositionLimit[q], model.upperPositionLimit[q] = a.ends
+            model.lowerPositionLimit[q], model.upperPositionLimit[q] = a.limits
             (effort, velocity) = a.bounds
             model.upperEffortLimit[v], model.lowerEffortLimit[v] = effort, -effort
             model.upperVelocityLimit[v], model.lowerVelocityLimit[v] = velocity, -velocity
@@ -114,35 +114,35 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
     Raises:
         InputError: for an unsupported kind, unknown links, or an axis without a direction.
     """
-    kind, ends = e.get("type"), [e.text(key) or "" for key in ("parent", "child")]
+    kind, link_names = e.get("type"), [e.text(key) or "" for key in ("parent", "child")]
     if kind not in AXES:
         raise InputError(f"{of.file}: joint {name!r} is of kind {kind!r}; known: {', '.join(AXES)}")
     links = []
-    for end in ends:
+    for end in link_names:
         link = of.link_of(end) if end else None
         if link is None:
             links_known = ", ".join(of.links)
-            raise InputError(f"{of.file}: joint {name!r} joins {end!r}, which is no link; links: {links_known}")
+            raise InputError(f"{of.file}: joint {name!r} joins {end!r}, which is not a link; links: {links_known}")
         links.append(link)
     if links[0] == links[1]:
         raise InputError(f"{of.file}: joint {name!r} joins {links[0]!r} with itself")
-    place, tags = of.placement_of(name), ("axis", "axis2")[: AXES[kind]]
-    axes = tuple(_axis(of, name, kind, e.first(tag), place) for tag in tags)
+    placement, tags = of.placement_of(name), ("axis", "axis2")[: AXES[kind]]
+    axes = tuple(_axis(of, name, kind, e.first(tag), placement) for tag in tags)
     if len(axes) == 2 and abs(np.dot(axes[0].xyz, axes[1].xyz)) > PARALLEL:
         raise InputError(f"{of.file}: the axes of joint {name!r} are not perpendicular")
-    mimic, follows = _mimic(of, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
-    return SdfJoint(name, kind, links[0], links[1], place, axes, mimic, follows)
+    mimic, unsupported_leader = _mimic(of, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
+    return SdfJoint(name, kind, links[0], links[1], placement, axes, mimic, unsupported_leader)
 
 
-def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, place: pin.SE3) -> SdfAxis:
+def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, placement: pin.SE3) -> SdfAxis:
     found = None if e is None else e.first("xyz")
     xyz = np.array(of.parse_numbers("0 0 1" if found is None else found.text(), 3, f"the axis of joint {joint!r}"))
     if not np.linalg.norm(xyz) > 0:
-        raise InputError(f"{of.file}: the axis of joint {joint!r} is no direction")
+        raise InputError(f"{of.file}: the axis of joint {joint!r} is zero")
     in_model = of.version <= AXES_IN_MODEL or (e is not None and of.is_set(e, "use_parent_model_frame"))
     frame = MODEL if in_model else found.get("expressed_in") if found else ""
-    turned = place.rotation.T @ of.placement_of(frame).rotation @ xyz if frame else xyz
-    unit = tuple((turned / np.linalg.norm(turned)).tolist())
+    in_joint = placement.rotation.T @ of.placement_of(frame).rotation @ xyz if frame else xyz
+    unit = tuple((in_joint / np.linalg.norm(in_joint)).tolist())
 
     def number(key: str, what: str, default: float = 0.0) -> float:
         return of.number(e, key, default, f"the {what} of joint {joint!r}")
@@ -184,5 +184,5 @@ def _mimic(of: SdfElements, joint: str, e: Recorded | None) -> tuple[Mimic | Non
 
 
 def leaders(joints: Iterable[SdfJoint]) -> set[str]:
-    """Return names of the joints that others follow."""
+    """Return the names of the leaders of mimic joints."""
     return {j.mimic.other for j in joints if j.mimic}

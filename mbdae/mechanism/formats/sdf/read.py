@@ -1,9 +1,9 @@
 """SDF: links, joints and loops of one model, see sdformat.org.
 
-SDF is a graph of links. From the world, and from links without a parent joint, joints are followed from parent to
+SDF describes a graph of links. From the world, and from links without a parent joint, joints are added from parent to
 child; a joint to a link that is already in the tree is cut and becomes a closure. If forces act along the axis of such
-a joint, the link is cut instead: the joint carries one half of it, and a weld connects both halves. Links without a
-parent joint fly freely; those of a static model do not move.
+a joint, the link is split instead: the joint carries one half of it, and a weld connects both halves. Links without a
+parent joint have a free joint, except in a static model.
 """
 
 import warnings
@@ -45,26 +45,26 @@ class SdfRecord(Table):
     packages: tuple[str, ...]
 
 
-def read_sdf(text: str, name: str, places: AllowedPaths) -> ImportedModel:
+def read_sdf(text: str, name: str, allowed: AllowedPaths) -> ImportedModel:
     """Read an SDF text.
 
     Args:
         text: the SDF.
         name: name of the file, for messages.
-        places: allowed paths of meshes.
+        allowed: allowed paths of meshes.
 
     Raises:
         InputError: for a text that is not SDF with one model, or for unsupported contents, which it names.
     """
     root = Recorded.parse(text, name)
     worlds = root.all("world")
-    models = [m for holder in (root, *worlds) for m in holder.all("model")]
+    models = [m for parent in (root, *worlds) for m in parent.all("model")]
     if root.tag != "sdf" or len(models) != 1:
         raise InputError(f"{name}: expected <sdf> with one <model>, got <{root.tag}> with {len(models)}")
     elements = SdfElements(models[0], root.get("version"), name)
     gravity = root.text("world/gravity")
-    record = {"sdf": text, "folder": str(places.folder), "packages": list(map(str, places.packages))}
-    return SdfModel(elements).imported_model(gravity, places, record, root)
+    record = {"sdf": text, "folder": str(allowed.folder), "packages": list(map(str, allowed.packages))}
+    return SdfModel(elements).imported_model(gravity, allowed, record, root)
 
 
 class SdfModel:
@@ -74,36 +74,38 @@ class SdfModel:
         self.of = elements
         joints = [read_joint(elements, n, e) for n, e in elements.by_name.items() if e.tag == "joint"]
         self.static = elements.is_set(elements.model, "static")
-        self.joints, self.idle = ([], joints) if self.static else (joints, [])
+        self.joints, self.static_joints = ([], joints) if self.static else (joints, [])
         self.inertias = {link: inertia_of(elements, link) for link in elements.links}
         self.model = pin.Model()
         self.model.name = elements.model.get("name", elements.file)
-        self.home: dict[str, int] = {WORLD: 0}  # the joint that carries a link
+        self.carriers: dict[str, int] = {WORLD: 0}  # the joint that carries a link
         self.origins = [pin.SE3.Identity()]  # of joints in the world
         self.tree: list[SdfJoint] = []
-        self.roots = self._span()
-        self.halved = [j for j in self.joints if j not in self.tree and self._halves(j)]
-        self.shares = Counter(j.child for j in self.halved)
+        self.roots = self._choose_tree()
+        self.split_joints = [j for j in self.joints if j not in self.tree and self._can_split(j)]
+        self.pieces = Counter(j.child for j in self.split_joints)
 
-    def imported_model(self, gravity: str | None, places: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
+    def imported_model(self, gravity: str | None, allowed: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
         """Return the imported model of the file."""
-        self._grow(WORLD)
+        self._add_subtree(WORLD)
         for link in self.roots:
             place = self.of.links[link]
-            self.home[link] = 0 if self.static else self._add(0, pin.JointModelFreeFlyer(), place, f"{link} free")
-            self._carry(link)
-            self._grow(link)
+            self.carriers[link] = 0 if self.static else self._add(0, pin.JointModelFreeFlyer(), place, f"{link} free")
+            self._add_link(link)
+            self._add_subtree(link)
         for name, e in self.of.by_name.items():
             if e.tag == "frame":
-                self._frame(name, self.home[self.of.link_of(name) or WORLD], self.of.placement_of(name))
+                self._frame(name, self.carriers[self.of.link_of(name) or WORLD], self.of.placement_of(name))
         closures = [self._close(j) for j in self.joints if j not in self.tree]
-        visuals, shapeless, reason = visuals_of(self.of, places, lambda n: (self.home[n], self.origins[self.home[n]]))
+        visuals, shapeless, reason = visuals_of(
+            self.of, allowed, lambda n: (self.carriers[n], self.origins[self.carriers[n]])
+        )
         if reason:
             warnings.warn(f"{self.of.file}: meshes left out, {reason}", stacklevel=2)
         weightless = dict(filter(None, map(self._weightless, self.of.links)))
         springs, mimics = self._springs(), self._mimics()
-        said = [name_list(what, names) for what, names in self._said_only(shapeless) if names]
-        left = chain(root.unread([self.of.model]), self.of.model.unread())
+        unsupported = [name_list(what, names) for what, names in self._unsupported(shapeless) if names]
+        unread = chain(root.unread([self.of.model]), self.of.model.unread())
         return ImportedModel(
             self.model,
             visuals,
@@ -113,11 +115,11 @@ class SdfModel:
             forces=tuple(springs),
             mimics=tuple(mimics),
             weightless=weightless,
-            left_out=(*said, *unread_phrases(left)),
+            left_out=(*unsupported, *unread_phrases(unread)),
         )
 
-    def _span(self) -> list[str]:
-        """Choose the joints of the tree, nearest to the world first; return the links that none of them carries."""
+    def _choose_tree(self) -> list[str]:
+        """Choose the joints of the tree, breadth first from the world; return the links that have no joint in it."""
         reached, waiting, roots = {WORLD}, [WORLD], []
         carried = {j.child for j in self.joints}
         for link in chain([""], (n for n in self.of.links if n not in carried), self.of.links):
@@ -134,26 +136,26 @@ class SdfModel:
                         self.tree.append(j)
         return roots
 
-    def _halves(self, j: SdfJoint) -> bool:
-        """Return whether a loop-closing joint needs coordinates, and can have them: it carries half of its child."""
+    def _can_split(self, j: SdfJoint) -> bool:
+        """Return whether a loop-closing joint needs coordinates, and can carry half of its child."""
         if not (j.has_force or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
             return False
-        place, axes = j.place.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
+        place, axes = j.placement.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
         inertia = place.act(self.inertias[j.child]).matrix()
         return bool(np.linalg.eigvalsh(axes.T @ inertia @ axes).min() > 0)
 
-    def _grow(self, link: str) -> None:
+    def _add_subtree(self, link: str) -> None:
         """Add the subtree of a link, depth first."""
         for j in [j for j in self.tree if j.parent == link]:
-            self.home[j.child] = self._add_joint(j)
-            self._carry(j.child)
-            self._grow(j.child)
+            self.carriers[j.child] = self._add_joint(j)
+            self._add_link(j.child)
+            self._add_subtree(j.child)
 
     def _add_joint(self, j: SdfJoint) -> int:
-        at = self.home[j.parent]
+        at = self.carriers[j.parent]
         if j.kind == "fixed":
             return at
-        number = self._add(at, j.model(), j.place, j.name)
+        number = self._add(at, j.model(), j.placement, j.name)
         j.copy_to(self.model, number)
         return number
 
@@ -162,13 +164,13 @@ class SdfModel:
         self.origins.append(place)
         return number
 
-    def _carry(self, link: str) -> None:
-        """Add a link's frame and its inertia, or the remainder of it, to the joint that carries it."""
-        self._frame(link, self.home[link], self.of.links[link], pin.FrameType.BODY)
-        self._append(link, self.home[link])
+    def _add_link(self, link: str) -> None:
+        """Add the frame of a link and its share of the inertia to the joint that carries it."""
+        self._frame(link, self.carriers[link], self.of.links[link], pin.FrameType.BODY)
+        self._append_inertia(link, self.carriers[link])
 
-    def _append(self, link: str, joint: int) -> None:
-        inertia, share = self.inertias[link], 1 / (1 + self.shares[link])
+    def _append_inertia(self, link: str, joint: int) -> None:
+        inertia, share = self.inertias[link], 1 / (1 + self.pieces[link])
         part = pin.Inertia(inertia.mass * share, inertia.lever, inertia.inertia * share)
         self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.of.links[link]))
 
@@ -176,29 +178,29 @@ class SdfModel:
         self.model.addFrame(pin.Frame(name, joint, self.origins[joint].actInv(place), kind), False)
 
     def _close(self, j: SdfJoint) -> Closure:
-        names, halved = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.halved
-        carriers = [self.home[j.parent], self.home[j.child]]
-        if halved:
+        names, split_joints = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.split_joints
+        carriers = [self.carriers[j.parent], self.carriers[j.child]]
+        if split_joints:
             carriers[0] = self._add_joint(j)
-            self._append(j.child, carriers[0])
+            self._append_inertia(j.child, carriers[0])
         for name, joint in zip(names, carriers, strict=True):
-            self._frame(name, joint, j.place)
-        axes = {} if halved else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
-        kind = "frame" if halved else CLOSED[j.kind]
+            self._frame(name, joint, j.placement)
+        axes = {} if split_joints else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
+        kind = "frame" if split_joints else CLOSED[j.kind]
         return Closure(kind=kind, frames=names, name=j.name, **axes)  # type: ignore[arg-type]
 
     def _weightless(self, link: str) -> tuple[str, float] | None:
         """Return the frame and mass of a link without weight."""
-        if self.of.is_set(self.of.by_name[link], "gravity", True) or not self.home[link]:
+        if self.of.is_set(self.of.by_name[link], "gravity", True) or not self.carriers[link]:
             return None
         name, inertia = f"{link} centre of mass", self.inertias[link]
-        self._frame(name, self.home[link], self.of.links[link] * pin.SE3(np.eye(3), inertia.lever))
+        self._frame(name, self.carriers[link], self.of.links[link] * pin.SE3(np.eye(3), inertia.lever))
         return name, inertia.mass
 
     @property
     def moving(self) -> list[SdfJoint]:
         """Return the joints that have coordinates."""
-        return [j for j in (*self.tree, *self.halved) if j.kind != "fixed"]
+        return [j for j in (*self.tree, *self.split_joints) if j.kind != "fixed"]
 
     def _springs(self) -> list[JointSpring]:
         return [
@@ -212,32 +214,32 @@ class SdfModel:
         names = {j.name for j in self.moving}
         return [j.mimic for j in self.moving if j.mimic and j.mimic.other in names]
 
-    def _said_only(self, shapeless: list[str]) -> list[tuple[str, list[str]]]:
-        """Return contents that are read, but have no effect, with their names."""
-        moving, cut = self.moving, [j for j in self.joints if j not in (*self.tree, *self.halved)]
+    def _unsupported(self, shapeless: list[str]) -> list[tuple[str, list[str]]]:
+        """Return contents that are read, but not supported, with their names."""
+        moving, cut = self.moving, [j for j in self.joints if j not in (*self.tree, *self.split_joints)]
         led, links = {m.joint for m in self._mimics()}, self.of.by_name
 
         def names(joints: Iterable[SdfJoint], has: Callable[[SdfAxis], Any]) -> list[str]:
             return [j.name for j in joints if any(map(has, j.axes))]
 
-        limited, dry = attrgetter("limited"), attrgetter("friction")
+        has_limits, friction = attrgetter("has_limits"), attrgetter("friction")
         return [
-            ("joints of a static model", [j.name for j in self.idle]),
-            (LIMITS, names(moving, limited)),
-            ("limits where loops are closed", names(cut, limited)),
-            (EFFORTS, names(self.joints, attrgetter("bounded"))),
-            (FRICTION, names(moving, dry)),
-            ("friction where loops are closed", names(cut, dry)),
+            ("joints of a static model", [j.name for j in self.static_joints]),
+            (LIMITS, names(moving, has_limits)),
+            ("limits where loops are closed", names(cut, has_limits)),
+            (EFFORTS, names(self.joints, attrgetter("has_bounds"))),
+            (FRICTION, names(moving, friction)),
+            ("friction where loops are closed", names(cut, friction)),
             ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
             ("damping and springs where loops are closed", [j.name for j in cut if j.has_force]),
-            (LOST, [j.name for j in self.joints if j.follows or (j.mimic and j.name not in led)]),
+            (LOST, [j.name for j in self.joints if j.unsupported_leader or (j.mimic and j.name not in led)]),
             ("kinematic motion of links", [n for n in self.of.links if self.of.is_set(links[n], "kinematic")]),
             ("shapes", shapeless),
         ]
 
 
-def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
-    return read_sdf(read_text(path), path.name, places)
+def _read(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
+    return read_sdf(read_text(path), path.name, allowed)
 
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
@@ -249,6 +251,6 @@ sdf = Reader(
     "sdf",
     (".sdf",),
     _read,
-    refused={**KEY, "free_flyer": "does not belong to an SDF source: free links of {} fly anyway"},
+    rejected={**KEY, "free_flyer": "does not belong to an SDF source: links of {} without a joint are free"},
     restore=_restored,
 )

@@ -1,4 +1,4 @@
-"""Contents of an MJCF file that are not read: all but what MuJoCo compiles into the imported model.
+"""Contents of an MJCF file that are not read: all except those that MuJoCo compiles into the imported model.
 
 The tables list the attributes that affect bodies, joints, closures, forces, shapes or the start, or are reported by
 `mbdae.mechanism.formats.mjcf.omissions` if they have an effect. All others are reported by their path in the file.
@@ -11,9 +11,9 @@ from pathlib import Path
 from ..recorded import ALL, Recorded, unread_phrases
 from .file_checks import XmlFiles
 
-TURN = "quat axisangle xyaxes zaxis euler"
-GEOM = f"""class type size pos {TURN} fromto mass density shellinertia group rgba material mesh fitscale hfield contype
-    conaffinity adhesion"""
+ROTATION = "quat axisangle xyaxes zaxis euler"
+GEOM = f"""class type size pos {ROTATION} fromto mass density shellinertia group rgba material mesh fitscale hfield
+    contype conaffinity adhesion"""
 JOINT = """class type pos axis springdamper springref springyield stiffness damping armature ref range limited
     frictionloss actuatorfrclimited actuatorfrcrange"""
 ACTUATOR = """class joint jointinparent tendon slidersite cranksite site refsite gear cranklength group ctrllimited
@@ -29,16 +29,16 @@ READ = {
     "material": "class rgba",
     "model": "content_type file",
     "worldbody": "",
-    "body": f"childclass pos {TURN} mocap gravcomp sleep",
-    "frame": f"childclass pos {TURN}",
+    "body": f"childclass pos {ROTATION} mocap gravcomp sleep",
+    "frame": f"childclass pos {ROTATION}",
     "replicate": ALL,
     "attach": "body frame model prefix",
     "composite": OTHER,
-    "inertial": f"mass pos {TURN} diaginertia fullinertia",
+    "inertial": f"mass pos {ROTATION} diaginertia fullinertia",
     "joint": JOINT,
     "freejoint": "align",
     "geom": GEOM,
-    "site": f"class pos {TURN} fromto",
+    "site": f"class pos {ROTATION} fromto",
     "equality": "active",  # also in a class of defaults
     "equality/connect": "active class anchor body1 body2 site1 site2",
     "equality/weld": "active class anchor body1 body2 site1 site2 relpose torquescale",
@@ -73,7 +73,7 @@ def unread(files: XmlFiles) -> list[str]:
         try:
             trees[file] = ET.fromstring(text)
         except (ET.ParseError, ValueError, LookupError):  # MuJoCo is more tolerant
-            out.append(f"what else {file.name} says, which is no well-formed XML")
+            out.append(f"other contents of {file.name}, which is not well-formed XML")
     used = {files.main}
     if files.main in trees:
         _include(trees[files.main], trees, files.named, used)
@@ -90,13 +90,13 @@ def _include(element: ET.Element, trees: Mapping[Path, ET.Element], named: Mappi
     """Replace ``<include>`` by the included elements, as MuJoCo does."""
     waiting = [element]
     while waiting:
-        at = waiting.pop()
-        for e in list(at):
+        element = waiting.pop()
+        for e in list(element):
             other = named.get(e.get("file", "")) if e.tag == "include" else None
             if other is None or other not in trees or other in used:
                 waiting.append(e)
                 continue
             used.add(other)
-            index = list(at).index(e)
-            at[index : index + 1] = list(trees[other])
+            index = list(element).index(e)
+            element[index : index + 1] = list(trees[other])
             waiting += trees[other]
