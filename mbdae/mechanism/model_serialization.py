@@ -14,7 +14,7 @@ from pydantic import AllowInfNan, Field, ValidationError
 from ..errors import InputError
 from .checked_table import Table, one_line
 from .joints import PER_COORDINATE, PER_VELOCITY, subspace
-from .scene.shapes import Place
+from .scene.shapes import PlacementEntries
 
 WORD = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
@@ -52,7 +52,7 @@ class _Joint(Table):
     kind: str
     numbers: tuple[float, ...] = ()
     parts: tuple["_Joint", ...] = ()
-    places: tuple[Place, ...] = ()
+    places: tuple[PlacementEntries, ...] = ()
 
 
 class _Link(Table):
@@ -60,7 +60,7 @@ class _Link(Table):
 
     name: str
     parent: int = Field(ge=0)
-    place: Place
+    place: PlacementEntries
     joint: _Joint
     inertia: _Inertia
 
@@ -72,7 +72,7 @@ class _Frame(Table):
     type: Literal["OP_FRAME", "JOINT", "FIXED_JOINT", "BODY", "SENSOR"]
     joint: int = Field(ge=0)
     frame: int = Field(ge=0)
-    place: Place
+    place: PlacementEntries
     inertia: _Inertia
 
 
@@ -158,7 +158,7 @@ def _place(x: pin.SE3) -> list[float]:
     return x.homogeneous[:3].ravel().tolist()
 
 
-def _made_place(x: Place) -> pin.SE3:
+def _made_place(x: PlacementEntries) -> pin.SE3:
     rows = np.array(x).reshape(3, 4)
     return pin.SE3(rows[:, :3], rows[:, 3])
 

@@ -1,4 +1,4 @@
-"""A scene made of a mechanism: its visuals, sticks for bodies without any, the ends of closures, rods, what rolls."""
+"""Scene of a mechanism: visuals, stick figures of bodies without visuals, closures, rods and rolling bodies."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -26,21 +26,21 @@ def make_scene(
     rolling: Iterable[RollingBody] = (),
     outlines: Iterable[Outline] = (),
 ) -> Scene:
-    """Builds the scene: the model's visuals, generated sticks for massive bodies without any, closures, springs.
+    """Build the scene: visuals, stick figures of massive bodies without visuals, closures and springs.
 
     Args:
-        model: the mechanism's tree.
-        visual_model: its visual geometry, or None.
-        closures: marks to draw, and their anchors.
-        springs: springs and dampers from point to point.
-        rolling: bodies that roll; those of joints with visuals are not drawn.
-        outlines: curves fixed to bodies, too.
+        model: tree of the mechanism.
+        visual_model: visual geometry, or None.
+        closures: closures to draw, with their anchors.
+        springs: springs and dampers between points.
+        rolling: rolling bodies; those on joints with visuals are not drawn.
+        outlines: curves on bodies; those on joints with visuals are not drawn.
 
     Returns:
         The scene.
 
     Raises:
-        InputError: a mesh file cannot be read, or a visual is of a kind that cannot be drawn.
+        InputError: for an unreadable mesh file, or a visual of an unsupported kind.
     """
     closures, rolling = tuple(closures), tuple(rolling)
     meshes: dict[Path, Mesh] = {}
@@ -48,12 +48,12 @@ def make_scene(
     shapes = [_shape("visual", g, meshes) for g in visuals]
     corners = _corners(visuals, shapes)
     seen = {joint for joint, _ in corners}
-    round_ones = [body for body in rolling if body.joint not in seen]
+    rolling_shown = [body for body in rolling if body.joint not in seen]
     points = _points(model, closures)
-    size = stick_figure.proportions(model, points, _lengths(closures, round_ones), corners)
+    size = stick_figure.proportions(model, points, _lengths(closures, rolling_shown), corners)
     parts = [
-        *stick_figure.generate(model, points, size, seen, {body.joint for body in round_ones}),
-        *draw(round_ones),
+        *stick_figure.generate(model, points, size, seen, {body.joint for body in rolling_shown}),
+        *draw(rolling_shown),
         *draw_outlines((curve for curve in outlines if curve.joint not in seen), 1.5 * size.width),
         *_marked(closures, seen, size.width),
     ]
@@ -67,7 +67,7 @@ def make_scene(
 
 
 def _visuals_and_ground(visual_model: pin.GeometryModel | None) -> tuple[list[pin.GeometryObject], float | None]:
-    """The visuals that are no ground, and the height of the highest ground, if there is one."""
+    """Return the visuals other than ground planes, and the height of the highest ground plane, if there is one."""
     visuals = list(visual_model.geometryObjects) if visual_model is not None else []
     levels = [ground_level(g) for g in visuals]
     above = [g for g, level in zip(visuals, levels, strict=True) if level is None]
@@ -75,7 +75,7 @@ def _visuals_and_ground(visual_model: pin.GeometryModel | None) -> tuple[list[pi
 
 
 def _corners(visuals: Iterable[pin.GeometryObject], shapes: Iterable[Shape]) -> list[stick_figure.Point]:
-    """The corners of the boxes around visuals, in the frames of their joints."""
+    """Return the corners of the bounding boxes of visuals, in the frames of their joints."""
     return [
         (int(g.parentJoint), g.placement.act(np.array(corner)))
         for g, shape in zip(visuals, shapes, strict=True)
@@ -90,22 +90,22 @@ def _points(model: pin.Model, closures: Iterable[Mark]) -> list[stick_figure.Poi
     return anchors + [(int(f.parentJoint), f.placement.translation) for f in named]
 
 
-def _lengths(closures: Iterable[Mark], round_ones: Iterable[RollingBody]) -> list[float]:
-    """Lengths of rods and diameters of what rolls, which say how large the mechanism is."""
-    diameters = [2 * (max(body.semi_axes) if body.semi_axes else body.rim + body.tyre) for body in round_ones]
+def _lengths(closures: Iterable[Mark], rolling_shown: Iterable[RollingBody]) -> list[float]:
+    """Return lengths of rods and diameters of rolling bodies, which determine the size of the mechanism."""
+    diameters = [2 * (max(body.semi_axes) if body.semi_axes else body.rim + body.tyre) for body in rolling_shown]
     return [mark.rod for mark in closures if mark.rod > 0] + diameters
 
 
-def _marked(closures: Iterable[Mark], seen: set[int], width: float) -> Iterator[stick_figure.Part]:
-    """The ends of closures, and a pin where bodies without visuals meet."""
+def _marked(closures: Iterable[Mark], seen: set[int], width: float) -> Iterator[stick_figure.ShapeWithRole]:
+    """Yield the anchors of closures, and pins between bodies without visuals."""
     for mark in closures:
-        if seen.isdisjoint((mark.first[0], mark.second[0])) and mark.meets and not mark.rod:
-            yield from stick_figure.pin_of(mark.name, *mark.first, mark.axis, width)
+        if seen.isdisjoint((mark.first[0], mark.second[0])) and mark.coincide and not mark.rod:
+            yield from stick_figure.pin_shapes(mark.name, *mark.first, mark.axis, width)
         yield from stick_figure.closure_balls(mark.name, (mark.first, mark.second), width)
 
 
 def _rails(model: pin.Model, shapes: Iterable[Shape]) -> dict[int, int]:
-    """The joint on each rail, by the number of its shape."""
+    """Return the joint on each rail, by the index of its shape."""
     return {k: model.getJointId(x.name.removesuffix(" rail")) for k, x in enumerate(shapes) if x.role == "rail"}
 
 
@@ -135,7 +135,7 @@ def _shape(role: str, g: pin.GeometryObject, meshes: dict[Path, Mesh]) -> Shape:
     path = Path(g.meshPath)
     if path.suffix[1:].lower() in FILE_FORMATS:
         if path not in meshes:
-            root = Path(g.meshTexturePath)  # from a reader of files; otherwise empty, or a picture
+            root = Path(g.meshTexturePath)  # set by readers of files; otherwise empty, or an image
             meshes[path] = read_mesh(g.name, path, root if g.meshTexturePath and root.is_dir() else None)
         mesh = meshes[path]
         own_colours = (mesh.format == "dae" or any(mesh.companions.values())) and not g.overrideMaterial

@@ -1,6 +1,6 @@
-"""Points of a mesh file, for the size of a scene; the page draws the file itself.
+"""Points of a mesh file, which determine the size of a scene; viewers draw the file itself.
 
-The formats are parsed here, since mesh libraries hang on some damaged files.
+The formats are parsed here because mesh libraries hang on some damaged files.
 """
 
 import re
@@ -16,7 +16,7 @@ from ..checked_table import HUGE
 
 NUMBERS = rb"[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)"
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-MOST = 10_000  # nodes and instances of a .dae, which may reference each other
+MAX_NODES = 10_000  # nodes and instances of a .dae, which may reference each other
 
 
 def points_of(path: Path) -> np.ndarray:
@@ -49,52 +49,52 @@ def _stl(data: bytes) -> np.ndarray:
 
 
 class Collada:
-    """A .dae file: its geometries, and the nodes that place them."""
+    """A .dae file: its geometries, and the nodes with their placements."""
 
     def __init__(self, root: ET.Element) -> None:
         for element in root.iter():
-            element.tag = element.tag.rpartition("}")[2]  # its namespace is the version
-        self.root, self.made = root, 0
+            element.tag = element.tag.rpartition("}")[2]  # the namespace is the version
+        self.root, self.count = root, 0
         self.named = {element.get("id", ""): element for element in root.iter() if element.get("id")}
 
     def points(self) -> np.ndarray:
-        """Return all points, as placed by the scene."""
-        found = [self.points_of(g) @ place[:3, :3].T + place[:3, 3] for g, place, _ in self.instances()]
+        """Return all points, at their placements in the scene, (n, 3)."""
+        found = [self.points_of(g) @ transform[:3, :3].T + transform[:3, 3] for g, transform, _ in self.instances()]
         return np.concatenate(found) if found else np.empty((0, 3))
 
     def instances(self) -> Iterator[tuple[ET.Element, np.ndarray, dict[str, str]]]:
-        """Yield geometries, their placements (4, 4), and the materials of the symbols of their groups."""
+        """Yield geometries, their placements (4, 4), and the materials of their groups by symbol."""
         scene = self.root.find("scene/instance_visual_scene")
         for node in self._target(scene).findall("node") if scene is not None else []:
             yield from self._node(node, np.eye(4))
 
-    def _node(self, node: ET.Element, place: np.ndarray) -> Iterator[tuple[ET.Element, np.ndarray, dict[str, str]]]:
-        self.made += 1
-        if self.made > MOST:
-            raise ValueError(f"more than {MOST} nodes")
+    def _node(self, node: ET.Element, transform: np.ndarray) -> Iterator[tuple[ET.Element, np.ndarray, dict[str, str]]]:
+        self.count += 1
+        if self.count > MAX_NODES:
+            raise ValueError(f"more than {MAX_NODES} nodes")
         for x in node:
-            place = place @ _transform(x)
+            transform = transform @ _transform(x)
         for x in node:
             if x.tag == "node":
-                yield from self._node(x, place)
+                yield from self._node(x, transform)
             elif x.tag == "instance_node":
-                yield from self._node(self._target(x), place)
+                yield from self._node(self._target(x), transform)
             elif x.tag == "instance_geometry":
                 bound = {m.get("symbol", ""): m.get("target", "")[1:] for m in x.iter("instance_material")}
-                yield self._target(x), place, bound
+                yield self._target(x), transform, bound
 
     def points_of(self, geometry: ET.Element) -> np.ndarray:
         """Return the points of a geometry, (n, 3)."""
-        self.made += 1
-        place = geometry.find("mesh/vertices/input[@semantic='POSITION']")
-        if place is None:
+        self.count += 1
+        positions = geometry.find("mesh/vertices/input[@semantic='POSITION']")
+        if positions is None:
             return np.empty((0, 3))
-        source = self._target(place, "source")
-        numbers, accessor = source.find("float_array"), source.find("technique_common/accessor")
-        if numbers is None:
+        source = self._target(positions, "source")
+        array, accessor = source.find("float_array"), source.find("technique_common/accessor")
+        if array is None:
             raise ValueError("a geometry has no points")
         stride = int(accessor.get("stride", "3")) if accessor is not None else 3
-        values = _numbers(numbers)
+        values = _numbers(array)
         return values[: len(values) // stride * stride].reshape(-1, stride)[:, :3] if stride >= 3 else np.empty((0, 3))
 
     def _target(self, element: ET.Element, key: str = "url") -> ET.Element:

@@ -1,4 +1,4 @@
-"""Meshes: the bytes of their files, which preserve colours and textures, or else their triangles."""
+"""Meshes: the bytes of their files, which preserve colours and textures, or their triangles."""
 
 import re
 import warnings
@@ -19,7 +19,7 @@ FILE_FORMATS = ("dae", "obj", "stl")
 LIBRARY = rb"^[ \t]*mtllib[ \t]+(.+?)\s*$"
 KEYWORDS = rb"newmtl|K[adse]|N[si]|d|T[rf]|illum|sharpness|P[rmsc]|Pcr|aniso\w*|map_\w+|bump|disp|decal|norm|refl"
 MATERIAL = re.compile(rb"^[ \t]*(?:" + KEYWORDS + rb")[ \t].*$", re.MULTILINE)
-PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # how images begin
+PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # first bytes of images
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def read_mesh(name: str, path: Path, root: Path | None = None) -> Mesh:
     Args:
         name: name of the visual, for messages.
         path: the file.
-        root: folder of the files to which it may refer; its package when left out.
+        root: folder of the files to which it may refer; its package if omitted.
 
     Returns:
         The mesh; a material library or texture that is missing, lies outside ``root`` or is invalid becomes
@@ -72,12 +72,12 @@ def read_mesh(name: str, path: Path, root: Path | None = None) -> Mesh:
             _add_companions(companions, path, root, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _picture)
     missing = sorted(companion for companion, found in companions.items() if not found)
     if missing:
-        warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found beside the mesh", stacklevel=2)
+        warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found with the mesh", stacklevel=2)
     return Mesh(kind, data, companions)
 
 
 def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
-    """Return the triangles that coal holds.
+    """Return the triangles of a geometry of coal.
 
     Args:
         name: name of the visual, for messages.
@@ -109,14 +109,14 @@ def placeholder(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
     if path.suffix[1:].lower() not in FILE_FORMATS:
         raise InputError(f"mesh {path.name!r} is not drawn; known: {', '.join('.' + f for f in FILE_FORMATS)}")
     stat = path.stat()
-    ends = _bounds(path, stat.st_mtime_ns, stat.st_size) * scale
-    low, high = ends.min(axis=0), ends.max(axis=0)
+    corners = _bounds(path, stat.st_mtime_ns, stat.st_size) * scale
+    low, high = corners.min(axis=0), corners.max(axis=0)
     return mesh(np.array([low, [low[0], high[1], high[2]], high]), np.array([[0, 1, 2]]))
 
 
 @lru_cache(maxsize=1000)
 def _bounds(path: Path, changed: int, size: int) -> np.ndarray:
-    """Return the least and the largest coordinates of a mesh file, (2, 3), read again where it has changed."""
+    """Return the smallest and the largest coordinates of a mesh file, (2, 3); a changed file is read again."""
     points = points_of(path)
     return np.array([points.min(axis=0), points.max(axis=0)])
 

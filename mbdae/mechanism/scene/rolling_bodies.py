@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from .shapes import mesh
-from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, Part, along, coloured
+from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, ShapeWithRole, along, coloured
 
-THIN = 0.04  # of the radius: half the thickness of a drawn knife edge
-SPOKES, AROUND, ACROSS = 6, 48, 10
+THICKNESS = 0.04  # of the radius: half the thickness of a drawn knife edge
+SPOKES, RING_SEGMENTS, SECTION_SEGMENTS = 6, 48, 10
 
 
 class RollingBody(NamedTuple):
@@ -19,13 +19,13 @@ class RollingBody(NamedTuple):
 
     Attributes:
         name: name of the closure.
-        joint: joint that carries it.
-        placement: of the closure's frame on it.
+        joint: joint that carries the body.
+        placement: placement of the frame of the closure on the joint.
         axle: unit vector in that frame, (3,); None for a ball or an ellipsoid.
         rim: radius of the circle of tyre section centres [m].
-        tyre: radius of the tyre's section [m]; that of a ball.
-        semi_axes: of an ellipsoid [m], (3,), or None.
-        centre: of an ellipsoid [m], (3,).
+        tyre: radius of the tyre section, or of a ball [m].
+        semi_axes: semi-axes of an ellipsoid [m], (3,), or None.
+        centre: centre of an ellipsoid [m], (3,).
     """
 
     name: str
@@ -38,46 +38,46 @@ class RollingBody(NamedTuple):
     centre: tuple[float, float, float]
 
 
-def draw(bodies: Iterable[RollingBody]) -> Iterator[Part]:
-    """Draw them with marks that show their rotation."""
+def draw(bodies: Iterable[RollingBody]) -> Iterator[ShapeWithRole]:
+    """Yield the shapes of rolling bodies, with marks that show their rotation."""
     for k, body in enumerate(bodies):
         colour = LINK_COLOURS[k % len(LINK_COLOURS)]
         if body.semi_axes:
             place = body.placement * pin.SE3(np.eye(3), np.array(body.centre))
             yield coloured("link", body.name, body.joint, place, coal.Ellipsoid(*body.semi_axes), colour)
         elif body.axle is None or body.rim < body.tyre:
-            turned = along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
+            rotation = along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
             belt = coal.Cylinder(1.003 * (body.rim + body.tyre), 0.2 * body.tyre)
             ball = coal.Sphere(body.rim + body.tyre)
             yield coloured("link", body.name, body.joint, body.placement, ball, colour)
-            yield coloured("link", f"{body.name} belt", body.joint, body.placement * turned, belt, JOINT_COLOUR)
+            yield coloured("link", f"{body.name} belt", body.joint, body.placement * rotation, belt, JOINT_COLOUR)
         else:
             yield from _wheel(body, LINK_COLOURS[0 if k % len(LINK_COLOURS) else 1])
 
 
-def _wheel(body: RollingBody, marked: str) -> Iterator[Part]:
+def _wheel(body: RollingBody, marked: str) -> Iterator[ShapeWithRole]:
     outer = body.rim + body.tyre
-    thickness = max(body.tyre, THIN * outer)
+    thickness = max(body.tyre, THICKNESS * outer)
     place = body.placement * along(np.zeros(3), np.asarray(body.axle))
     yield coloured("link", f"{body.name} tyre", body.joint, place, _torus(outer - thickness, thickness), JOINT_COLOUR)
-    hub = coal.Cylinder(2 * THIN * outer, 4 * THIN * outer)
+    hub = coal.Cylinder(2 * THICKNESS * outer, 4 * THICKNESS * outer)
     yield coloured("link", f"{body.name} hub", body.joint, place, hub, GROUND_COLOUR)
     for k in range(SPOKES):
         angle = 2 * np.pi * k / SPOKES
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
-        spoke = coal.Cylinder((2 if k == 0 else 1) * THIN * outer / 2, outer - thickness)  # one marks the angle
+        spoke = coal.Cylinder((2 if k == 0 else 1) * THICKNESS * outer / 2, outer - thickness)  # one marks the angle
         shade = GROUND_COLOUR if k else marked
         yield coloured("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
 
 
 def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:
-    """Return a ring about z."""
-    i, j = np.meshgrid(np.arange(AROUND), np.arange(ACROSS), indexing="ij")
-    a, b = 2 * np.pi * i / AROUND, 2 * np.pi * j / ACROSS
+    """Return a torus about z."""
+    i, j = np.meshgrid(np.arange(RING_SEGMENTS), np.arange(SECTION_SEGMENTS), indexing="ij")
+    a, b = 2 * np.pi * i / RING_SEGMENTS, 2 * np.pi * j / SECTION_SEGMENTS
     reach = radius + section * np.cos(b)
     points = np.stack([reach * np.cos(a), reach * np.sin(a), section * np.sin(b)], axis=-1).reshape(-1, 3)
-    this, ahead = i * ACROSS, (i + 1) % AROUND * ACROSS
-    up = (j + 1) % ACROSS
-    first = np.stack([this + j, ahead + j, ahead + up], axis=-1).reshape(-1, 3)
-    second = np.stack([this + j, ahead + up, this + up], axis=-1).reshape(-1, 3)
+    this, following = i * SECTION_SEGMENTS, (i + 1) % RING_SEGMENTS * SECTION_SEGMENTS
+    up = (j + 1) % SECTION_SEGMENTS
+    first = np.stack([this + j, following + j, following + up], axis=-1).reshape(-1, 3)
+    second = np.stack([this + j, following + up, this + up], axis=-1).reshape(-1, 3)
     return mesh(points, np.concatenate([first, second]))

@@ -1,7 +1,7 @@
 """Appearance of a mechanism: primitive shapes, and their placements at a configuration.
 
-Nothing is drawn here. A `Scene` is data that any viewer can show without Pinocchio: the shapes once, and
-`Scene.placements(q)` for every instant.
+Nothing is drawn here. A `Scene` is data for any viewer, independent of Pinocchio: the shapes, and their placements
+`Scene.placements(q)` at each instant.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,15 +19,15 @@ Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
 
 
 class Mark(NamedTuple):
-    """A closure to be shown, with two anchors that coincide while the loop is closed.
+    """A closure in a scene, with two anchors that coincide while the loop is closed.
 
     Attributes:
-        name: the closure's name.
+        name: name of the closure.
         first: joint and placement of the first anchor.
         second: joint and placement of the second anchor.
         rod: length of the massless rod of a distance closure [m], 0 for none.
-        axis: of a hinge, (3,) in the first anchor; None for rotation about several axes.
-        meets: whether the closed loop makes both coincide, so that their distance is a violation.
+        axis: axis of a hinge, (3,) in the first anchor; None for rotation about several axes.
+        coincide: whether both anchors coincide in the closed loop, so that their distance is a violation.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Mark(NamedTuple):
     second: Anchor
     rod: float = 0.0
     axis: np.ndarray | None = None
-    meets: bool = True
+    coincide: bool = True
 
 
 class Strut(NamedTuple):
@@ -69,10 +69,10 @@ class Shape:
             ``"mesh"``.
         size: [m] box: three edges; sphere: radius; ellipsoid: three radii; cylinder, cone: radius and
             length; capsule: radius and length between the centres of its caps; mesh: empty.
-        rgba: colour, each in [0, 1]; None: a mesh keeps the colours of its file.
+        rgba: colour, each in [0, 1]; None for a mesh with the colours of its file.
         bounds: (2, 3) lower and upper corner of the shape, in its frame [m].
         mesh: the triangles of a mesh.
-        scale: (3,) factors from the mesh's coordinates to metres, negative ones mirror.
+        scale: (3,) factors from mesh coordinates to metres, negative for mirrored axes.
     """
 
     name: str
@@ -91,9 +91,9 @@ class Scene:
 
     Attributes:
         shapes: n shapes.
-        anchors: of each shape, one if fixed to a joint; two if it points from the first to the second.
+        anchors: anchors of each shape: one if it is fixed to a joint, two if it extends between them.
         width: radius of generated links [m].
-        marks: closures between frames; both of their ends are shapes of the role ``"closure"``.
+        marks: closures between frames, whose anchors are shapes of the role ``"closure"``.
         springs: s elements between two points, whose length changes with the motion.
         ground: height of the ground [m]; None if unspecified.
     """
@@ -105,7 +105,7 @@ class Scene:
     marks: tuple[Mark, ...] = ()
     springs: tuple[Strut, ...] = ()
     ground: float | None = None
-    _rails: Mapping[int, int] = field(default_factory=dict)  # rail shapes, and the joints on them
+    _rails: Mapping[int, int] = field(default_factory=dict)  # joint on each rail, by the index of its shape
 
     @property
     def carriers(self) -> list[tuple[int, ...]]:
@@ -156,7 +156,7 @@ class Scene:
         return out
 
     def travelled(self, q: np.ndarray) -> "Scene":
-        """Return the scene of a motion: rails are limited to the travel of their sliders.
+        """Return the scene for a motion, with rails of the length that their sliders travel.
 
         Args:
             q: (m, nq) configurations of the motion.
@@ -175,7 +175,7 @@ class Scene:
 
 
 def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:
-    """Return the middle of a rod of a given length from one point towards another, with z along it."""
+    """Return the frame at the middle of a rod of a given length from one point towards another, with z along it."""
     d = second.translation - first.translation
-    turn = pin.Quaternion.FromTwoVectors(pin.ZAxis, d) if d.any() else pin.Quaternion.Identity()
-    return pin.SE3(turn, first.translation + turn * np.array([0.0, 0.0, length / 2]))
+    rotation = pin.Quaternion.FromTwoVectors(pin.ZAxis, d) if d.any() else pin.Quaternion.Identity()
+    return pin.SE3(rotation, first.translation + rotation * np.array([0.0, 0.0, length / 2]))

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...tolerances import COINCIDENT
 from ..checked_table import Table, one_line
 
-Place = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
+PlacementEntries = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
 SOLIDS = {  # kind: shape class, its sizes, and their number
     "sphere": (coal.Sphere, lambda s: [s.radius], 1),
     "capsule": (coal.Capsule, lambda s: [s.radius, 2 * s.halfLength], 2),
@@ -21,9 +21,9 @@ SOLIDS = {  # kind: shape class, its sizes, and their number
     "ellipsoid": (coal.Ellipsoid, lambda s: list(s.radii), 3),
     "box": (coal.Box, lambda s: list(2 * s.halfSide), 3),
 }
-LEVEL = 1 - COINCIDENT  # cosine of an inclination
+HORIZONTAL = 1 - COINCIDENT  # cosine of the inclination of a horizontal plane
 UP = np.array([0.0, 0.0, 1.0])
-LARGEST = 2**28  # bytes of points or faces: packed data may expand to a thousand times its size
+MAX_BYTES = 2**28  # bytes of points or faces: packed data may expand to a thousand times its size
 Size = Annotated[float, Field(ge=0)]
 
 
@@ -35,7 +35,7 @@ class _Mesh(Table):
 class _Shape(Table):
     name: str
     joint: int = Field(ge=0)
-    placement: Place
+    placement: PlacementEntries
     rgba: tuple[float, float, float, float]
     kind: Literal["sphere", "capsule", "cylinder", "ellipsoid", "box", "plane", "mesh"]
     size: tuple[Size, ...] = ()
@@ -77,10 +77,10 @@ def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
 
 
 def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
-    """Read the data of `pack`; ``joints`` is the number of joints that may carry shapes.
+    """Return the geometry from the data of `pack`; ``joints`` is the number of joints.
 
     Raises:
-        InputError: names the invalid entry.
+        InputError: for an invalid entry.
     """
     try:
         visuals = _Visuals.model_validate(data)
@@ -116,7 +116,9 @@ def ground() -> coal.Halfspace:
 
 def ground_level(g: pin.GeometryObject) -> float | None:
     """Return the height of a fixed horizontal plane [m]; None for other geometry."""
-    if not isinstance(g.geometry, coal.Halfspace) or g.parentJoint or (g.placement.rotation @ g.geometry.n)[2] < LEVEL:
+    if not isinstance(g.geometry, coal.Halfspace) or g.parentJoint:
+        return None
+    if (g.placement.rotation @ g.geometry.n)[2] < HORIZONTAL:
         return None
     return float(g.placement.act(g.geometry.n * g.geometry.d)[2])
 
@@ -150,9 +152,9 @@ def _unpacked(text: str, kind: str) -> np.ndarray:
     """
     stream = zlib.decompressobj()
     try:
-        data = stream.decompress(base64.b85decode(text), LARGEST)
+        data = stream.decompress(base64.b85decode(text), MAX_BYTES)
     except (ValueError, zlib.error) as e:
         raise InputError(f"visuals: a mesh cannot be unpacked: {e}") from None
     if not stream.eof or len(data) % 12:
-        raise InputError(f"visuals: a mesh is cut off, or has more than {LARGEST} bytes")
+        raise InputError(f"visuals: a mesh is cut off, or has more than {MAX_BYTES} bytes")
     return np.frombuffer(data, kind).reshape(-1, 3)

@@ -1,7 +1,7 @@
 """Stick figures: generated links, joints and marks for bodies without visual geometry.
 
-A body is a star of links from its joint to the joints of its children and to the anchors of closures; a terminal body
-reaches to its centre of mass. Revolute joints are cylinders along their axis, prismatic ones boxes on a rail, all
+A body is a star of links from its joint to the joints of its children and to the anchors of closures; a leaf body
+extends to its centre of mass. Revolute joints are cylinders along their axis, prismatic ones boxes on a rail, all
 others balls.
 """
 
@@ -17,7 +17,7 @@ from ..joints import subspace
 from ..pinocchio_data import make_data
 
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
-Part = tuple[str, pin.GeometryObject]  # its role, and the geometry
+ShapeWithRole = tuple[str, pin.GeometryObject]  # the role, and the geometry
 
 LINK_COLOURS = ("#4e79a7", "#59a14f", "#b07aa1", "#499894", "#9c755f", "#7c7cc0")
 JOINT_COLOUR, GROUND_COLOUR, ROD_COLOUR = "#33383f", "#878d96", "#bc7a2c"
@@ -25,7 +25,7 @@ CLOSURE_COLOURS = ("#f28e2b", "#e0263c")
 
 
 class Proportions(NamedTuple):
-    """Sizes for drawing: ``extent`` of the whole mechanism, ``width`` the radius of a link [m]."""
+    """Sizes for drawing: ``extent`` of the mechanism, and ``width``, the radius of a link [m]."""
 
     extent: float
     width: float
@@ -43,10 +43,10 @@ def proportions(
         model: the tree.
         points: further points of the mechanism, such as anchors of closures.
         rods: lengths of rods between them [m].
-        corners: extreme points of its visual geometry.
+        corners: corners of its visual geometry.
 
     Returns:
-        Lengths that are positive for any model.
+        The proportions, positive for any model.
     """
     data = make_data(model)
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -68,12 +68,12 @@ def proportions(
 
 def generate(
     model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int], rolling: Collection[int] = ()
-) -> Iterator[Part]:
+) -> Iterator[ShapeWithRole]:
     """Yield shapes for bodies without visual geometry.
 
     Args:
         model: the tree.
-        points: end points of links besides child joints, such as anchors of closures.
+        points: end points of links other than child joints, such as anchors of closures.
         size: lengths for drawing.
         seen: joints whose bodies have visuals. If there are any, bodies without mass are omitted.
         rolling: joints whose bodies are drawn as rolling bodies.
@@ -91,17 +91,19 @@ def generate(
             yield from _body(model, i, points, size)
 
 
-def _ground(model: pin.Model, joints: Sequence[int], points: Sequence[Point], size: Proportions) -> Iterator[Part]:
-    """Yield cubes where joints are fixed to the ground, and at points of it."""
-    feet = [model.jointPlacements[i] for i in joints if model.parents[i] == 0 and model.nvs[i] < 6]
-    feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0]
+def _ground(
+    model: pin.Model, joints: Sequence[int], points: Sequence[Point], size: Proportions
+) -> Iterator[ShapeWithRole]:
+    """Yield cubes at joints on the ground and at points of the ground."""
+    supports = [model.jointPlacements[i] for i in joints if model.parents[i] == 0 and model.nvs[i] < 6]
+    supports += [pin.SE3(np.eye(3), p) for j, p in points if j == 0]
     edge = 4.2 * size.width
-    for foot in _distinct(feet):
-        yield coloured("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
+    for support in _distinct(supports):
+        yield coloured("ground", "ground", 0, support, coal.Box(edge, edge, edge), GROUND_COLOUR)
 
 
-def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[Part]:
-    """Return two balls, the second hidden in the first while the anchors coincide."""
+def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[ShapeWithRole]:
+    """Return two balls at the anchors of a closure; the first contains the second while the anchors coincide."""
     return [
         coloured("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
         for (joint, placement), k, radius, colour in zip(anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True)
@@ -113,7 +115,7 @@ def rod(name: str, length: float, width: float) -> pin.GeometryObject:
     return coloured("link", f"{name} rod", 0, pin.SE3.Identity(), coal.Cylinder(0.6 * width, length), ROD_COLOUR)[1]
 
 
-def pin_of(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width: float) -> Iterator[Part]:
+def pin_shapes(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width: float) -> Iterator[ShapeWithRole]:
     """Yield the joint of a closure: a pin along the axis of a hinge, in the frame of its first anchor, or a ball."""
     if axis is None:
         yield coloured("joint", f"{name} pin", joint, place, coal.Sphere(1.9 * width), JOINT_COLOUR)
@@ -122,7 +124,7 @@ def pin_of(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width
         yield coloured("joint", f"{name} pin", joint, place * along(np.zeros(3), axis), shape, JOINT_COLOUR)
 
 
-def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[Part]:
+def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[ShapeWithRole]:
     name, colour, width = model.names[i], LINK_COLOURS[i % len(LINK_COLOURS)], size.width
     inertia = model.inertias[i]
     ends = _ends(model, i, points)
@@ -136,12 +138,12 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
         ball = coal.Sphere(2.5 * width)
         yield coloured("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
         return
-    if (turns := _axis(model, i)) is not None and (disc := _disc(inertia, turns, width)):
-        place = along(com, turns)
+    if (axis := _axis(model, i)) is not None and (disc := _disc(inertia, axis, width)):
+        place = along(com, axis)
         yield coloured("link", f"{name} body", i, place, coal.Cylinder(*disc), colour)
-        beside = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
-        spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # shows the rotation
-        yield coloured("link", f"{name} spoke", i, place * beside, spoke, GROUND_COLOUR)
+        offset = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
+        spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # to show the rotation
+        yield coloured("link", f"{name} spoke", i, place * offset, spoke, GROUND_COLOUR)
         return
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0:
@@ -158,7 +160,7 @@ def _axis(model: pin.Model, i: int) -> np.ndarray | None:
 
 
 def _disc(inertia: pin.Inertia, axis: np.ndarray, width: float) -> tuple[float, float] | None:
-    """Return radius and height of a solid cylinder about the axis with this inertia; None if there is none."""
+    """Return radius and height of a solid cylinder about an axis with a given inertia; None if there is none."""
     about = float(axis @ inertia.inertia @ axis)
     across = (np.trace(inertia.inertia) - about) / 2
     symmetric = about * np.outer(axis, axis) + across * (np.eye(3) - np.outer(axis, axis))
@@ -172,7 +174,7 @@ def _disc(inertia: pin.Inertia, axis: np.ndarray, width: float) -> tuple[float, 
 
 def _joint(
     model: pin.Model, i: int, subspace: np.ndarray, points: Sequence[Point], size: Proportions
-) -> Iterator[Part]:
+) -> Iterator[ShapeWithRole]:
     name, width, (linear, angular) = model.names[i], size.width, np.split(subspace, 2)
     if model.nvs[i] == 6:
         return
@@ -187,25 +189,25 @@ def _joint(
     axis = along(np.zeros(3), linear[:, 0])
     box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
     yield coloured("joint", name, i, axis, box, JOINT_COLOUR)
-    on_body = _reach(model, i, linear[:, 0], points, size)
+    on_body = _rail_extent(model, i, linear[:, 0], points, size)
     low, high = on_body or _limits(model, i, size.extent)
     rail = pin.SE3(np.eye(3), np.array([0, 0, (low + high) / 2]))
-    where = model.jointPlacements[i] * axis * rail
+    placement = model.jointPlacements[i] * axis * rail
     shape = coal.Cylinder(0.5 * width, max(high - low, width))
-    yield coloured("link" if on_body else "rail", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
+    yield coloured("link" if on_body else "rail", f"{name} rail", model.parents[i], placement, shape, GROUND_COLOUR)
 
 
 def _limits(model: pin.Model, i: int, most: float) -> tuple[float, float]:
-    """Return the ends of a sliding joint's rail from its limits, or from the size of the mechanism [m]."""
+    """Return the ends of the rail of a prismatic joint from its limits or the size of the mechanism [m]."""
     k = model.idx_qs[i]
     low, high = np.clip((model.lowerPositionLimit[k], model.upperPositionLimit[k]), -most, most)
     return float(low), float(high)
 
 
-def _reach(
+def _rail_extent(
     model: pin.Model, i: int, axis: np.ndarray, points: Sequence[Point], size: Proportions
 ) -> tuple[float, float] | None:
-    """Return the extent of the body on which an unlimited joint slides, or else of the slider [m]; None if empty.
+    """Return the extent of the guiding body of an unlimited prismatic joint, or else of the slider [m]; None if empty.
 
     Unlimited joints have the largest number as their limit, not infinity.
     """
@@ -213,10 +215,10 @@ def _reach(
     if not parent or min(abs(model.lowerPositionLimit[k]), abs(model.upperPositionLimit[k])) <= size.extent:
         return None
     place = model.jointPlacements[i].inverse()
-    reach = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
-    if np.ptp(reach) < size.width:
-        reach += [axis @ p for p in _ends(model, i, points)]
-    return (min(reach), max(reach)) if np.ptp(reach) > size.width else None
+    extent = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
+    if np.ptp(extent) < size.width:
+        extent += [axis @ p for p in _ends(model, i, points)]
+    return (min(extent), max(extent)) if np.ptp(extent) > size.width else None
 
 
 def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]:
@@ -228,12 +230,12 @@ def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]
 
 
 def _distinct(placements: Iterable[pin.SE3]) -> list[pin.SE3]:
-    kept: list[pin.SE3] = []
+    distinct: list[pin.SE3] = []
     for placement in placements:
         p = placement.translation
-        if not any(np.allclose(p, k.translation, rtol=INPUT_DIGITS, atol=SOLUTION_ROUNDING) for k in kept):
-            kept.append(placement)
-    return kept
+        if not any(np.allclose(p, k.translation, rtol=INPUT_DIGITS, atol=SOLUTION_ROUNDING) for k in distinct):
+            distinct.append(placement)
+    return distinct
 
 
 def _motion_subspaces(model: pin.Model) -> list[np.ndarray]:
@@ -250,7 +252,9 @@ def _capsule(end: np.ndarray, width: float) -> coal.Capsule:
     return coal.Capsule(width, float(np.linalg.norm(end)))
 
 
-def coloured(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
+def coloured(
+    role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str
+) -> ShapeWithRole:
     """Return a geometry fixed to a joint, with its role and its colour."""
     geometry = pin.GeometryObject(name, int(joint), placement, shape)
     geometry.meshColor = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] + [1.0])

@@ -1,4 +1,4 @@
-"""Triangles of meshes with their colours, read from files without normals and pictures."""
+"""Triangles of meshes with their colours; normals and textures of files are ignored."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -46,24 +46,24 @@ def surfaces(mesh: Mesh, *, pictures: bool = False) -> list[Surface] | None:
     merged: dict[Colour | None, list[np.ndarray]] = {}
     for corners, rgba in found:
         merged.setdefault(rgba, []).append(corners)
-    whole = [welded(np.concatenate(corners), rgba) for rgba, corners in merged.items()]
-    return [s for s in whole if len(s.faces)] or None
+    found_surfaces = [welded(np.concatenate(corners), rgba) for rgba, corners in merged.items()]
+    return [s for s in found_surfaces if len(s.faces)] or None
 
 
 def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
-    """Triangles given by their corners (m, 3, 3), with each point once, in the order of use."""
-    every = corners.reshape(-1, 3).astype("float32") + 0.0
-    order = np.lexsort(every.T)  # equal points follow each other as they come
-    new = np.append(True, (every[order[1:]] != every[order[:-1]]).any(1))[: len(order)]
-    first = order[new]  # of each point, by coordinates
+    """Return triangles with corners (m, 3, 3) as a surface of distinct points, in the order of use."""
+    all_points = corners.reshape(-1, 3).astype("float32") + 0.0
+    order = np.lexsort(all_points.T)  # equal points are adjacent, in the order of use
+    new = np.append(True, (all_points[order[1:]] != all_points[order[:-1]]).any(1))[: len(order)]
+    first = order[new]  # first use of each point, ordered by coordinates
     used = np.argsort(first)
-    place = np.empty(len(used), int)
-    place[used] = np.arange(len(used))
+    rank = np.empty(len(used), int)
+    rank[used] = np.arange(len(used))
     index = np.empty(len(order), int)
-    index[order] = place[np.cumsum(new) - 1]
+    index[order] = rank[np.cumsum(new) - 1]
     faces = index.reshape(-1, 3)
     a, b, c = faces.T
-    return Surface(every[first[used]], faces[(a != b) & (b != c) & (c != a)], rgba)
+    return Surface(all_points[first[used]], faces[(a != b) & (b != c) & (c != a)], rgba)
 
 
 def _read(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
@@ -74,7 +74,7 @@ def _read(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
     elif mesh.format == "obj":
         yield from _obj(mesh)
     else:
-        yield from _Painted(ET.fromstring(mesh.data)).triangles()
+        yield from _ColouredCollada(ET.fromstring(mesh.data)).triangles()
 
 
 def _stl(data: bytes) -> np.ndarray:
@@ -116,7 +116,7 @@ def _obj(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
             yield np.array(points)[np.array(found)], rgba
 
 
-class _Painted(Collada):
+class _ColouredCollada(Collada):
     """A .dae file with the colours of its materials."""
 
     def triangles(self) -> Iterator[tuple[np.ndarray, Colour | None]]:

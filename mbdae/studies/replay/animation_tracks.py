@@ -49,7 +49,7 @@ def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     sample = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
     distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sample), axis=2)[:, :, 0], axis=2)
     return [
-        {"name": m.name, "open": float(np.abs(distances[:, k] - m.rod).max()) if m.meets or m.rod else None}
+        {"name": m.name, "open": float(np.abs(distances[:, k] - m.rod).max()) if m.coincide or m.rod else None}
         for k, m in enumerate(scene.marks)
     ]
 

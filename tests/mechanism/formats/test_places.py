@@ -93,7 +93,7 @@ def test_material_libraries_elsewhere_are_not_read(model, library):
     (model / "meshes" / "link.mtl").symlink_to(private / "key.mtl")
     (model / "meshes" / "box.obj").write_text(CUBE.replace("box.mtl", library.format(private=private)))
     mech = load(model, "../meshes/box.obj")
-    with pytest.warns(UserWarning, match=r"drawn without .*: not found beside the mesh"):
+    with pytest.warns(UserWarning, match=r"drawn without .*: not found with the mesh"):
         found = drawn(mech)
     assert SECRET not in found
     assert b"newmtl" not in found

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ....tolerances import COARSE
 from ...imported_model import FRICTION, LIMITS, name_list
-from ...scene.shapes import LEVEL, ground, mesh
+from ...scene.shapes import HORIZONTAL, ground, mesh
 from .actuators import actuator_name
 from .states import pose
 
@@ -27,7 +27,7 @@ def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
         name, material = c.name("GEOM", g) or f"geom{g}", int(c.m.geom_matid[g])
         joint, place = c.carriers[c.m.geom_bodyid[g]]
         here = place * pose(c.m.geom_pos[g], c.m.geom_quat[g])
-        shape = _shape(c, g, meshes, level=joint == 0 and here.rotation[2, 2] > LEVEL)
+        shape = _shape(c, g, meshes, level=joint == 0 and here.rotation[2, 2] > HORIZONTAL)
         if shape is None:
             missing.append(name)
             continue
