@@ -16,11 +16,13 @@ from .discovery import class_names, public_names
 if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checkers
     from .errors import MbdaeError as MbdaeError
     from .integrate.events.event import Event as Event
+    from .integrate.simulator import Simulator as Simulator
     from .integrate.solve import solve as solve
     from .mechanism import Closure as Closure
     from .mechanism import Clutch as Clutch
     from .mechanism import Driver as Driver
     from .mechanism import Function as Function
+    from .mechanism import Input as Input
     from .mechanism import Mechanism as Mechanism
     from .mechanism import Stop as Stop
     from .mechanism import load as load
@@ -74,8 +76,9 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
 _CORE = {
     "errors": ["MbdaeError"],
     "integrate.events.event": ["Event"],
+    "integrate.simulator": ["Simulator"],
     "integrate.solve": ["solve"],
-    "mechanism": ["Closure", "Clutch", "Driver", "Function", "Mechanism", "Stop", "load", "model_names"],
+    "mechanism": ["Closure", "Clutch", "Driver", "Function", "Input", "Mechanism", "Stop", "load", "model_names"],
     "methods": ["METHODS", "Tableau"],
     "progress": ["progress_bar"],
     "solution.solution": ["Solution"],

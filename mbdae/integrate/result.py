@@ -1,5 +1,7 @@
 """The solution of a run, with its statistics and warnings."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,3 +62,28 @@ def _at_times(full: Solution, times: Array, sign: float, found: dict[str, Any]) 
     columns = [np.interp(sign * reached, sign * t, column) for column in z.T]
     own = np.array(columns).T.reshape(len(reached), z.shape[1])
     return Solution(full.problem, reached, points, own, status, message, full.stats, full.settings, (t, y, z), **found)
+
+
+def joined(parts: Sequence[Solution]) -> Solution:
+    """Return successive parts of one run, each beginning at the last node of the one before, as one solution."""
+    last = parts[-1]
+    if len(parts) == 1:
+        return last
+    first = np.cumsum([0, *(len(part.t) - 1 for part in parts)])
+    tables: dict[str, Any] = {
+        "t": np.concatenate([parts[0].t, *(part.t[1:] for part in parts[1:])]),
+        "y": np.concatenate([parts[0].y, *(part.y[1:] for part in parts[1:])]),
+        "z_own": np.concatenate([parts[0].z_own, *(part.z_own[1:] for part in parts[1:])]),
+        "settings": parts[0].settings,
+        "impacts": [x for part in parts for x in part.impacts],
+        "singular": [x for part in parts for x in part.singular],
+        "carried": None,
+    }
+    for name in ("in_use", "modes"):
+        found = [(k + at, x) for k, part in zip(first, parts, strict=False) for at, x in getattr(part, name)]
+        tables[name] = [x for i, x in enumerate(found) if not i or found[i - 1][1] != x[1]]
+    zeros = zip(*(part.events for part in parts), strict=True)  # of each event, by part
+    tables["events"] = [tuple(np.concatenate(x) for x in zip(*found, strict=True)) for found in zeros]
+    counts = [k for k, x in last.stats.items() if isinstance(x, int) and not isinstance(x, bool)]
+    tables["stats"] = last.stats | {k: sum(part.stats[k] for part in parts) for k in counts}
+    return replace(last, **tables)

@@ -29,7 +29,15 @@ def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Ar
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
     """
-    y = _start(problem, start, options.t0, None if options.step else options.rtol)
+    return prepare_at(problem, options, _start(problem, start, options.t0, None if options.step else options.rtol))
+
+
+def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
+    """Return a run that can begin at y (n,), which is not checked.
+
+    Raises:
+        InputError: for options that do not suit the problem.
+    """
     system, fallback = bind(problem, options.formulation, options.baumgarte, options.backend)
     inner = _stepper(system, options)
     native = system.native and not isinstance(options.method, ScipySolver)

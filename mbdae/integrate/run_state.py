@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,30 @@ SOURCES: tuple[type[EventSource], ...] = (
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
 Source = TypeVar("Source", bound=EventSource)
+
+
+class RunSnapshot(NamedTuple):
+    """What determines how a run continues; numbers only.
+
+    Attributes:
+        t: time in s.
+        y: the point (n,).
+        carry: the method's carry; None if it starts anew.
+        compensation: see `mbdae.system.State`.
+        rows: the rows in use; None if all are independent.
+        floor: smallest pivot ratio of the rows in use.
+        mode: of the mechanism.
+        stepper: of the step-size control.
+    """
+
+    t: float
+    y: Array
+    carry: Array | None
+    compensation: Array | None
+    rows: tuple[int, ...] | None
+    floor: float
+    mode: tuple[int, ...]
+    stepper: tuple[Any, ...]
 
 
 class RunState:
@@ -132,6 +156,38 @@ class RunState:
         self._start_at(y, restarted=True)
         self.stepper.restart()
         self.notify_discontinuity(mode_changed=True)
+
+    def continue_to(self, t1: float) -> None:
+        """Move the end of the run, which has reached its former one."""
+        self.t1 = t1
+        self.ahead.extend(self, t1)
+        self.leg = self.ahead.leg(self.t)
+
+    def snapshot(self) -> RunSnapshot:
+        """Return what determines how the run continues."""
+        s: Any = self.system
+        carry = self.state.carry if isinstance(self.state.carry, np.ndarray) else None
+        rows = None if s.rows is None else tuple(s.rows.tolist())
+        y, compensation = self.ys[-1].copy(), self.state.compensation
+        return RunSnapshot(self.t, y, carry, compensation, rows, s.floor, s.mode, self.stepper.snapshot())
+
+    def resume(self, snapshot: RunSnapshot) -> None:
+        """Begin at a snapshot, in place of `begin`."""
+        s: Any = self.system
+        t, y, carry, compensation, rows, s.floor, mode, stepper = snapshot
+        self.ys[-1] = y
+        if self.modes:
+            self.modes.resume(self, mode)
+        if rows is not None:
+            s.use_rows(rows)
+        self._note()
+        self.F, self.zs[-1] = s.derivative(t, y)
+        self.state = State(y, s.carry(self.F, self.zs[-1]) if carry is None else carry, compensation)
+        self.carried.note(0, self.state.carry)
+        self.leg = self.ahead.leg(t)
+        self.stepper.resume(stepper)
+        for source in self.sources:
+            source.begin(self)
 
     def end_interval(self) -> None:
         """End a smooth interval at the last node."""

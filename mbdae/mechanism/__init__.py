@@ -14,6 +14,7 @@ from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formulations.compiled_systems import CompiledSystem
 from .hybrid.impact import Impact
+from .input_functions import Input
 from .joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
@@ -31,6 +32,7 @@ __all__ = [
     "Effort",
     "Function",
     "Impact",
+    "Input",
     "Mechanism",
     "NotCompiled",
     "Reaction",

@@ -3,95 +3,23 @@
 A number is a constant, a Python function of t a `Function`; all are evaluated as polynomials, harmonics or functions.
 """
 
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from math import inf, isfinite, nan, pi, sin
+from math import isfinite, nan, pi, sin
 from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
 
-from .. import finite_differences
 from ..errors import InputError
 from . import piecewise_polynomial as piecewise
 from .callbacks import called, checked, function_name
-from .checked_table import Table
+from .input_functions import Input, Recorded
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
-
-SPACING = 3e-3  # s, of finite differences
-
-
-class _TimeFunction(Table):
-    """A function of time."""
-
-    @abstractmethod
-    def at(self, t: float, k: int = 0) -> float:
-        """Return the k-th derivative with respect to time, k = 0, 1, 2."""
-
-    def derivative(self, t: float, k: int = 0) -> float:
-        """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
-        if k < 2 and self.known(k + 1):
-            return self.at(t, k + 1)
-        return float(finite_differences.numerical_derivative(lambda x: self.at(t + x, k), SPACING))
-
-    def known(self, k: int) -> bool:
-        """Whether the k-th derivative is given, k = 0, 1, 2."""
-        return True
-
-    @property
-    def breaks(self) -> Sequence[float]:
-        """Times where it is not smooth."""
-        return ()
-
-    @property
-    def knots(self) -> Sequence[float]:
-        """Times where its polynomials join, within one period."""
-        return ()
-
-    def meets(self, t0: float, t1: float) -> Sequence[float]:
-        """Return the times between t0 and t1 where its polynomials join."""
-        return ()
-
-    def jump(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
-        return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
-
-    @abstractmethod
-    def core_data(self) -> dict[str, Any]:
-        """Core data."""
+from .time_function_base import BaseTimeFunction, PiecewiseFunction
 
 
-class _Piecewise(_TimeFunction):
-    """A function of time that consists of polynomials."""
-
-    @cached_property
-    @abstractmethod
-    def polynomials(self) -> PiecewisePolynomial:
-        """The polynomials."""
-
-    def at(self, t: float, k: int = 0) -> float:
-        return self.polynomials.at(t, k)
-
-    @property
-    def breaks(self) -> Sequence[float]:
-        return self.polynomials.breaks
-
-    @property
-    def knots(self) -> Sequence[float]:
-        return self.polynomials.starts[1:]
-
-    def meets(self, t0: float, t1: float) -> Sequence[float]:
-        return self.polynomials.meets(t0, t1)
-
-    def derivative(self, t: float, k: int = 0) -> float:
-        return self.polynomials.derivative(t, k)
-
-    def core_data(self) -> dict[str, Any]:
-        return self.polynomials.core_data()
-
-
-class Constant(_Piecewise):
+class Constant(PiecewiseFunction):
     """A number; written as a plain number in a file.
 
     Attributes:
@@ -113,7 +41,7 @@ class Constant(_Piecewise):
         return self.value
 
 
-class Harmonic(_TimeFunction):
+class Harmonic(BaseTimeFunction):
     """offset + amplitude sin(omega t + phase).
 
     Attributes:
@@ -140,7 +68,7 @@ class Harmonic(_TimeFunction):
         return {"kind": "harmonic", "a": [self.amplitude, self.omega, self.phase, self.offset]}
 
 
-class Polynomial(_Piecewise):
+class Polynomial(PiecewiseFunction):
     """sum_i coefficients_i t^i.
 
     Attributes:
@@ -155,7 +83,7 @@ class Polynomial(_Piecewise):
         return PiecewisePolynomial([0.0], [self.coefficients[::-1]])
 
 
-class _Points(_Piecewise):
+class _Points(PiecewiseFunction):
     """A function of time given by points (t, value), t increasing."""
 
     @field_validator("points", check_fields=False)
@@ -226,7 +154,7 @@ class Steps(_Points):
         return PiecewisePolynomial(times, [[value] for value in values], times[1:])
 
 
-class Function(_TimeFunction):
+class Function(BaseTimeFunction):
     """A Python function of time, with derivatives where needed.
 
     A saved solution records it by name; operations that need its values then fail.
@@ -274,13 +202,15 @@ class Function(_TimeFunction):
         return {"kind": "python", "call": self.at}
 
 
-SIGNALS: tuple[type[_TimeFunction], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
+SIGNALS: tuple[type[BaseTimeFunction], ...] = (
+    Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, Recorded
+)  # fmt: skip
 
 
 def _coerce(value: Any) -> Any:
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Constant(value=float(value))
-    return Function(function=value) if callable(value) and not isinstance(value, _TimeFunction) else value
+    return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value
 
 
 def _returns(signal: Any) -> Any:
@@ -292,7 +222,7 @@ def _returns(signal: Any) -> Any:
 
 Motion = Annotated[
     Annotated[
-        Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function],  # noqa: UP007
+        Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, Recorded],  # noqa: UP007
         Field(discriminator="kind"),
     ],
     BeforeValidator(_coerce),

@@ -118,6 +118,11 @@ class ModeChanges(EventSource):
         self._enter(mode, run)
         return y
 
+    def resume(self, run: "RunState", mode: "Mode") -> None:
+        """Enter the mode of a snapshot; `begin` tracks its guards."""
+        self.modes = [(0, mode)]
+        self._enter(mode, run)
+
     def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
         return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "contact"]
 

@@ -56,12 +56,19 @@ class Jumps(EventSource):
     def __init__(
         self, system: System, times: Sequence[float], t1: float, sign: float, knots: Sequence[float] = ()
     ) -> None:
-        self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
+        self.system, self.given, self.t1, self.sign = system, _checked(times), t1, sign
+        self.times = sorted({*self.given, *knots})
 
     @classmethod
     def from_run(cls, run: "RunState") -> "Jumps":
         o = run.options
-        return cls(run.system, o.jumps, o.end, o.sign, _knots(run))
+        return cls(run.system, o.jumps, o.end, o.sign, _knots(run, o.t0, o.end))
+
+    def extend(self, run: "RunState", t1: float) -> None:
+        """Move the end of the span."""
+        self.t1 = t1
+        if run.modes:
+            self.times = sorted({*self.given, *_knots(run, run.t, t1)})
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return y after jumps of the states of sampled controllers."""
@@ -110,15 +117,15 @@ class Jumps(EventSource):
         raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
 
 
-def _knots(run: "RunState") -> Sequence[float]:
-    """Return the knots of loads and motions for a run with modes: a step across a knot could miss extrema of loads."""
+def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
+    """Return the knots of loads and motions between two times if the run has modes: loads may have extrema there."""
     problem, system = run.problem, run.system
     if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
     motions = (d.path for d in problem.drivers)
     commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
-    return [t for signal in (*laws, *motions, *commands) for t in signal.meets(run.options.t0, run.options.end)]
+    return [t for signal in (*laws, *motions, *commands) for t in signal.meets(t0, t1)]
 
 
 def _checked(times: Sequence[float]) -> list[float]:

@@ -94,6 +94,12 @@ class Adaptive(PythonStepper):
     def limit_step(self, h: float) -> None:
         self.h, self.size_before_truncation = min(self.h, h), 0.0
 
+    def snapshot(self) -> tuple[Any, ...]:
+        return self.h, self.cut, self.controller.last, self.controller.rejected
+
+    def resume(self, snapshot: tuple[Any, ...]) -> None:
+        self.h, self.cut, self.controller.last, self.controller.rejected = snapshot
+
     def settings(self) -> dict[str, Any]:
         """Return the settings that are recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}

@@ -39,8 +39,11 @@ class Fixed(PythonStepper):
         beyond = run.sign * (t - run.interval.stop)  # the interval ends before the next grid point
         self.on_grid = beyond <= COINCIDENT * self.step
         self.i += self.on_grid
+        left, end = run.time_to_interval_end(), run.interval.end
+        if starts_on_grid and run.interval.stop == end and abs(left - self.step) <= 4 * np.spacing(abs(end)):
+            return self.step, end  # rounding of times does not change steps
         if beyond >= -COINCIDENT * self.step:
-            return run.time_to_interval_end(), run.interval.end
+            return left, end
         return (self.step if starts_on_grid else abs(t - run.t)), t
 
     def take(self, run: "RunState", h: float) -> Step:
@@ -101,6 +104,13 @@ class Fixed(PythonStepper):
         if not self.detour:
             self.off_grid_time = None
         return not self.detour
+
+    def snapshot(self) -> tuple[Any, ...]:
+        return self.i, self.on_grid, tuple(self.detour), self.off_grid_time
+
+    def resume(self, snapshot: tuple[Any, ...]) -> None:
+        self.i, self.on_grid, detour, self.off_grid_time = snapshot
+        self.detour = list(detour)
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that are recorded with the solution."""

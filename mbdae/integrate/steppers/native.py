@@ -69,6 +69,12 @@ class NativeStepper(Stepper):
     def limit_step(self, h: float) -> None:
         self.inner.limit_step(h)
 
+    def snapshot(self) -> tuple[Any, ...]:
+        return self.inner.snapshot()
+
+    def resume(self, snapshot: tuple[Any, ...]) -> None:
+        self.inner.resume(snapshot)
+
     def undo_step(self) -> None:
         self.inner.undo_step()
 
@@ -85,7 +91,7 @@ class NativeStepper(Stepper):
 
     def _to_native(self, run: "RunState", max_steps: int) -> None:
         """Pass the position of the run, its step size, and all thresholds to the core."""
-        r, leg, monitor, inner = self.run, self.run.leg, run.singularity_monitor, self.inner
+        r, leg, monitor, inner = self.run, self.run.interval, run.singularity_monitor, self.inner
         r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
         self._events_to_native(run)
         r.kept = run.carries.capacity_left(len(run.ts))

@@ -58,6 +58,13 @@ class Stepper(ABC):
     def limit_step(self, h: float) -> None:  # noqa: B027
         """Limit the size of the next step, if it is controlled."""
 
+    def snapshot(self) -> tuple[Any, ...]:
+        """Return what determines the next step sizes."""
+        return ()
+
+    def resume(self, snapshot: tuple[Any, ...]) -> None:  # noqa: B027
+        """Continue from a snapshot."""
+
     def undo_step(self) -> None:  # noqa: B027
         """Undo the last step."""
 

@@ -95,6 +95,22 @@ class Source(Table):
     packages: tuple[str, ...] = ()
 
 
+class InputTable(Table):
+    """An input of forces, which a `mbdae.Simulator` sets: forces refer to it by ``{ input = "NAME" }``.
+
+    Attributes:
+        name: of the input.
+        value: at the start.
+        unit: for tables and displays.
+        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance.
+    """
+
+    name: str = Field(min_length=1)
+    value: float = 0.0
+    unit: str = ""
+    hold: Literal["zero", "first"] = "zero"
+
+
 class MechanismFile(Table):
     """Contents of a mechanism.toml.
 
@@ -114,6 +130,7 @@ class MechanismFile(Table):
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
         force: springs, dampers, motors, controllers.
+        input: inputs of forces.
         start: initial state.
         order: settings of the order study.
         solve: settings of runs.
@@ -134,9 +151,19 @@ class MechanismFile(Table):
     stop: tuple[Stop, ...] = ()
     clutch: tuple[Clutch, ...] = ()
     force: tuple[AnyForce, ...] = ()
+    input: tuple[InputTable, ...] = ()
     start: Start = Start()
     order: OrderSettings = OrderSettings()
     solve: SolveSettings = SolveSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _inputs(cls, content: Any) -> Any:
+        """Replace ``{ input = NAME }`` in forces and motors by the input of that name."""
+        if not isinstance(content, Mapping) or not isinstance(tables := content.get("input", ()), list | tuple):
+            return content
+        known = {x["name"]: x for x in tables if isinstance(x, dict) and isinstance(x.get("name"), str)}
+        return {k: _with_inputs(x, known) if k in ("force", "motor") else x for k, x in content.items()}
 
     @field_validator("source", mode="before")
     @classmethod
@@ -144,6 +171,21 @@ class MechanismFile(Table):
         if isinstance(source, str):
             return ({"file": source},)
         return (source,) if isinstance(source, dict | Source) else source or ()
+
+
+def _with_inputs(value: Any, known: Mapping[str, Any]) -> Any:
+    """Return the tables of a file with references to inputs replaced.
+
+    Raises:
+        ValueError: for an unknown input.
+    """
+    if isinstance(value, dict) and value.keys() == {"input"}:
+        if value["input"] not in known:
+            raise ValueError(f"unknown input {value['input']!r}; known: {', '.join(known) or 'none, add an [[input]]'}")
+        return {"kind": "input", **known[value["input"]]}
+    if isinstance(value, dict):
+        return {key: _with_inputs(x, known) for key, x in value.items()}
+    return [_with_inputs(x, known) for x in value] if isinstance(value, list | tuple) else value
 
 
 def read_toml(text: str, name: str) -> MechanismFile:

@@ -63,6 +63,8 @@ Proposal Grid::propose(const SmoothInterval& leg) {
   const double beyond = leg.sign * (t - leg.stop);
   on_grid = beyond <= near * step;
   i += on_grid;
+  const double spacing = std::nextafter(std::fabs(leg.end), HUGE_VAL) - std::fabs(leg.end);
+  if (started && leg.stop == leg.end && std::fabs(left - step) <= 4 * spacing) return {step, leg.end};
   if (beyond >= -near * step) return {left, leg.end};
   return {started ? step : std::fabs(t - leg.t), t};
 }

@@ -1,0 +1,302 @@
+"""Simulation in advances: a controller, a user interface or another program acts between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from numbers import Real
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ..errors import STATUS, InputError, StepError
+from ..mechanism import Mechanism
+from ..mechanism.input_functions import Held
+from ..mechanism.inputs import Inputs
+from ..solution.problem import problem_of
+from ..solution.signal_value import find_signal, value
+from ..solution.solution import Solution
+from ..system import Array
+from ..tolerances import COINCIDENT
+from .loop import time_loop
+from .options import RunOptions, positive
+from .result import joined, make_solution
+from .run_setup import prepare, prepare_at
+from .run_state import RunSnapshot, RunState
+from .span import end_of_tables
+from .steppers.fixed import Fixed
+
+ENDLESS = 2**31 - 1  # fixed steps
+FORGOTTEN = 4096  # nodes, after which a simulator without a record begins a new one
+
+
+@dataclass(frozen=True)
+class SimulatorState:
+    """Everything that determines how a simulator continues; may be pickled.
+
+    Attributes:
+        run: time, state, rows in use, mode and step-size control.
+        inputs: what each input does, by name.
+        wanted: inputs that were set, by name, since the last advance.
+        start: time in s from which fixed steps are counted.
+    """
+
+    run: RunSnapshot
+    inputs: dict[str, Held]
+    wanted: dict[str, float]
+    start: float
+
+
+class Simulator:
+    """A mechanism that is advanced step by step, with inputs that may change between the steps.
+
+        q' = v,   M(q) v' = f(t, q, v, s, u) + G(q)^T lam,   0 = G(q) v + g_t,   u(t) = u_k or u_k + u_k' (t - t_k)
+
+    With constant inputs and fixed steps the states are those of `mbdae.solve`, bit by bit. Where an input jumps, the
+    method restarts, as at jumps of functions of time. Not to be shared between threads.
+
+    Args:
+        model: a mechanism, or the name or path of one.
+        t: start time in s.
+        q: consistent start configuration (nq,); the model's start if omitted.
+        v: consistent start velocity (nv,); the model's start if omitted.
+        s: start values (ns,) of states of actuators and controllers; their defaults if omitted.
+        record: whether to keep all steps for `solution`; otherwise memory does not grow.
+        **options: as of `mbdae.solve`: method, formulation, project, baumgarte, step (fixed; controlled if omitted),
+            rtol, atol, first_step, max_step, jumps, events, backend.
+
+    Attributes:
+        mechanism: a copy whose inputs belong to this simulator.
+        status: ``"running"``; ``"event"`` after an advance that a terminal event ended; otherwise why it has stopped.
+        message: the same in words.
+
+    Raises:
+        InputError: for wrong arguments, or an inconsistent start.
+        UnknownNameError: for an unknown method.
+
+    Example:
+        >>> simulator = mbdae.Simulator("slider_crank", step=1e-3)
+        >>> for _ in range(100):
+        ...     simulator.advance(1e-3)
+        >>> round(simulator.t, 3)
+        0.1
+    """
+
+    def __init__(
+        self,
+        model: Mechanism | str | Path,
+        t: float = 0.0,
+        q: Array | None = None,
+        v: Array | None = None,
+        s: Array | None = None,
+        *,
+        record: bool = True,
+        jumps: Sequence[float] = (),
+        events: Any = None,
+        backend: str = "auto",
+        **options: Any,
+    ) -> None:
+        problem = problem_of(model, "Simulator")
+        if not isinstance(problem, Mechanism):
+            raise InputError("a simulator needs a mechanism; textbook problems run by mbdae.solve")
+        if "t_eval" in options or "t_span" in options:
+            raise InputError("a simulator has no t_span and no t_eval: give t, and call advance")
+        self.inputs = Inputs(problem)
+        self.mechanism = mechanism = self.inputs.mechanism
+        given = dict.fromkeys(("method", "formulation", "project", "baumgarte", "step", "rtol", "atol", "first_step"))
+        given |= dict.fromkeys(("max_step", "max_steps"))
+        if unknown := [name for name in options if name not in given]:
+            raise InputError(f"unknown option {unknown[0]!r} of a simulator; valid: {', '.join(sorted(given))}")
+        self.options = RunOptions.of(
+            mechanism, (t, np.nextafter(t, np.inf) + 1.0), None, jumps, events, backend, **given | options
+        )
+        self.recorded, self.start, self.seconds = record, float(t), 0.0
+        self.status, self.message = "running", STATUS["finished"]
+        self._wanted: dict[str, float] = {}  # inputs that were set since the last advance
+        self._history = {name: [held] for name, held in self.inputs.values.items()}
+        self._earlier: list[Solution] = []  # recorded before the last save
+        self._run = self._counted(prepare(mechanism, self.options, (q, v, s)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._run.begin()
+
+    def _counted(self, run: RunState) -> RunState:
+        """Return a run whose fixed steps are counted from the start of the simulator."""
+        if isinstance(fixed := getattr(run.stepper, "inner", run.stepper), Fixed):
+            fixed.n, fixed.t0 = ENDLESS, self.start
+        return run
+
+    def __repr__(self) -> str:
+        return f"<Simulator of {self.mechanism.title} at t = {self.t:.9g} s: {self.status}>"
+
+    # -- state ---------------------------------------------------------------------------------------------------
+
+    @property
+    def t(self) -> float:
+        """Time in s."""
+        return self._run.t
+
+    @property
+    def q(self) -> Array:
+        """Configuration (nq,)."""
+        return self._run.ys[-1][: self.mechanism.nq].copy()
+
+    @property
+    def v(self) -> Array:
+        """Velocity (nv,)."""
+        nq = self.mechanism.nq
+        return self._run.ys[-1][nq : nq + self.mechanism.nv].copy()
+
+    @property
+    def s(self) -> Array:
+        """States of actuators and controllers (ns,)."""
+        return self._run.ys[-1][self.mechanism.nq + self.mechanism.nv : -1].copy()
+
+    @property
+    def mode(self) -> tuple[int, ...]:
+        """The state of each switch of ``mechanism.switches``."""
+        return self._run.system.mode  # type: ignore[attr-defined]
+
+    def signals(self, *names: str) -> Array:
+        """Return signals now, (len(names),), by the names of `mbdae.Solution.signals`.
+
+        Raises:
+            UnknownNameError: for an unknown name.
+        """
+        run, y = self._run, self._run.ys[-1]
+        system: Any = run.system
+        return np.array([value(system, find_signal(self.mechanism, name), run.t, y) for name in names])
+
+    # -- inputs --------------------------------------------------------------------------------------------------
+
+    def __getitem__(self, name: str) -> float:
+        """Return an input now.
+
+        Raises:
+            UnknownNameError: lists the inputs.
+        """
+        return self._wanted.get(name, self.inputs.cell(name).at(self.t))
+
+    def __setitem__(self, name: str, value: float) -> None:
+        """Set an input: from now on, or, with ``hold = "first"``, at the end of the next advance.
+
+        Raises:
+            UnknownNameError: lists the inputs.
+            InputError: for a value that is not a finite number.
+        """
+        self._running()
+        self.inputs.cell(name)
+        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+            raise InputError(f"input {name!r} must be a finite number, got {value!r}")
+        self._wanted[name] = float(value)
+
+    def _apply(self, dt: float) -> bool:
+        """Let the inputs follow what was set, over dt; return whether one of them jumps."""
+        t, jumps = self.t, False
+        for name, cell in self.inputs.cells.items():
+            now = cell.at(t)
+            value = self._wanted.get(name, now)
+            held = Held(t, value) if cell.hold == "zero" else Held(t, now, (value - now) / dt)
+            if held[1:] != (now, cell.held.rate):
+                jumps |= held.value != now
+                cell.hold_from(held)
+                self._history[name].append(held)
+        self._wanted.clear()
+        return jumps
+
+    # -- time ----------------------------------------------------------------------------------------------------
+
+    def advance(self, dt: float) -> str:
+        """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance before.
+
+        Raises:
+            InputError: for a dt that is not positive, or a simulator that has stopped.
+            StepError: if the steps fail; everything up to there remains, and the simulator has stopped.
+        """
+        run = self._running()
+        positive(dt=dt)
+        if not isfinite(dt):
+            raise InputError(f"dt must be finite, got {dt}")
+        started, target = perf_counter(), self._on_grid(run.t + dt)
+        end = end_of_tables(self.mechanism.drivers, run.t, target)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                if self._apply(dt) | (run.leg.stop != run.leg.end):  # a jump just after the last node
+                    run.restart_after_jump(run.t)
+                run.continue_to(end)
+                stopped = time_loop(run)
+        except StepError as e:
+            for source in run.sources:
+                e = source.explain(run, e)
+            self.status, self.message = e.status, str(e)
+            raise e from None
+        finally:
+            self.seconds += perf_counter() - started
+        if end < target:
+            self.status = "driver"
+            self.message = next(text for d in self.mechanism.drivers if (text := d.outside(target)))
+            raise StepError(self.status, self.message)
+        if not self.recorded and len(run.ts) > FORGOTTEN:
+            self.save()
+        self.status = "event" if stopped else "running"
+        return self.status
+
+    def _on_grid(self, t: float) -> float:
+        """Return the time, that of a fixed step if they differ by rounding only."""
+        if not (h := self.options.step):
+            return t
+        on_grid = self.start + round((t - self.start) / h) * h
+        return on_grid if abs(on_grid - t) <= COINCIDENT * h else t
+
+    def _running(self) -> RunState:
+        if self.status not in ("running", "event"):
+            raise InputError(f"the simulator stopped at t = {self.t:.9g} s ({self.status}): {self.message}")
+        return self._run
+
+    # -- saving and results --------------------------------------------------------------------------------------
+
+    def save(self) -> SimulatorState:
+        """Return the state, from which `restore` continues bit by bit as this simulator does from now on.
+
+        What a state does not contain (start values of Newton's iteration) starts anew here, too; without a record, the
+        steps so far are forgotten.
+
+        Raises:
+            InputError: for a simulator that has stopped.
+        """
+        run = self._running()
+        state = SimulatorState(run.snapshot(), self.inputs.values, dict(self._wanted), self.start)
+        earlier = [*self._earlier, self._made()] if self.recorded else []
+        history = self._history
+        self.restore(state)
+        if self.recorded:
+            self._earlier, self._history = earlier, history
+        return state
+
+    def restore(self, state: SimulatorState) -> None:
+        """Continue from a saved state, of this simulator or of another one with the same mechanism and options.
+
+        The record begins again.
+        """
+        self.start, self._wanted, self._earlier = state.start, dict(state.wanted), []
+        for name, held in state.inputs.items():
+            self.inputs.cell(name).hold_from(held)
+        self._history = {name: [held] for name, held in state.inputs.items()}
+        self.status, self.message = "running", STATUS["finished"]
+        self._run.release()
+        t = state.run.t
+        options = replace(self.options, t0=t, t1=t + 1, end=t + 1)
+        self._run = self._counted(prepare_at(self.mechanism, options, state.run.y))
+        self._run.resume(state.run)
+
+    def _made(self) -> Solution:
+        status = "finished" if self.status in ("running", "event") else self.status
+        return make_solution(self._run, status, self.message, self.seconds)
+
+    def solution(self) -> Solution:
+        """Return the recorded steps as a solution; inputs have become functions of time with their history.
+
+        Its checks, statistics and signals are those of `mbdae.solve`.
+        """
+        out = joined([*self._earlier, self._made()])
+        return replace(out, problem=self.inputs.recorded(self._history)) if self.inputs.named else out

@@ -1,0 +1,75 @@
+"""Inputs as functions of time: set while a mechanism is simulated, and recorded."""
+
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+from pydantic import Field, PrivateAttr, field_validator
+
+from .piecewise_polynomial import PiecewisePolynomial, require_increasing
+from .time_function_base import BaseTimeFunction, PiecewiseFunction
+
+
+class Held(NamedTuple):
+    """An input from time t in s on: value + rate (t' - t)."""
+
+    t: float
+    value: float
+    rate: float = 0.0
+
+
+class Input(BaseTimeFunction):
+    """A value that a `mbdae.Simulator` sets while it advances; elsewhere constant.
+
+    Attributes:
+        name: of the input; equal names are one input.
+        value: at the start.
+        unit: for tables and displays.
+        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance.
+    """
+
+    kind: Literal["input"] = "input"
+    name: str = Field(min_length=1)
+    value: float = 0.0
+    unit: str = ""
+    hold: Literal["zero", "first"] = "zero"
+    _held: Held | None = PrivateAttr(None)
+
+    @property
+    def held(self) -> Held:
+        """The last setting."""
+        return self._held or Held(0.0, self.value)
+
+    def hold_from(self, held: Held) -> None:
+        """Set it; only in the copy of a mechanism that a simulator owns."""
+        self._held = held
+
+    def at(self, t: float, k: int = 0) -> float:
+        t0, value, rate = self.held
+        return (value + rate * (t - t0), rate)[k] if k < 2 else 0.0
+
+    def core_data(self) -> dict[str, Any]:
+        return {"kind": "python", "call": self.at}
+
+
+class Recorded(PiecewiseFunction):
+    """The history of an input: linear pieces (t, value, rate) in s, t increasing; the first one also applies before.
+
+    Attributes:
+        name: of the input.
+        pieces: each applies from its time on.
+    """
+
+    kind: Literal["recorded"] = "recorded"
+    name: str = ""
+    pieces: tuple[tuple[float, float, float], ...] = Field(min_length=1)
+
+    @cached_property
+    def polynomials(self) -> PiecewisePolynomial:
+        times, values, rates = zip(*self.pieces, strict=True)
+        return PiecewisePolynomial(times, zip(rates, values, strict=True), times[1:])
+
+    @field_validator("pieces")
+    @classmethod
+    def _rise(cls, pieces: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+        require_increasing([(t, u) for t, u, _ in pieces])
+        return pieces
