@@ -160,8 +160,8 @@ class RunState:
     def continue_to(self, t1: float) -> None:
         """Move the end of the run, which has reached its former one."""
         self.t1 = t1
-        self.ahead.extend(self, t1)
-        self.leg = self.ahead.leg(self.t)
+        self.jumps.extend(self, t1)
+        self.interval = self.jumps.interval(self.t)
 
     def snapshot(self) -> RunSnapshot:
         """Return what determines how the run continues."""
@@ -176,18 +176,18 @@ class RunState:
         s: Any = self.system
         t, y, carry, compensation, rows, s.floor, mode, stepper = snapshot
         self.ys[-1] = y
-        if self.modes:
-            self.modes.resume(self, mode)
+        if self.mode_changes:
+            self.mode_changes.resume(self, mode)
         if rows is not None:
             s.use_rows(rows)
-        self._note()
+        self._record_rows()
         self.F, self.zs[-1] = s.derivative(t, y)
         self.state = State(y, s.carry(self.F, self.zs[-1]) if carry is None else carry, compensation)
-        self.carried.note(0, self.state.carry)
-        self.leg = self.ahead.leg(t)
+        self.carries.store(0, self.state.carry)
+        self.interval = self.jumps.interval(t)
         self.stepper.resume(stepper)
         for source in self.sources:
-            source.begin(self)
+            source.begin_interval(self)
 
     def end_interval(self) -> None:
         """End a smooth interval at the last node."""

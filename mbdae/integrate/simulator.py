@@ -20,7 +20,7 @@ from ..solution.solution import Solution
 from ..system import Array
 from ..tolerances import COINCIDENT
 from .loop import time_loop
-from .options import RunOptions, positive
+from .options import RunOptions, require_positive
 from .result import joined, make_solution
 from .run_setup import prepare, prepare_at
 from .run_state import RunSnapshot, RunState
@@ -108,7 +108,7 @@ class Simulator:
         given |= dict.fromkeys(("max_step", "max_steps"))
         if unknown := [name for name in options if name not in given]:
             raise InputError(f"unknown option {unknown[0]!r} of a simulator; valid: {', '.join(sorted(given))}")
-        self.options = RunOptions.of(
+        self.options = RunOptions.from_arguments(
             mechanism, (t, np.nextafter(t, np.inf) + 1.0), None, jumps, events, backend, **given | options
         )
         self.recorded, self.start, self.seconds = record, float(t), 0.0
@@ -200,7 +200,10 @@ class Simulator:
             if held[1:] != (now, cell.held.rate):
                 jumps |= held.value != now
                 cell.hold_from(held)
-                self._history[name].append(held)
+                history = self._history[name]
+                if history[-1].t == t:
+                    history.pop()
+                history.append(held)
         self._wanted.clear()
         return jumps
 
@@ -214,14 +217,14 @@ class Simulator:
             StepError: if the steps fail; everything up to there remains, and the simulator has stopped.
         """
         run = self._running()
-        positive(dt=dt)
+        require_positive(dt=dt)
         if not isfinite(dt):
             raise InputError(f"dt must be finite, got {dt}")
         started, target = perf_counter(), self._on_grid(run.t + dt)
         end = end_of_tables(self.mechanism.drivers, run.t, target)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                if self._apply(dt) | (run.leg.stop != run.leg.end):  # a jump just after the last node
+                if self._apply(dt) | (run.interval.stop != run.interval.end):  # a jump just after the last node
                     run.restart_after_jump(run.t)
                 run.continue_to(end)
                 stopped = time_loop(run)

@@ -67,7 +67,7 @@ class Jumps(EventSource):
     def extend(self, run: "RunState", t1: float) -> None:
         """Move the end of the span."""
         self.t1 = t1
-        if run.modes:
+        if run.mode_changes:
             self.times = sorted({*self.given, *_knots(run, run.t, t1)})
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:

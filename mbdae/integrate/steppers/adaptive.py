@@ -95,10 +95,11 @@ class Adaptive(PythonStepper):
         self.h, self.size_before_truncation = min(self.h, h), 0.0
 
     def snapshot(self) -> tuple[Any, ...]:
-        return self.h, self.cut, self.controller.last, self.controller.rejected
+        pi = self.controller
+        return self.h, self.size_before_truncation, pi.last, pi.rejected
 
     def resume(self, snapshot: tuple[Any, ...]) -> None:
-        self.h, self.cut, self.controller.last, self.controller.rejected = snapshot
+        self.h, self.size_before_truncation, self.controller.last, self.controller.rejected = snapshot
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that are recorded with the solution."""
