@@ -177,3 +177,9 @@ def test_growth_of_default_runs(script, capsys):
     assert [list(m) for m in measured.values()] == [[10, 30], [10, 30]]
     assert min(x["start"] for m in measured.values() for x in m.values()) > 0
     assert "| exponent |" in capsys.readouterr().out
+
+
+def test_simulator_is_measured(script, capsys):
+    found = script("simulator").main(5)
+    assert all(mean > 0 and longest > 0 for mean, longest in found.values())
+    assert "slider_crank" in capsys.readouterr().out

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -34,30 +34,6 @@ SOURCES: tuple[type[EventSource], ...] = (
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
 Source = TypeVar("Source", bound=EventSource)
-
-
-class RunSnapshot(NamedTuple):
-    """What determines how a run continues; numbers only.
-
-    Attributes:
-        t: time in s.
-        y: the point (n,).
-        carry: the method's carry; None if it starts anew.
-        compensation: see `mbdae.system.State`.
-        rows: the rows in use; None if all are independent.
-        floor: smallest pivot ratio of the rows in use.
-        mode: of the mechanism.
-        stepper: of the step-size control.
-    """
-
-    t: float
-    y: Array
-    carry: Array | None
-    compensation: Array | None
-    rows: tuple[int, ...] | None
-    floor: float
-    mode: tuple[int, ...]
-    stepper: tuple[Any, ...]
 
 
 class RunState:
@@ -127,12 +103,13 @@ class RunState:
 
     def _start_at(self, y: Array, restarted: bool = False) -> None:
         y = self.ys[-1] = self.system.update_independent_rows(self.t, State(y)).y
-        self._record_rows(restarted)
+        self.record_rows(restarted)
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
         self.carries.store(len(self.ts) - 1, self.state.carry)
 
-    def _record_rows(self, restarted: bool = False) -> None:
+    def record_rows(self, restarted: bool = False) -> None:
+        """Record the rows in use from the last node on, if they have changed."""
         rows = self.system.in_use
         if restarted or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
@@ -162,32 +139,6 @@ class RunState:
         self.t1 = t1
         self.jumps.extend(self, t1)
         self.interval = self.jumps.interval(self.t)
-
-    def snapshot(self) -> RunSnapshot:
-        """Return what determines how the run continues."""
-        s: Any = self.system
-        carry = self.state.carry if isinstance(self.state.carry, np.ndarray) else None
-        rows = None if s.rows is None else tuple(s.rows.tolist())
-        y, compensation = self.ys[-1].copy(), self.state.compensation
-        return RunSnapshot(self.t, y, carry, compensation, rows, s.floor, s.mode, self.stepper.snapshot())
-
-    def resume(self, snapshot: RunSnapshot) -> None:
-        """Begin at a snapshot, in place of `begin`."""
-        s: Any = self.system
-        t, y, carry, compensation, rows, s.floor, mode, stepper = snapshot
-        self.ys[-1] = y
-        if self.mode_changes:
-            self.mode_changes.resume(self, mode)
-        if rows is not None:
-            s.use_rows(rows)
-        self._record_rows()
-        self.F, self.zs[-1] = s.derivative(t, y)
-        self.state = State(y, s.carry(self.F, self.zs[-1]) if carry is None else carry, compensation)
-        self.carries.store(0, self.state.carry)
-        self.interval = self.jumps.interval(t)
-        self.stepper.resume(stepper)
-        for source in self.sources:
-            source.begin_interval(self)
 
     def end_interval(self) -> None:
         """End a smooth interval at the last node."""
@@ -230,7 +181,7 @@ class RunState:
             raise
         self.t, self.ys[-1] = t, self.state.y
         self.carries.store(len(self.ts) - 1, self.state.carry, self.restarted)
-        self._record_rows()
+        self.record_rows()
 
     def append_node(self, t: float, y: Array, last: bool) -> None:
         """Append a node that is not the end of a step; the last node may be singular, since no step begins there."""

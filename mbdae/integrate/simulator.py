@@ -1,7 +1,7 @@
 """Simulation in advances: a controller, a user interface or another program acts between them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 from numbers import Real
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import STATUS, InputError, StepError
 from ..mechanism import Mechanism
-from ..mechanism.input_functions import Held
+from ..mechanism.input_functions import InputSetting
 from ..mechanism.inputs import Inputs
 from ..solution.problem import problem_of
 from ..solution.signal_value import find_signal, value
@@ -23,29 +23,13 @@ from .loop import time_loop
 from .options import RunOptions, require_positive
 from .result import joined, make_solution
 from .run_setup import prepare, prepare_at
-from .run_state import RunSnapshot, RunState
+from .run_snapshot import SimulatorState, resume, snapshot
+from .run_state import RunState
 from .span import end_of_tables
 from .steppers.fixed import Fixed
 
 ENDLESS = 2**31 - 1  # fixed steps
 FORGOTTEN = 4096  # nodes, after which a simulator without a record begins a new one
-
-
-@dataclass(frozen=True)
-class SimulatorState:
-    """Everything that determines how a simulator continues; may be pickled.
-
-    Attributes:
-        run: time, state, rows in use, mode and step-size control.
-        inputs: what each input does, by name.
-        wanted: inputs that were set, by name, since the last advance.
-        start: time in s from which fixed steps are counted.
-    """
-
-    run: RunSnapshot
-    inputs: dict[str, Held]
-    wanted: dict[str, float]
-    start: float
 
 
 class Simulator:
@@ -114,7 +98,7 @@ class Simulator:
         self.recorded, self.start, self.seconds = record, float(t), 0.0
         self.status, self.message = "running", STATUS["finished"]
         self._wanted: dict[str, float] = {}  # inputs that were set since the last advance
-        self._history = {name: [held] for name, held in self.inputs.values.items()}
+        self._history = {name: [setting] for name, setting in self.inputs.values.items()}
         self._earlier: list[Solution] = []  # recorded before the last save
         self._run = self._counted(prepare(mechanism, self.options, (q, v, s)))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -196,14 +180,14 @@ class Simulator:
         for name, cell in self.inputs.cells.items():
             now = cell.at(t)
             value = self._wanted.get(name, now)
-            held = Held(t, value) if cell.hold == "zero" else Held(t, now, (value - now) / dt)
-            if held[1:] != (now, cell.held.rate):
-                jumps |= held.value != now
-                cell.hold_from(held)
+            setting = InputSetting(t, value) if cell.hold == "zero" else InputSetting(t, now, (value - now) / dt)
+            if setting[1:] != (now, cell.setting.rate):
+                jumps |= setting.value != now
+                cell.set(setting)
                 history = self._history[name]
                 if history[-1].t == t:
                     history.pop()
-                history.append(held)
+                history.append(setting)
         self._wanted.clear()
         return jumps
 
@@ -261,14 +245,14 @@ class Simulator:
     def save(self) -> SimulatorState:
         """Return the state, from which `restore` continues bit by bit as this simulator does from now on.
 
-        What a state does not contain (start values of Newton's iteration) starts anew here, too; without a record, the
-        steps so far are forgotten.
+        Starting values of Newton's iteration are not saved: both begin without them. A simulator without a record
+        forgets the steps so far.
 
         Raises:
             InputError: for a simulator that has stopped.
         """
         run = self._running()
-        state = SimulatorState(run.snapshot(), self.inputs.values, dict(self._wanted), self.start)
+        state = SimulatorState(snapshot(run), self.inputs.values, dict(self._wanted), self.start)
         earlier = [*self._earlier, self._made()] if self.recorded else []
         history = self._history
         self.restore(state)
@@ -282,15 +266,15 @@ class Simulator:
         The record begins again.
         """
         self.start, self._wanted, self._earlier = state.start, dict(state.wanted), []
-        for name, held in state.inputs.items():
-            self.inputs.cell(name).hold_from(held)
-        self._history = {name: [held] for name, held in state.inputs.items()}
+        for name, setting in state.inputs.items():
+            self.inputs.cell(name).set(setting)
+        self._history = {name: [setting] for name, setting in state.inputs.items()}
         self.status, self.message = "running", STATUS["finished"]
         self._run.release()
         t = state.run.t
         options = replace(self.options, t0=t, t1=t + 1, end=t + 1)
         self._run = self._counted(prepare_at(self.mechanism, options, state.run.y))
-        self._run.resume(state.run)
+        resume(self._run, state.run)
 
     def _made(self) -> Solution:
         status = "finished" if self.status in ("running", "event") else self.status

@@ -9,7 +9,7 @@ from .piecewise_polynomial import PiecewisePolynomial, require_increasing
 from .time_function_base import BaseTimeFunction, PiecewiseFunction
 
 
-class Held(NamedTuple):
+class InputSetting(NamedTuple):
     """An input from time t in s on: value + rate (t' - t)."""
 
     t: float
@@ -32,26 +32,26 @@ class Input(BaseTimeFunction):
     value: float = 0.0
     unit: str = ""
     hold: Literal["zero", "first"] = "zero"
-    _held: Held | None = PrivateAttr(None)
+    _setting: InputSetting | None = PrivateAttr(None)
 
     @property
-    def held(self) -> Held:
+    def setting(self) -> InputSetting:
         """The last setting."""
-        return self._held or Held(0.0, self.value)
+        return self._setting or InputSetting(0.0, self.value)
 
-    def hold_from(self, held: Held) -> None:
+    def set(self, setting: InputSetting) -> None:
         """Set it; only in the copy of a mechanism that a simulator owns."""
-        self._held = held
+        self._setting = setting
 
     def at(self, t: float, k: int = 0) -> float:
-        t0, value, rate = self.held
+        t0, value, rate = self.setting
         return (value + rate * (t - t0), rate)[k] if k < 2 else 0.0
 
     def core_data(self) -> dict[str, Any]:
         return {"kind": "python", "call": self.at}
 
 
-class Recorded(PiecewiseFunction):
+class InputHistory(PiecewiseFunction):
     """The history of an input: linear pieces (t, value, rate) in s, t increasing; the first one also applies before.
 
     Attributes:
@@ -59,7 +59,7 @@ class Recorded(PiecewiseFunction):
         pieces: each applies from its time on.
     """
 
-    kind: Literal["recorded"] = "recorded"
+    kind: Literal["input_history"] = "input_history"
     name: str = ""
     pieces: tuple[tuple[float, float, float], ...] = Field(min_length=1)
 

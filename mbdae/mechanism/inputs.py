@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..errors import InputError, UnknownNameError
-from .input_functions import Held, Input, Recorded
+from .input_functions import Input, InputHistory, InputSetting
 from .mechanism import Mechanism
 
 
@@ -31,7 +31,7 @@ class Inputs:
         self.cells = {name: self.named[name].model_copy() for name in self.named}
         self.mechanism = self._with(self.cells) if self.named else mechanism
         for name, cell in self.cells.items():
-            cell.hold_from(Held(0.0, self.named[name].value))
+            cell.set(InputSetting(0.0, self.named[name].value))
 
     def _collect(self, value: Input) -> Input:
         known = self.named.setdefault(value.name, value)
@@ -59,15 +59,15 @@ class Inputs:
         return self.cells[name]
 
     @property
-    def values(self) -> dict[str, Held]:
-        """What each input does at present."""
-        return {name: cell.held for name, cell in self.cells.items()}
+    def values(self) -> dict[str, InputSetting]:
+        """The present setting of each input."""
+        return {name: cell.setting for name, cell in self.cells.items()}
 
-    def recorded(self, history: Mapping[str, Sequence[Held]]) -> Mechanism:
+    def recorded(self, history: Mapping[str, Sequence[InputSetting]]) -> Mechanism:
         """Return the mechanism with the inputs as functions of time."""
         if not self.named:
             return self._original
-        return self._with({name: Recorded(name=name, pieces=tuple(map(tuple, h))) for name, h in history.items()})
+        return self._with({name: InputHistory(name=name, pieces=tuple(map(tuple, h))) for name, h in history.items()})
 
 
 def _refuse(value: Input, driver: str) -> Input:

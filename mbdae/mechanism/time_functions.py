@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from ..errors import InputError
 from . import piecewise_polynomial as piecewise
 from .callbacks import called, checked, function_name
-from .input_functions import Input, Recorded
+from .input_functions import Input, InputHistory
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
 from .time_function_base import BaseTimeFunction, PiecewiseFunction
 
@@ -203,7 +203,7 @@ class Function(BaseTimeFunction):
 
 
 SIGNALS: tuple[type[BaseTimeFunction], ...] = (
-    Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, Recorded
+    Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, InputHistory
 )  # fmt: skip
 
 
@@ -222,7 +222,7 @@ def _returns(signal: Any) -> Any:
 
 Motion = Annotated[
     Annotated[
-        Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, Recorded],  # noqa: UP007
+        Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, InputHistory],  # noqa: UP007
         Field(discriminator="kind"),
     ],
     BeforeValidator(_coerce),

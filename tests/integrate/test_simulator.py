@@ -139,6 +139,23 @@ def test_two_simulators_of_one_mechanism_have_their_own_inputs():
     assert one.q[0] != two.q[0]
 
 
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_inputs_are_saved_and_restored(hold):
+    one = mbdae.Simulator(driven(hold), step=0.01)
+    one["motor"] = 2.0
+    one.advance(0.05)
+    one["motor"] = 3.0
+    state = pickle.loads(pickle.dumps(one.save()))
+    one.advance(0.05)
+    other = mbdae.Simulator(driven(hold), step=0.01)
+    other.restore(state)
+    assert other["motor"] == 3.0
+    other.advance(0.05)
+    assert np.array_equal(one.q, other.q)
+    assert one.solution().mechanism.forces[0].torque.at(0.02) == pytest.approx(2.0 if hold == "zero" else 0.8)
+    assert len(one.solution().t) == len(set(one.solution().t)) + (2 if hold == "zero" else 0)
+
+
 def test_inputs_of_files(tmp_path):
     text = """
 [[input]]

@@ -58,5 +58,5 @@ def test_a_lack_of_memory_is_one_line(monkeypatch):
         raise MemoryError("Unable to allocate 10 TiB")
 
     monkeypatch.setattr(problem, "load", load)
-    said = "mbdae: there is not enough memory: Unable to allocate 10 TiB\n"
+    said = "mbdae: not enough memory: Unable to allocate 10 TiB\n"
     assert call("solve", "four_bar") == (1, "", said)

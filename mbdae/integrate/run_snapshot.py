@@ -1,0 +1,79 @@
+"""Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..mechanism.input_functions import InputSetting
+from ..system import Array, State
+from .run_state import RunState
+
+
+class RunSnapshot(NamedTuple):
+    """The numbers from which a run continues.
+
+    Attributes:
+        t: time in s.
+        y: the point (n,).
+        carry: the method's carry; None if it is computed again.
+        compensation: see `mbdae.system.State`.
+        rows: the rows in use; None if all are independent.
+        floor: smallest pivot ratio of the rows in use.
+        mode: of the mechanism.
+        stepper: of the step-size control.
+    """
+
+    t: float
+    y: Array
+    carry: Array | None
+    compensation: Array | None
+    rows: tuple[int, ...] | None
+    floor: float
+    mode: tuple[int, ...]
+    stepper: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class SimulatorState:
+    """The numbers from which a simulator continues; may be pickled.
+
+    Attributes:
+        run: time, state, rows in use, mode and step-size control.
+        inputs: the setting of each input, by name.
+        wanted: inputs that were set, by name, since the last advance.
+        start: time in s from which fixed steps are counted.
+    """
+
+    run: RunSnapshot
+    inputs: dict[str, InputSetting]
+    wanted: dict[str, float]
+    start: float
+
+
+def snapshot(run: RunState) -> RunSnapshot:
+    """Return the snapshot of a run of a mechanism at its last node."""
+    s: Any = run.system
+    carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
+    rows = None if s.rows is None else tuple(s.rows.tolist())
+    y, compensation = run.ys[-1].copy(), run.state.compensation
+    return RunSnapshot(run.t, y, carry, compensation, rows, s.floor, s.mode, run.stepper.snapshot())
+
+
+def resume(run: RunState, start: RunSnapshot) -> None:
+    """Begin a new run at a snapshot, in place of `RunState.begin`."""
+    s: Any = run.system
+    t, y, carry, compensation, rows, s.floor, mode, stepper = start
+    run.ys[-1] = y
+    if run.mode_changes:
+        run.mode_changes.resume(run, mode)
+    if rows is not None:
+        s.use_rows(rows)
+    run.record_rows()
+    run.F, run.zs[-1] = s.derivative(t, y)
+    run.state = State(y, s.carry(run.F, run.zs[-1]) if carry is None else carry, compensation)
+    run.carries.store(0, run.state.carry)
+    run.interval = run.jumps.interval(t)
+    run.stepper.resume(stepper)
+    for source in run.sources:
+        source.begin_interval(run)
