@@ -180,7 +180,7 @@ def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
 def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict[str, dict[str, list[Point]]]:
     """Print a table for each problem, draw the figure, and return the points."""
     short = brief(argv, __doc__)
-    targets, cap, repeats = ((1e-2, 1e-4), 0.15, 1) if short else (TARGETS, CAP, 5)
+    targets, cap, repeats = ((1e-2, 1e-4), 0.02, 1) if short else (TARGETS, CAP, 5)
     print(machine("solve_dae", "mujoco", "exudyn", "casadi", "diffrax"))
     print(f"back end of mbdae: {backends()[-1]}, but for rows that say Python")
     measured = {}
