@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
@@ -170,7 +172,7 @@ class HessenbergSystem(System):
         """Evaluate and count f."""
         self.counts.f += 1
         F = np.asarray(self.problem.f(t, y, z), float)
-        if not np.isfinite(F).all():
+        if not isfinite(F.dot(F)) and not np.isfinite(F).all():
             raise StepError("nonfinite", f"f of {self.problem.title!r} is not finite at t = {t:.17g}")
         return F
 
@@ -182,13 +184,14 @@ class HessenbergSystem(System):
             r, rate = residual(F), derivative(F)
             self.counts.solves += 1
             self.counts.factorizations += 1
-            try:
-                dz = -np.linalg.solve(factor * rate @ self.f_z(t, y, z), r)
-            except np.linalg.LinAlgError:
+            *_, dz, info = dgesv(factor * rate.dot(self.f_z(t, y, z)), r)
+            if info:
                 break
-            z, size = z + dz, float(np.abs(dz).max())
-            rounding = 1e-13 * (1 + np.abs(rate).max() * np.abs(y).max())
-            if size <= 4e-16 * np.abs(z).max() or (size >= 0.5 * last and np.abs(r).max() <= rounding):
+            z = z - dz
+            size = largest(dz)
+            if size <= 4e-16 * largest(z):
+                return z
+            if size >= 0.5 * last and largest(r) <= 1e-13 * (1 + np.abs(rate).max() * largest(y)):
                 return z
             last = size
         raise StepError("newton", f"Newton's method for z does not converge at t = {t:.17g} in {self.problem.title!r}")
@@ -257,6 +260,11 @@ class HessenbergChart(HessenbergStages):
         t, y, z = self.last
         g_y, f_z = self.system.g_y(t, y), self.system.f_z(t, y, z)
         return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
+
+
+def largest(x: Array) -> float:
+    """Return max |x_i|, for (n,); nan if one is nan."""
+    return float(max(x.max(), -x.min()))
 
 
 def _jacobian(function: Function, u: Array) -> Array:

@@ -9,6 +9,7 @@ __all__ = ["fekete"]
 
 N = 20
 BELTS = ((1, 3, 1 / 13, 3 / 8), (1, 7, 1 / 29, 1 / 8), (1, 6, 1 / 7, -2 / 15), (0, 4, 1 / 17, -3 / 10))
+ITSELF = np.diag(np.full(N, np.inf))
 AT, OWNER = np.arange(3 * N), np.repeat(np.arange(N), 3)
 
 
@@ -22,7 +23,7 @@ def start() -> Array:
 def apart(p: Array) -> tuple[Array, Array]:
     """Return d_ij = p_i - p_j (20, 20, 3) and 1/|d_ij|^2 (20, 20), zero where i = j."""
     d = p[:, None] - p
-    return d, 1 / (np.einsum("ijk,ijk->ij", d, d) + np.diag(np.full(N, np.inf)))
+    return d, 1 / (np.einsum("ijk,ijk->ij", d, d) + ITSELF)
 
 
 def repulsion(p: Array) -> Array:
