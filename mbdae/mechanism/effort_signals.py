@@ -31,7 +31,7 @@ def effort_units(mech: "Mechanism") -> dict[str, str]:
     """Return names and units of the columns of `efforts`."""
     out: dict[str, str] = {}
     along = _coordinates(mech)
-    for name, law in named_laws(mech, mech.system().laws).items():
+    for name, law in named_laws(mech, mech.bind_forces(mech.make_workspace())).items():
         if law.tension:
             out[f"force.{name}"] = "N"
         elif isinstance(law, PairElement):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -95,9 +96,13 @@ FAMILIES = (
 )  # fmt: skip
 
 
+Places = dict[str, tuple[DerivativeFamily, int]]
+_PLACES: WeakKeyDictionary[Mechanism, Places] = WeakKeyDictionary()  # mechanisms are immutable
+
+
 def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
     """Return the family of a column, and its index in it; None if it has no derivatives."""
-    for family in FAMILIES:
-        if name in (names := list(family.names(mech))):
-            return family, names.index(name)
-    return None
+    if mech not in _PLACES:  # the first family that has the name counts
+        found = [(name, (family, i)) for family in FAMILIES for i, name in enumerate(family.names(mech))]
+        _PLACES[mech] = dict(reversed(found))
+    return _PLACES[mech].get(name)
