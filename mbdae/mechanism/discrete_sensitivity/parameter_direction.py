@@ -143,6 +143,13 @@ class Parameter:
         """Description of the side of a one-sided derivative; empty if it is two-sided."""
         return {STENCIL: "", ABOVE: "above", BELOW: "below"}[self.places_beside]
 
+    @property
+    def keeps_start(self) -> bool:
+        """Whether the assembled start does not depend on it: it changes gravity, or laws of forces, alone."""
+        moves = self.inertias or self.places or self.frames or self.specs or self.armature.any()
+        mech = self.mech
+        return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.first)
+
     def _held(self, own: Any, *others: Any) -> None:
         """Reject changes of times at which a signal jumps; changes of other knots affect few points."""
         if any(_times(x, "breaks") != _times(own, "breaks") for x in others):

@@ -112,8 +112,8 @@ class PointSensitivity(AccelerationSensitivity):
         assembled = bool(s.ng and mech.start_values.assemble)
         decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
-            if decided and all(m.start_values == mech.start_values for m in p.first):
-                continue  # closures and fixed coordinates determine all
+            if p.keeps_start or (decided and all(m.start_values == mech.start_values for m in p.first)):
+                continue  # or closures and fixed coordinates determine all
             try:
                 out[:, i] = self._start_quotient(p, t, base)
             except AssemblyError as e:  # the parameter change is too large
