@@ -108,8 +108,7 @@ class Statics:
     def point(self, q: Array, s: Array) -> ForceBalance:
         """Return the balance at a configuration that is closed, states near s."""
         system = self.system
-        s, U, f, load, free, R = self._loaded(q, s)
-        G = system.jacobian()
+        s, U, f, load, free, G, R = self._loaded(q, s)
         lam = free.multipliers(f)
         K, S, hq, hs = self.partials(q, s, lam[: system.ng])
         terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
@@ -127,22 +126,22 @@ class Statics:
 
     def unbalanced(self, q: Array, s: Array) -> tuple[Array, NullSpace]:
         """Return rho = Z^T f (k,) at a configuration, states near s, and the free motions, without any derivative."""
-        _, _, f, _, free, _ = self._loaded(q, s)
+        _, _, f, _, free, *_ = self._loaded(q, s)
         return free.Z.T @ f, free
 
-    def _loaded(self, q: Array, s: Array) -> tuple[Array, Array, Array, Array, NullSpace, Array]:
-        """Return s, U of M = U^T U, f, the load, the free motions and the rows of integrators at a configuration."""
+    def _loaded(self, q: Array, s: Array) -> tuple[Array, Array, Array, Array, NullSpace, Array, Array]:
+        """Return s, U of M = U^T U, f, the load, the free motions, G and the rows of integrators at a configuration."""
         s = self.states(q, s)
         U = self.system.inertia(self.t, q)
         f, load = self.system.force(self.t, q, self.v, s)[0], self.load(q)
         return s, U, f + (self.factor - 1.0) * load, load, *self.free(U, q, s)
 
-    def free(self, U: Array, q: Array, s: Array) -> tuple[NullSpace, Array]:
-        """Return the null space at q and the integrator rows among its constraints; J must be current."""
+    def free(self, U: Array, q: Array, s: Array) -> tuple[NullSpace, Array, Array]:
+        """Return the null space at q, G, and the integrator rows among its constraints; J must be current."""
         G, R = self.system.jacobian(), self.integrator_conditions(q, s)[1]
         asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
         units = np.append(self.units, np.where(asked > 0, asked, 1.0))
-        return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
+        return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), G, R
 
     def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
         """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and partial derivatives."""
