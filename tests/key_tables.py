@@ -19,7 +19,7 @@ from mbdae.mechanism.closures import KINDS, what_is_kept
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.schema import MechanismFile
-from mbdae.mechanism.time_functions import SIGNALS
+from mbdae.mechanism.time_functions import TIME_FUNCTIONS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
 WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
@@ -59,7 +59,7 @@ def keys() -> str:
             found.setdefault(table, (f"`{heading}`", "".join(rows(table, own=table in KINDS.values()))))
     return "\n" + "\n".join(
         f"**{found[table][0]}**\n\n| key | takes | left out | what it is |\n|---|---|---|---|\n{found[table][1]}"
-        for table in sorted(found, key=SIGNALS.__contains__)
+        for table in sorted(found, key=TIME_FUNCTIONS.__contains__)
         if found[table][1]
     )
 
@@ -125,7 +125,7 @@ def _words(annotation: Any) -> str:
         word = _words(parts[0])
         several = SEVERAL.get(word, word.replace("number or function", "numbers or functions"))
         return several if parts[-1] is Ellipsis else f"{len(parts)} {several}"
-    if set(parts) == set(SIGNALS) or (origin is Annotated and set(tables_in(annotation)) == set(SIGNALS)):
+    if set(parts) == set(TIME_FUNCTIONS) or (origin is Annotated and set(tables_in(annotation)) == set(TIME_FUNCTIONS)):
         return "number or function of time"
     if origin in (Union, UnionType) and not set(parts) <= set(tables_in(annotation)):
         return ", or ".join(_words(p) for p in parts if p is not NoneType)

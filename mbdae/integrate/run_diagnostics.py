@@ -4,10 +4,10 @@ import numpy as np
 
 from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.closures.preconditions import lost_precondition
-from ..mechanism.contacts import first_negative, rolling
+from ..mechanism.contacts import first_negative, rolling_closures
 from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.formulations.projection import contradictions
-from ..mechanism.reactions import scaled
+from ..mechanism.reactions import mass_scaled_jacobian
 from ..solution.columns import energy_balance
 from ..solution.solution import Solution
 from ..tolerances import AMBIGUOUS_PIVOT, VISIBLE
@@ -89,7 +89,7 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     if not sol.settings["project"] or not 0 < len(used) < system.ng:
         return ""
     ts, ys, _ = sol.nodes
-    G = scaled(system, ts[-1], system.split(ys[-1])[0])
+    G = mass_scaled_jacobian(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]
     size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
     if not left.max() > AMBIGUOUS_PIVOT * size:
@@ -105,7 +105,7 @@ def lift_off(sol: Solution, system: Index2System) -> str:
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
     found = []
-    for closure in rolling(mech):
+    for closure in rolling_closures(mech):
         row = mech.rows_of(closure.name)[0]
         if closure.contact is False or not (zs[1:, row] < 0).any():
             continue

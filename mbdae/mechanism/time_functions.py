@@ -1,13 +1,10 @@
-"""Functions of time for torques, references and motions, as data of a file.
-
-A number is a constant, a Python function of t a `Function`; all are evaluated as polynomials, harmonics or functions.
-"""
+"""Functions of time for torques, references and motions; a number is a `Constant`, a callable a `Function`."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import inf, isfinite, nan, pi, sin
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, TypeVar, Union
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
@@ -15,10 +12,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from .. import finite_differences
 from ..errors import InputError
 from . import piecewise_polynomial as piecewise
-from .callbacks import called, checked, function_name
+from .callbacks import call_with_views, checked_value, function_name
 from .checked_table import Table
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
 
+T = TypeVar("T")
 SPACING = 3e-3  # s, of finite differences
 
 
@@ -30,40 +28,40 @@ class _TimeFunction(Table):
         """Return the k-th derivative with respect to time, k = 0, 1, 2."""
 
     def derivative(self, t: float, k: int = 0) -> float:
-        """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
-        if k < 2 and self.known(k + 1):
+        """Return the derivative of the k-th derivative: a sixth-order difference if it is not given."""
+        if k < 2 and self.has_derivative(k + 1):
             return self.at(t, k + 1)
         return float(finite_differences.numerical_derivative(lambda x: self.at(t + x, k), SPACING))
 
-    def known(self, k: int) -> bool:
-        """Whether the k-th derivative is given, k = 0, 1, 2."""
+    def has_derivative(self, k: int) -> bool:
+        """Return whether the k-th derivative is given, k = 0, 1, 2."""
         return True
 
     @property
     def breaks(self) -> Sequence[float]:
-        """Times where it is not smooth."""
+        """Times where the function is not smooth."""
         return ()
 
     @property
     def knots(self) -> Sequence[float]:
-        """Times where its polynomials join, within one period."""
+        """Times where two polynomials join, within one period."""
         return ()
 
-    def meets(self, t0: float, t1: float) -> Sequence[float]:
-        """Return the times between t0 and t1 where its polynomials join."""
+    def knots_between(self, t0: float, t1: float) -> Sequence[float]:
+        """Return the times between t0 and t1 where two polynomials join."""
         return ()
 
-    def jump(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
+    def breakpoint(self, t: float, sign: float) -> float:
+        """Return the first break after t in the direction of sign; sign * inf if there is none."""
         return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
 
     @abstractmethod
     def core_data(self) -> dict[str, Any]:
-        """Core data."""
+        """Return the core data."""
 
 
 class _Piecewise(_TimeFunction):
-    """A function of time that consists of polynomials."""
+    """A piecewise polynomial of time."""
 
     @cached_property
     @abstractmethod
@@ -81,8 +79,8 @@ class _Piecewise(_TimeFunction):
     def knots(self) -> Sequence[float]:
         return self.polynomials.starts[1:]
 
-    def meets(self, t0: float, t1: float) -> Sequence[float]:
-        return self.polynomials.meets(t0, t1)
+    def knots_between(self, t0: float, t1: float) -> Sequence[float]:
+        return self.polynomials.knots_between(t0, t1)
 
     def derivative(self, t: float, k: int = 0) -> float:
         return self.polynomials.derivative(t, k)
@@ -92,7 +90,7 @@ class _Piecewise(_TimeFunction):
 
 
 class Constant(_Piecewise):
-    """A number; written as a plain number in a file.
+    """A constant, written as a number in a file.
 
     Attributes:
         value: the number.
@@ -109,7 +107,7 @@ class Constant(_Piecewise):
         return PiecewisePolynomial([0.0], [[self.value]])
 
     @model_serializer
-    def _plain(self) -> float:
+    def _as_number(self) -> float:
         return self.value
 
 
@@ -141,10 +139,10 @@ class Harmonic(_TimeFunction):
 
 
 class Polynomial(_Piecewise):
-    """sum_i coefficients_i t^i.
+    """c_0 + c_1 t + c_2 t^2 + ...
 
     Attributes:
-        coefficients: c_0, c_1, ...; two of them are a constant speed c_1.
+        coefficients: c_0, c_1, ...; two of them describe a constant speed c_1.
     """
 
     kind: Literal["polynomial"] = "polynomial"
@@ -160,22 +158,23 @@ class _Points(_Piecewise):
 
     @field_validator("points", check_fields=False)
     @classmethod
-    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+    def _require_increasing(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         return piecewise.require_increasing(points)
+
 
 class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing.
 
-    A periodic one has the period t_n - t_1 and is equally smooth where periods join; its last value equals its first
-    one, except in a motion, which may increase by the difference in each period (a rotating crank).
+    A periodic curve has the period t_n - t_1; where periods join, it is as smooth as elsewhere. Its last value equals
+    its first one, except in a motion, which may increase by the difference in each period (a rotating crank).
 
     Attributes:
         points: pairs (t, value) in s.
         interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
             overshoot (one continuous derivative).
         beyond: extrapolation before the first time and after the last: ``"hold"`` the end values, ``"linear"``, or
-            ``"periodic"``. When left out, loads and speeds hold; the motion of a driver ends the run there. A motion
-            that holds comes to rest: u' = 0 at both ends, and u'' jumps.
+            ``"periodic"``. When left out, loads and speeds keep their end values, and a run ends where the motion of a
+            driver ends. A motion with ``"hold"`` comes to rest: u' = 0 at both ends, and u'' jumps.
     """
 
     kind: Literal["table"] = "table"
@@ -185,19 +184,19 @@ class TimeTable(_Points):
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:
-        return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
+        return self._interpolate(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
 
     @cached_property
     def motion(self) -> PiecewisePolynomial:
-        """Polynomials of a motion: held at rest; extrapolated linearly by default, where no run goes."""
+        """Polynomials of a motion: at rest beyond its ends with "hold", extrapolated linearly by default."""
         jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
-        return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
+        return self._interpolate(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
-    def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
+    def _interpolate(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
         c = piecewise.interpolant_of_points(self.points, self.interpolation, beyond, at_rest=at_rest)
         if beyond != "periodic":
-            return PiecewisePolynomial.of(c, breaks)
-        return PiecewisePolynomial.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)
+            return PiecewisePolynomial.from_ppoly(c, breaks)
+        return PiecewisePolynomial.from_ppoly(c, (), self.points[-1][0] - self.points[0][0], self.rise)
 
     @property
     def rise(self) -> float:
@@ -205,13 +204,13 @@ class TimeTable(_Points):
         return self.points[-1][1] - self.points[0][1]
 
     @model_validator(mode="after")
-    def _is_smooth(self) -> "TimeTable":
+    def _require_smooth(self) -> "TimeTable":
         _ = self.motion
         return self
 
 
 class Steps(_Points):
-    """Piecewise constant: each value applies from its time on; the first one also before.
+    """Piecewise constant function: each value applies from its time on, the first one also before.
 
     Attributes:
         points: pairs (t, value) in s, t increasing.
@@ -227,15 +226,15 @@ class Steps(_Points):
 
 
 class Function(_TimeFunction):
-    """A Python function of time, with derivatives where needed.
+    """A Python function of time, with derivatives if they are needed.
 
-    A saved solution records it by name; operations that need its values then fail.
+    A saved solution records only its name; operations that need its values fail there.
 
     Args:
         function: t -> float.
         rate: its first derivative.
         acceleration: its second derivative.
-        name: name of the function when left out.
+        name: by default the name of the function.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -248,7 +247,7 @@ class Function(_TimeFunction):
     acceleration: Callable[[float], float] | None = Field(default=None, exclude=True)
 
     def model_post_init(self, context: Any) -> None:
-        """Use the name of the function."""
+        """Use the name of the function by default."""
         if not self.name:
             object.__setattr__(self, "name", function_name(self.function))
 
@@ -256,8 +255,8 @@ class Function(_TimeFunction):
         """Return the k-th derivative.
 
         Raises:
-            InputError: if it was not given.
-            StepError: if it fails, or does not return a finite number.
+            InputError: if it is not given.
+            StepError: if the function fails, or does not return a finite number.
         """
         function = (self.function, self.rate, self.acceleration)[k]
         if function is None and self.function is None:
@@ -265,16 +264,16 @@ class Function(_TimeFunction):
         if function is None:
             raise InputError(f"the {('value', 'rate', 'acceleration')[k]} of {self.name!r} is needed (mbdae.Function)")
         what = f"function {self.name!r}"
-        return float(checked(called(what, function, t), (), t, what))
+        return float(checked_value(call_with_views(what, function, t), (), t, what))
 
-    def known(self, k: int) -> bool:
+    def has_derivative(self, k: int) -> bool:
         return (self.function, self.rate, self.acceleration)[k] is not None
 
     def core_data(self) -> dict[str, Any]:
         return {"kind": "python", "call": self.at}
 
 
-SIGNALS: tuple[type[_TimeFunction], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
+TIME_FUNCTIONS: tuple[type[_TimeFunction], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
 
 
 def _coerce(value: Any) -> Any:
@@ -283,11 +282,11 @@ def _coerce(value: Any) -> Any:
     return Function(function=value) if callable(value) and not isinstance(value, _TimeFunction) else value
 
 
-def _returns(signal: Any) -> Any:
-    if isinstance(signal, TimeTable) and signal.beyond == "periodic" and signal.rise:
-        ends = f"{signal.points[0][1]:g} and {signal.points[-1][1]:g}"
+def _require_no_rise(u: T) -> T:
+    if isinstance(u, TimeTable) and u.beyond == "periodic" and u.rise:
+        ends = f"{u.points[0][1]:g} and {u.points[-1][1]:g}"
         raise ValueError(f"a periodic table of a load or speed ends with the value that it begins with, got {ends}")
-    return signal
+    return u
 
 
 Motion = Annotated[
@@ -297,4 +296,4 @@ Motion = Annotated[
     ],
     BeforeValidator(_coerce),
 ]
-TimeFunction = Annotated[Motion, AfterValidator(_returns)]
+TimeFunction = Annotated[Motion, AfterValidator(_require_no_rise)]

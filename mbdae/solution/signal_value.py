@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
-from ..mechanism.contacts import rolling
+from ..mechanism.contacts import rolling_closures
 from ..mechanism.coordinate_units import acceleration_units, component_suffixes
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
@@ -113,7 +113,7 @@ def _coordinates(mech: Mechanism) -> dict[str, SignalValue]:
 def _contact_forces(mech: Mechanism) -> dict[str, SignalValue]:
     """Normal, longitudinal and lateral forces of rolling bodies that are multipliers."""
     out: dict[str, SignalValue] = {}
-    for c in rolling(mech):
+    for c in rolling_closures(mech):
         first, grip = mech.rows_of(c.name)[0], int(c.contact is not False)
         if c.contact is not False:
             out[f"normal.{c.name}"] = SignalValue("lam", rows=(first,))

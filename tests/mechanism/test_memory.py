@@ -132,7 +132,7 @@ def test_room_for_all_algorithms_is_made_when_it_is_asked_for():
 
 @pytest.mark.parametrize("kinds", [JOINTS, ["revolute"], ["free"]], ids=len)
 def test_workspace_serves_the_algorithms(kinds, monkeypatch):
-    monkeypatch.setattr(pinocchio_data, "LARGEST", 0)
+    monkeypatch.setattr(pinocchio_data, "MAX_COMPLETE_NV", 0)
     model, rng, found = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3), []
     q, (v, a) = random_q(model, rng), rng.uniform(-1, 1, (2, model.nv))
     for data in (make_data(model), model.createData()):

@@ -118,7 +118,7 @@ def _knots(run: "RunState") -> Sequence[float]:
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
     motions = (d.path for d in problem.drivers)
     commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
-    return [t for signal in (*laws, *motions, *commands) for t in signal.meets(run.options.t0, run.options.end)]
+    return [t for signal in (*laws, *motions, *commands) for t in signal.knots_between(run.options.t0, run.options.end)]
 
 
 def _checked(times: Sequence[float]) -> list[float]:

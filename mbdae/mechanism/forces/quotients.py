@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..callbacks import called, checked
+from ..callbacks import call_with_views, checked_value
 from .force import Array
 
 STEP = 6e-6
@@ -47,8 +47,8 @@ def law_partials(
     tau = law(q, v, s)[:nv]
     if own is not None:
         what = f"partials of {what}"
-        known = called(what, own, t, q, v, *([s] if len(s) else []))
-        partials = checked(known, (n, nv + n), t, what)
+        known = call_with_views(what, own, t, q, v, *([s] if len(s) else []))
+        partials = checked_value(known, (n, nv + n), t, what)
     else:
         columns = [(law(pin.integrate(model, q, e), v, s) - law(pin.integrate(model, q, -e), v, s)) / (2 * STEP)
                    for e in STEP * np.eye(nv)]  # fmt: skip

@@ -60,7 +60,7 @@ def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> Importe
     found = next((file for file in beside if file.is_file()), None)
     if found is None:
         return part
-    if not places.holds(found):
+    if not places.allows(found):
         raise access_error(FILE, found.resolve(), places.root)
     content: Any = yaml_table(read_text(found), FILE)
     try:

@@ -205,7 +205,7 @@ def _read(path: Path, places: AllowedPaths, source: Source) -> ImportedModel:
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
     r = Record.model_validate(record)
-    places = AllowedPaths.of_record(r.folder, r.packages, meshes)
+    places = AllowedPaths.from_record(r.folder, r.packages, meshes)
     return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
 
 

@@ -54,7 +54,7 @@ def _visuals(model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.Ge
         if size[1] == size[2] == TOKEN:
             path, g.meshScale = meshes[round(size[0] - TOKEN)]
             g.meshPath, g.geometry = str(path), placeholder(path, g.meshScale)
-            g.meshTexturePath = str(places.companions(path))
+            g.meshTexturePath = str(places.companion_folder(path))
     return visuals
 
 

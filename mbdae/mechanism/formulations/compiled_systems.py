@@ -47,7 +47,7 @@ class CompiledSystem(Index2System):
         m = self.manifold
         pairs, rows, drivers = constraints_of(self.constraints)
         law_pairs, laws = laws_of(self.laws)
-        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
+        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.block_starts, strict=True)]
         angles = m.angular.astype(int).tolist()
         self.native = native
         lists = self.place.tolist(), random_probe(self.nv).tolist()

@@ -60,7 +60,7 @@ class Index2Chart(ImplicitStages):
 
     def point(self, x: Array) -> Array:
         """Return the state at tangent coordinates x of the step's start, whose rotations must be small."""
-        self.system.manifold.within(x[: self.system.nv])
+        self.system.manifold.require_small_rotations(x[: self.system.nv])
         return self.system.add(self.y, x)
 
     def project(self, e: Array) -> Array:

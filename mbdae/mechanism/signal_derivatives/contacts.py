@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 
 from ...system import Array
-from ..contacts import force_ratios, rolling, shape
+from ..contacts import contact_force_map, rolling_body, rolling_closures
 from .motion_tangent import MotionTangent
 
 
 def path_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of the contact points of `mbdae.mechanism.contacts.path`, (n, 3, m)."""
+    """Return the derivatives of the contact points of `mbdae.mechanism.contacts.contact_path`, (n, 3, m)."""
     mech, parameters = motion.mechanism, motion.parameters
-    names, out = [c.name for c in mech.constraints], np.empty((len(rolling(mech)), 3, len(motion.d.t)))
-    for i, closure in enumerate(rolling(mech)):
-        pair, body = motion.system.constraints.frame_parts[closure.name].pair, shape(mech, closure.name)
+    names, out = [c.name for c in mech.constraints], np.empty((len(rolling_closures(mech)), 3, len(motion.d.t)))
+    for i, closure in enumerate(rolling_closures(mech)):
+        pair, body = motion.system.constraints.frame_parts[closure.name].pair, rolling_body(mech, closure.name)
         pair.locate()
         at: Any = copy(pair)
         for column, *carried in zip(range(len(motion.d.t)), *(X.T for X in motion.pair(pair)), strict=True):
@@ -24,7 +24,7 @@ def path_derivatives(motion: MotionTangent) -> Array:
         at.Va = at.Vb = np.zeros(6)
         for p, dp in zip(parameters.all, motion.d.p, strict=True):
             if names.index(closure.name) in p.specs:
-                bodies = {k: shape(other, closure.name) for k, other in p.near.items()}
+                bodies = {k: rolling_body(other, closure.name) for k, other in p.near.items()}
                 out[i] += np.outer(p.quotient({k: b.touch(at).p[:, 0] for k, b in bodies.items()}), dp)
     return out
 
@@ -32,9 +32,9 @@ def path_derivatives(motion: MotionTangent) -> Array:
 def contact_derivatives(motion: MotionTangent) -> Array:
     """Return the derivatives of normal, longitudinal, lateral force and friction of rolling bodies, (n, 4, m)."""
     mech = motion.mechanism
-    out = np.empty((len(rolling(mech)), 4, len(motion.d.t)))
-    for i, closure in enumerate(rolling(mech)):
-        share, own = force_ratios(motion.system, closure.name), motion.system.constraints.spans[closure.name]
+    out = np.empty((len(rolling_closures(mech)), 4, len(motion.d.t)))
+    for i, closure in enumerate(rolling_closures(mech)):
+        share, own = contact_force_map(motion.system, closure.name), motion.system.constraints.spans[closure.name]
         (normal, *along), forces = share @ motion.lam[own], share @ motion.d.lam[own]
         normal = normal if share[0].any() and normal > 0 else np.nan  # friction requires compression
         size = np.hypot(*along)

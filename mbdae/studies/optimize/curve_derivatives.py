@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError
 from ...mechanism.discrete_sensitivity.frame_partials import frame_partials
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.frames import WORLD, frame_names, paths
+from ...mechanism.frames import WORLD, frame_names, frame_paths
 from ...solution.columns import coordinates
 from ...solution.signal_value import signal_values
 from ...system import Array
@@ -66,7 +66,7 @@ class CurveSignals(Mapping[str, Array]):
         if name in self.known:
             return self.coordinates[name]
         frame, axis = _point(name)
-        return paths(self.found.mechanism.model, [frame], self.found.q)[0, :, AXES.index(axis)]
+        return frame_paths(self.found.mechanism.model, [frame], self.found.q)[0, :, AXES.index(axis)]
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:

@@ -13,7 +13,7 @@ from ....errors import InputError, StepError
 from ....finite_differences import numerical_derivative
 from ....system import Array
 from ....tolerances import INTERPOLATION
-from ...callbacks import called, checked, function_name
+from ...callbacks import call_with_views, checked_value, function_name
 from ...frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow
@@ -143,13 +143,13 @@ class BoundUserRows(BoundJointRow):
         rows, n = self.rows, len(self.columns)
         if rows.function is None:
             raise InputError(f"{self.what} are a Python function and not in the file: load the mechanism with it again")
-        found, several = called(self.what, rows.function, None, q), (rows.size,) if rows.size > 1 else ()
+        found, several = call_with_views(self.what, rows.function, None, q), (rows.size,) if rows.size > 1 else ()
         g: Any = np.zeros(several)
         if not rows.velocity:
             if not isinstance(found, tuple | list) or len(found) != 2:
                 raise StepError("force", f"{self.what} returned {found!r:.80}, expected g and G")
-            g, found = checked(found[0], several, None, self.what), found[1]
-        G = checked(found, (*several, n), None, self.what)
+            g, found = checked_value(found[0], several, None, self.what), found[1]
+        G = checked_value(found, (*several, n), None, self.what)
         return (float(g[self.number]), G[self.number]) if several else (float(g), G)
 
     def _bias(self, q: Array, v: Array) -> float:
@@ -163,7 +163,8 @@ class BoundUserRows(BoundJointRow):
         n, size = len(self.columns), self.rows.size
         if self.rows.partials:
             what = f"partials of {self.what}"
-            found = checked(called(what, self.rows.partials, None, q), (*((size,) * (size > 1)), n, n), None, what)
+            shape = (size, n, n) if size > 1 else (n, n)
+            found = checked_value(call_with_views(what, self.rows.partials, None, q), shape, None, what)
             return found[self.number] if size > 1 else found
         return np.column_stack([self._along(lambda x: self._at(x)[1], q, e) for e in np.eye(n)])
 

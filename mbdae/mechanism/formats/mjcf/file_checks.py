@@ -86,7 +86,7 @@ def _found(name: str, bases: set[Path], folders: set[str], places: AllowedPaths)
                 continue
         except (OSError, ValueError, RuntimeError):  # not a path
             continue
-        if not places.holds(file):
+        if not places.allows(file):
             raise access_error(name, file, places.root)
         if not file.is_file():
             raise InputError(f"{name!r} is not a plain file: {file}")
