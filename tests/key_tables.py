@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 import mbdae
 from mbdae.mechanism.checked_table import Table, tables_in
-from mbdae.mechanism.closures import KINDS, what_is_kept
+from mbdae.mechanism.closures import KINDS, rows_and_summary
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.schema import MechanismFile
@@ -32,7 +32,7 @@ def closures() -> str:
     """One row for each kind of closure: its rows, its keys, what it keeps."""
     out = "\n| closure | rows | required | optional | constraint |\n|---|---|---|---|---|\n"
     for kind, table in KINDS.items():
-        rows, what = what_is_kept(table)
+        rows, what = rows_and_summary(table)
         keys = {k: f.is_required() for k, f in table.model_fields.items() if k not in Closure.model_fields}
         needed, possible = (", ".join(f"`{k}`" for k in keys if keys[k] is x) for x in (True, False))
         out += f"| `{kind}` | {rows} | {needed} |{possible and f' {possible}'} | {what} |\n"

@@ -58,7 +58,7 @@ def violated_redundant_rows(sol: Solution, system: Index2System) -> str:
     t, (q, v) = sol.nodes[0][-1], system.split(sol.nodes[1][-1])
     which = largest_error(sol.mechanism, system.closures(q, t)[1] @ v + system.g_t(t), "/s")
     slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
-    return f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)"
+    return f"{slipped} ({which.name!r} {'slips' if which.velocity_only else 'opens'} by {which.text} at the end)"
 
 
 def energy_imbalance(sol: Solution, system: Index2System) -> str:

@@ -44,11 +44,11 @@ def _springs(mech: "Mechanism") -> Iterator[Strut]:
 
 def _marks(closures: AnchoredClosures) -> Iterator[Mark]:
     for c, anchors in closures:
-        if not c.apart:
+        if not c.distinct_frames:
             first, second = ((a.joint, pin.SE3(a.R, a.p)) for a in anchors)
             axis = np.array(c.axis) if isinstance(c, DRAWN_WITH_AXIS) else None
             length = c.length if isinstance(c, DistanceClosure) else 0.0
-            yield Mark(c.name, first, second, length, axis, c.meets)
+            yield Mark(c.name, first, second, length, axis, c.coincident_origins)
 
 
 def _rolling_bodies(closures: AnchoredClosures) -> Iterator[RollingBody]:

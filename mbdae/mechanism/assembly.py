@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..system import Array
 from ..tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from .closures.closure_error import largest_error
-from .closures.preconditions import refuse_unfit
+from .closures.preconditions import require_preconditions
 from .model_settings import normalized
 from .pinocchio_data import make_data
 from .position_search import assembly_error, close_position
@@ -46,7 +46,7 @@ def assemble(
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
         fixed_v = mech.coordinates(v or {}, of_v=True)[1]
-    refuse_unfit(mech, q1)
+    require_preconditions(mech, q1)
     return q1, close_velocity(system, q1, v0, fixed_v, t)
 
 
@@ -94,10 +94,10 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, toleranc
         rate = mech.characteristic_rate if per and gap.relative > tolerance * size else 0.0
         if gap.relative > tolerance * (rate + size):
             raise InputError(
-                f"the start is not consistent: {gap.says()}; "
+                f"the start is not consistent: {gap.message()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
-    refuse_unfit(mech, q)
+    require_preconditions(mech, q)
 
 
 def _mass(mech: "Mechanism", q: Array) -> Array:

@@ -131,12 +131,12 @@ def contact_force_map(system: "Index2System", name: str) -> Array:
     """Return the map from multipliers of a rolling closure to normal, longitudinal and lateral force, (3, m)."""
     span = system.constraints.spans[name]
     out = np.zeros((3, span.stop - span.start))
-    for rows, kind, _ in system.constraints.frame_parts[name].rows:
+    for rows, kind, _ in system.constraints.frame_rows[name].rows:
         at = slice(rows.start - span.start, rows.stop - span.start)
         if isinstance(kind, ContactHeightRow):
             out[0, at] = 1.0
         elif isinstance(kind, NoSlipRows):
-            out[1:, at] = kind.share
+            out[1:, at] = kind.directions
     return out
 
 
@@ -148,9 +148,9 @@ def contact_path(mech: "Mechanism", name: str, q: Array) -> Array:
         StepError: where the body lies flat.
     """
     body, system = rolling_body(mech, name), mech.system()
-    pair = system.constraints.frame_parts[name].pair
+    pair = system.constraints.frame_rows[name].pair
     out = np.empty((len(q), 3))
     for i, configuration in enumerate(q):
         system.jacobian(configuration)
-        out[i] = body.touch(at_rest(pair)).p[:, 0]
+        out[i] = body.contact_kinematics(at_rest(pair)).p[:, 0]
     return out

@@ -31,10 +31,10 @@ def residuals_with_directions(system: "Index2System", q: Array, t: float) -> tup
     g, G = scaled_residuals(system, q, t)
     values, partials = [g], [G]
     for closure in system.mechanism.closures:
-        bound = system.constraints.frame_parts.get(closure.name)
+        bound = system.constraints.frame_rows.get(closure.name)
         if bound is None:
             continue
-        cosines, W = DotProduct1(*closure.agreeing()).value(bound.pair)
+        cosines, W = DotProduct1(*closure.coinciding_axes()).value(bound.pair)
         values.append(cosines - 1)
         by_q = np.array([bound.pair.torque(w) for w in W.T]).reshape(-1, system.nv)
         partials.append(by_q * system.mechanism.coordinate_scales)

@@ -45,7 +45,7 @@ def joint_wrenches(
     model, data = system.model, system.workspace
     system.jacobian(q)
     external = np.zeros((model.njoints, 6))
-    for name, bound in system.constraints.frame_parts.items():
+    for name, bound in system.constraints.frame_rows.items():
         rows = system.constraints.spans[name]
         friction = system.sliding.wrench(name, v, lam) if laws else 0.0
         _add(external, bound.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
@@ -135,7 +135,7 @@ def point_reactions(
 ) -> tuple[Array, Array]:
     """Return `reaction_wrenches` at one point, (k, 6) each."""
     names = reaction_names(system.mechanism)
-    bound, joints = system.constraints.frame_parts, joint_names(system.model)
+    bound, joints = system.constraints.frame_rows, joint_names(system.model)
     world, local = np.zeros((2, len(names), 6))
     wrenches = joint_wrenches(system, t, q, v, vdot, lam)
     for k, name in enumerate(names):

@@ -224,7 +224,7 @@ def is_closed(system: "Index2System", q: Array, t: float) -> bool:
 def assembly_error(mech: "Mechanism", gap: ClosureError, fixed: Array, what: str) -> AssemblyError:
     """Return the error that names the closure with the largest violation, its size, and the fixed joints."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in fixed)) or "nothing"
-    text = f"no consistent {what}: {gap.says('stays open')} (fixed: {joints})"
+    text = f"no consistent {what}: {gap.message('stays open')} (fixed: {joints})"
     if gap.relative < THREE_DIGITS:
         text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)

@@ -97,7 +97,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
         InputError: for a coupling, or a driver of joints: they have an effort.
     """
     system, rows = mech.system(), mech.rows_of(name)
-    bound = system.constraints.frame_parts.get(name)
+    bound = system.constraints.frame_rows.get(name)
     if bound is None:
         raise InputError(f"{name!r} connects joints and has no force at a point: use its effort")
     wrench, rotations = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
@@ -133,7 +133,7 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
     if not isinstance(spec, Driver) and spec.frames:
         raise InputError(f"{name!r} connects frames: use its reaction")
     row = rows.start
-    bound = next((r for r in system.constraints.joint_parts if r.at == row), None)
+    bound = next((r for r in system.constraints.joint_rows if r.at == row), None)
     second = bound.columns[1] if bound and len(bound.columns) > 1 else None
     u, counter = np.empty((len(t), 3)), np.zeros(len(t))
     for i in range(len(t)):

@@ -175,7 +175,7 @@ def _magnitude(system: "Index2System", kind: str, rows: list[int], q: Array, lam
     lam = lam[rows]
     if kind == "force":
         return float(np.linalg.norm(lam))
-    part = next(p for p in system.constraints.frame_parts.values() if p.rows[0][0].start == rows[0])
+    part = next(p for p in system.constraints.frame_rows.values() if p.rows[0][0].start == rows[0])
     system.closures(q)
     W = system.constraints.W[:, rows]
     return float(np.linalg.norm((W[3:] - skew(part.pair.pb) @ W[:3]) @ lam))

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
-from ...mechanism.closures.independent_rows import UNDERWAY
+from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
@@ -94,7 +94,7 @@ class ModeChanges(EventSource):
 
     def _track(self, t: float, y: Array) -> None:
         at, mode = self._point(t, y), self.system.mode
-        self.system.beside = UNDERWAY
+        self.system.beside = AMBIGUOUS_UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:

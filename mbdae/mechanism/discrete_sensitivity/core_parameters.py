@@ -67,7 +67,7 @@ def _ends(system: "Index2System") -> dict[int, list[ModelComponent]]:
         for a, second in ((pair.a, False), (pair.b, True)):
             out.setdefault(frames.index(find_frame(model, a.name)), []).append(("frame", number, of_law, second))
 
-    for i, (pair, _) in enumerate(system.constraints.frame_parts.values()):
+    for i, (pair, _) in enumerate(system.constraints.frame_rows.values()):
         add_frames(i, pair, False)
     for i, law in enumerate([law for law, _ in system.laws.acting if isinstance(law, PairElement)]):
         add_frames(i, law.pair, True)

@@ -203,7 +203,7 @@ class Parameters:
             pin.computeJointJacobians(self.system.model, self.system.workspace, q)
             for i, rows in enumerate(self.rows):
                 rows.add_rates(Q[:, i], g[:, i], t, v)
-        Q[self.system.constraints.off] = g[self.system.constraints.off] = 0.0
+        Q[self.system.constraints.inactive] = g[self.system.constraints.inactive] = 0.0
         return Q, g
 
     def of_bias(self, t: float, q: Array, v: Array) -> Array:
@@ -215,7 +215,7 @@ class Parameters:
             pin.forwardKinematics(self.system.model, self.system.workspace, q, v, np.zeros(self.system.nv))
             for i, rows in enumerate(self.rows):
                 rows.add_bias(out[:, i], t, v)
-        out[self.system.constraints.off] = 0.0
+        out[self.system.constraints.inactive] = 0.0
         return out
 
     def _inertial(self, p: Parameter, J: Array) -> Array:

@@ -62,7 +62,7 @@ class PlacementTree:
             self.system = other.system(native=None if other.switches else native)
         except NotCompiled:
             self.system = other.system()
-        self.system.constraints.off = np.empty(0, int)  # partials are those of all rows, in any mode
+        self.system.constraints.inactive = np.empty(0, int)  # partials are those of all rows, in any mode
         self.system.use_rows(tuple(range(self.system.ng)))
         self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
 

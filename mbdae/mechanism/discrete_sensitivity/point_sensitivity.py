@@ -106,9 +106,9 @@ class PointSensitivity(AccelerationSensitivity):
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(given)
         free_q, free_v = self._free_coordinates(mech.start_values.q), self._free_coordinates(mech.start_values.v, True)
-        off, s.constraints.off = s.constraints.off, inactive_rows(mech.switches, (0,) * len(mech.switches))
+        off, s.constraints.inactive = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
         G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
-        s.constraints.off = off
+        s.constraints.inactive = off
         assembled = bool(s.ng and mech.start_values.assemble)
         decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):

@@ -58,8 +58,8 @@ class ClosureFriction:
                     raise UnknownNameError("closure", force.closure, named)
                 closure = named[force.closure]
                 _refuse(force, closure)
-                pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
-                rows = slice(start, start + closure.carried)
+                pair, start = constraints.frame_rows[closure.name].pair, constraints.spans[closure.name].start
+                rows = slice(start, start + closure.load_rows)
                 self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
         self.active = np.array([not p.force.sticks for p in self.places], np.uint8)  # sticking does not slide
@@ -237,7 +237,7 @@ def _require_valid_grip(force: CoulombFriction, closure: Closure, grips: Sequenc
     if grips and not force.sticks:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
-    if grips and closure.opens and (len(grips) > 1 or force.static is not None):
+    if grips and closure.is_unilateral and (len(grips) > 1 or force.static is not None):
         how = "exact = true without static, and grip along one line: 'longitudinal', 'lateral' or an angle"
         raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
     if force.sticks and not grips:

@@ -224,7 +224,7 @@ class CompiledSystem(Index2System):
             self._begun = False
 
     def _deactivate_rows(self) -> None:
-        off = self.constraints.off
+        off = self.constraints.inactive
         if len(self.mechanism.switches):
             self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
             self.core.slowest_slip(self.sliding.still)

@@ -73,13 +73,13 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
     """
     pairs: list[Any] = []
     rows: list[Plain] = [{}] * constraints.ng
-    for pair, kinds in constraints.frame_parts.values():
+    for pair, kinds in constraints.frame_rows.values():
         for s, r, _ in kinds:
             rows[s] = found = [{"pair": len(pairs), **numbers} for numbers in r.core_data()]
             if len(found) != r.m:
                 raise NotCompiled(f"rows of kind {type(r).__name__}")
         pairs.append((_frame(pair.a), _frame(pair.b)))
-    for part in constraints.joint_parts:
+    for part in constraints.joint_rows:
         rows[part.at] = part.core_data()
     drivers = [
         {"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.core_data()}

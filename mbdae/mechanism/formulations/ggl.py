@@ -146,7 +146,7 @@ class GGLChart(Index2Chart):
             gap = largest_error(mech, g)
             names = contradicting_positions(self.system, t, q)
             why = f"{names} contradict each other" if names else "other rows keep it no more"
-            raise StepError("rank", f"{gap.says('opens')} at t = {t:.17g}: {why}")
+            raise StepError("rank", f"{gap.message('opens')} at t = {t:.17g}: {why}")
 
     def start(self) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""

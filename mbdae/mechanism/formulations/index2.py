@@ -47,7 +47,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
         self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
-        self.constraints.off = inactive_rows(mechanism.switches, self.mode)
+        self.constraints.inactive = inactive_rows(mechanism.switches, self.mode)
         self.sticks = False  # joints stick in the mode
         self.sliding = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.place = independent_rows.elimination_order(self.constraints.columns)
@@ -159,7 +159,7 @@ class Index2System(PinocchioData, RunVariables, System):
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches
-        self.constraints.off, self.sticks = inactive_rows(switches, mode), False
+        self.constraints.inactive, self.sticks = inactive_rows(switches, mode), False
         for switch, state in zip(switches, mode, strict=True):
             switch.enter(self, state)
         self.rank, self.rows, self.held, self.reason = None, None, False, independent_rows.SelectionTrigger(self.ng)
@@ -243,7 +243,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
-        self.reason.now = ratio = pivot[i] / largest
+        self.reason.pivot_ratio = ratio = pivot[i] / largest
         self.least_pivot_ratio = min(self.least_pivot_ratio, ratio)
         if info or not ratio > independent_rows.SMALLEST_PIVOT:
             name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]

@@ -22,20 +22,20 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
     """
     if not system.ng:
         return np.empty(0, int)
-    if system.rows is not None and (system.held or not system.reason.given()):
+    if system.rows is not None and (system.held or not system.reason.is_due()):
         return system.rows
     B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
     found = _, diagonal = independent_rows.pivots(B)
     try:
         if system.rank is None:
-            system.rank, system.floor = independent_rows.fixed_rank(B, G, diagonal, t, system.beside)
-        independent_rows.confirm(diagonal, system.rank, system.floor, t)
+            system.rank, system.floor = independent_rows.initial_rank(B, G, diagonal, t, system.beside)
+        independent_rows.require_rank(diagonal, system.rank, system.floor, t)
     except StepError as e:
         rank = system.rank or independent_rows.rank(diagonal)
         raise StepError(e.status, f"{e} ({_weakest(system, B, rank)})") from None
     if system.rank:
         system.least_pivot_ratio = min(system.least_pivot_ratio, (diagonal[system.rank - 1] / diagonal[0]) ** 2)
-    system.rows = independent_rows.choose(B, system.rows, system.rank, system.place, found)
+    system.rows = independent_rows.select_rows(B, system.rows, system.rank, system.place, found)
     return system.rows
 
 

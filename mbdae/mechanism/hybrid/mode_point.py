@@ -90,7 +90,7 @@ class ModePoint:
     @cached_property
     def null_multipliers(self) -> Array:
         """Return a basis of the multipliers without effect in the mode, (ng, k), G^T null = 0."""
-        there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
+        there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.inactive)
         left, sizes, _ = np.linalg.svd(self.G[there])
         r = int(np.count_nonzero(sizes > PIVOT_RANK * sizes[:1]))
         out = np.zeros((self.system.ng, len(there) - r))

@@ -39,7 +39,7 @@ class RollingStiction(Switch):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        pressing = {c.name for c in mechanism.closures if c.opens}
+        pressing = {c.name for c in mechanism.closures if c.is_unilateral}
         return [
             cls(f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)

@@ -15,17 +15,17 @@ def path_derivatives(motion: MotionTangent) -> Array:
     mech, parameters = motion.mechanism, motion.parameters
     names, out = [c.name for c in mech.constraints], np.empty((len(rolling_closures(mech)), 3, len(motion.d.t)))
     for i, closure in enumerate(rolling_closures(mech)):
-        pair, body = motion.system.constraints.frame_parts[closure.name].pair, rolling_body(mech, closure.name)
+        pair, body = motion.system.constraints.frame_rows[closure.name].pair, rolling_body(mech, closure.name)
         pair.locate()
         at: Any = copy(pair)
         for column, *carried in zip(range(len(motion.d.t)), *(X.T for X in motion.pair(pair)), strict=True):
             at.Va, at.Vb = carried
-            out[i, :, column] = body.touch(at).dp[:, 0]
+            out[i, :, column] = body.contact_kinematics(at).dp[:, 0]
         at.Va = at.Vb = np.zeros(6)
         for p, dp in zip(parameters.all, motion.d.p, strict=True):
             if names.index(closure.name) in p.specs:
                 bodies = {k: rolling_body(other, closure.name) for k, other in p.near.items()}
-                out[i] += np.outer(p.quotient({k: b.touch(at).p[:, 0] for k, b in bodies.items()}), dp)
+                out[i] += np.outer(p.quotient({k: b.contact_kinematics(at).p[:, 0] for k, b in bodies.items()}), dp)
     return out
 
 

@@ -55,7 +55,7 @@ def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array
         return A, dA
     if friction == "touches":
         constraints = motion.system.constraints
-        (_, row, _), n = constraints.frame_parts[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
+        (_, row, _), n = constraints.frame_rows[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
         dn = np.add(*(D[0] @ X for D, X in zip(row.partials(pair), (Xa, Xb), strict=True)))[:3]
         de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
         p, dp = place.point(), _touches(place, Xa, Xb, dp)

@@ -25,12 +25,12 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
     The first half is in world axes, the other in local axes; force and torque alternate.
     """
     names, joints, m = reaction_names(motion.mechanism), joint_names(motion.model), len(motion.d.t)
-    closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_parts}
+    closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_rows}
     F, dF = _joints(motion, closures)
     values, derivatives = np.empty((2, len(names), 6)), np.empty((2, len(names), 6, m))
     for i, name in enumerate(names):
         if name in closures:
-            pair = motion.system.constraints.frame_parts[name].pair
+            pair = motion.system.constraints.frame_rows[name].pair
             (w, dw), (X_axes, X), p, R = closures[name], motion.pair(pair), pair.pb, pair.Ra
         else:
             j = joints.index(name) + 1
@@ -50,7 +50,7 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
     """Return the wrenches in all joints at the world's origin, (njoints, 6), and their derivatives, (njoints, 6, m)."""
     model, parameters, d = motion.model, motion.parameters, motion.d
     F, dF = np.zeros((model.njoints, 6)), np.zeros((model.njoints, 6, len(d.t)))
-    outer = [(motion.system.constraints.frame_parts[name].pair, *found) for name, found in closures.items()]
+    outer = [(motion.system.constraints.frame_rows[name].pair, *found) for name, found in closures.items()]
     for number, (law, _) in enumerate(motion.system.laws.bound):
         if isinstance(law, PairElement):
             outer.append((law.pair, *law_wrench(motion, law, number)))

@@ -17,7 +17,7 @@ def wrench_cross(a: Array, F: Array) -> Array:
 def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its derivatives (6, m)."""
     constraints, parameters = motion.system.constraints, motion.parameters
-    pair, rows = constraints.frame_parts[name]
+    pair, rows = constraints.frame_rows[name]
     pair.locate()
     Xa, Xb = motion.pair(pair)
     F, dF = np.zeros(6), np.zeros_like(Xa)

@@ -216,5 +216,5 @@ def test_a_length_driven_to_nothing_stops_by_name():
     mech = mbdae.Mechanism(model, drivers=[winch], start=Start(guess={"load": (0.0, 0.0, -1.0)}))
     sol = mbdae.solve(mech, (0, 1), rtol=1e-6)
     assert sol.status == "driver"
-    assert "driver 'winch' asks for a distance of" in sol.message
+    assert "driver 'winch' requires a distance of" in sol.message
     assert sol.t[-1] == pytest.approx(0.65, abs=1e-3)
