@@ -6,7 +6,7 @@ from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.closures.preconditions import lost_precondition
 from ..mechanism.contacts import first_negative, rolling_closures
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.formulations.projection import contradictions
+from ..mechanism.formulations.projection import contradicting_rows
 from ..mechanism.reactions import mass_scaled_jacobian
 from ..solution.columns import energy_balance
 from ..solution.solution import Solution
@@ -33,7 +33,7 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
 
 def _remedy(sol: Solution, system: Index2System) -> str:
     """Return how to make a run more accurate, or which rows make that impossible."""
-    if names := contradictions(system, sol.nodes[0][-1], sol.nodes[1][-1]):
+    if names := contradicting_rows(system, sol.nodes[0][-1], sol.nodes[1][-1]):
         return f"{names} contradict each other"
     fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
     closed = sol.settings["project"] or formulation == "ggl" or not system.ng

@@ -88,8 +88,8 @@ class Trajectory:
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        if self.system.sliding.can_stick:
-            self.system.sliding.reject("a gradient of wheels that slide")
+        if self.system.closure_friction.can_stick:
+            self.system.closure_friction.reject("a gradient of wheels that slide")
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -118,7 +118,7 @@ class Trajectory:
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
-        self.system.begin(float(self.ts[i]), self.ys[i])
+        self.system.determine_rank(float(self.ts[i]), self.ys[i])
 
     def _enter(self, parameters: Parameters) -> None:
         """Enter the mode of the run in the workspaces."""

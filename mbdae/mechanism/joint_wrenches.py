@@ -47,7 +47,7 @@ def joint_wrenches(
     external = np.zeros((model.njoints, 6))
     for name, bound in system.constraints.frame_rows.items():
         rows = system.constraints.spans[name]
-        friction = system.sliding.wrench(name, v, lam) if laws else 0.0
+        friction = system.closure_friction.wrench(name, v, lam) if laws else 0.0
         _add(external, bound.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
     if laws:
         if not system.ng:
@@ -141,7 +141,7 @@ def point_reactions(
     for k, name in enumerate(names):
         if name in bound:
             pair, rows = bound[name].pair, system.constraints.spans[name]
-            w = system.constraints.W[:, rows] @ lam[rows] + system.sliding.wrench(name, v, lam)
+            w = system.constraints.W[:, rows] @ lam[rows] + system.closure_friction.wrench(name, v, lam)
             w[3:] -= skew(pair.pb) @ w[:3]
             world[k], local[k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
         else:

@@ -157,9 +157,9 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
-    if system.sliding.can_stick:
+    if system.closure_friction.can_stick:
         system.jacobian(q)
-        lam = system.sliding.filled(v, lam)
+        lam = system.closure_friction.with_sliding_friction(v, lam)
     if kind in PYTHON_KINDS:
         name, now = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))

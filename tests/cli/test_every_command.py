@@ -164,7 +164,7 @@ REASONS = [
            lambda f: any(d.speed is not None for d in f.mech.drivers)),
     Reason(r"solve .*--formulation|compare .*ggl", r"unilateral constraints and switches need formulation 'index2'",
            lambda f: f.switches),
-    Reason(r"inverse-dyn", r"^inverse dynamics does not know coulomb_friction", lambda f: f.regularised_interfaces),
+    Reason(r"inverse-dyn", r"^inverse dynamics does not support coulomb_friction", lambda f: f.regularised_interfaces),
     Reason(r"inverse-dynamics .*npz$", r"has no drivers or motors: name the joints", lambda f: not f.acts),
     Reason(r"inverse-dynamics .*csv", r"^unknown joint of one coordinate '.*'; valid", lambda f: bool(f.several)),
     Reason(r"inverse-dynamics .*csv|fit", r"times (of a motion )?must increase, got .* impact", lambda f: f.switches),

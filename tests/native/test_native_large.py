@@ -103,7 +103,7 @@ def test_many_rows_are_eliminated_in_a_band():
         system = m.system()
         linked = system.constraints.columns.astype(int) @ system.constraints.columns.T
         i, j = linked.nonzero()
-        widths.append(np.abs(system.place[i] - system.place[j]).max())
+        widths.append(np.abs(system.elimination_order[i] - system.elimination_order[j]).max())
     assert widths == [5, 5]
     assert_same(*both(shuffled, (0, 0.1), q, v, step=0.02, method="herk3"), 1e-11, own=1e-9)
 

@@ -51,7 +51,7 @@ class AccelerationSensitivity:
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, found = s.derivative(t, y)
         found = found[: s.ng]
-        (q, v), inner, vdot, rows = s.split(y), s.inner(y), F[nv : 2 * nv], np.array(s.in_use, int)
+        (q, v), inner, vdot, rows = s.split(y), s.element_states(y), F[nv : 2 * nv], np.array(s.in_use, int)
         G = s.jacobian(q)
         force = G.T @ found
         lam = np.linalg.lstsq(G[rows].T, force)[0] if len(rows) else np.empty(0)
@@ -63,7 +63,7 @@ class AccelerationSensitivity:
         by_q += s.constraints.partials(vdot, whole)[1]
         Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
         P = p.of_forces(t, q, v, inner, vdot, whole)
-        if s.sliding:
+        if s.closure_friction:
             K, D, by_p = self.friction(q, v, whole)
             at, P = at._replace(K=at.K + K, D=at.D + D), P + by_p.T
         above = np.hstack([at.K, at.D, P, f_t[:, None]])

@@ -71,16 +71,16 @@ def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> 
 def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[Array], Array]:
     """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
     s.jacobian(q)
-    sliding, W = s.sliding, s.constraints.W
-    load = sliding.carried(sliding.minimum_norm_map(rows) @ lam)[0]
+    sliding, W = s.closure_friction, s.constraints.W
+    load = sliding.normal_forces(sliding.minimum_norm_map(rows) @ lam)[0]
     active = [k for k, active in enumerate(sliding.active) if active]
-    return [sliding.places[k].lever(W[:, sliding.places[k].rows]) for k in active], load[active]
+    return [sliding.interfaces[k].slip_jacobian(W[:, sliding.interfaces[k].rows]) for k in active], load[active]
 
 
 def _acting(s: "Index2System", levers: list[Array]) -> list[tuple[Array, float, float]]:
     """Return S, c and the width of each sliding interface."""
-    active = [k for k, active in enumerate(s.sliding.active) if active]
-    numbers = [(-float(s.sliding.coefficient[k]), s.sliding.places[k].force.width) for k in active]
+    active = [k for k, active in enumerate(s.closure_friction.active) if active]
+    numbers = [(-float(s.closure_friction.coefficient[k]), s.closure_friction.interfaces[k].force.width) for k in active]
     return [(S, *x) for S, x in zip(levers, numbers, strict=True)]
 
 

@@ -188,7 +188,7 @@ class Parameters:
         """Closure friction with perturbed forces and closures, in the same workspace."""
         s, out = self.system, []
         for p in self.all:
-            near = p.near.items() if s.sliding.places and (p.forces or p.specs) else ()
+            near = p.near.items() if s.closure_friction.interfaces and (p.forces or p.specs) else ()
             rows = {k: Constraints(s.model, s.workspace, m.constraints) for k, m in near}
             out.append({k: ClosureFriction(m.forces, m.closures, rows[k]) for k, m in near})
         return out

@@ -79,12 +79,12 @@ class PointSensitivity(AccelerationSensitivity):
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
             moved = numerical_jacobian(
-                lambda x: s.inner(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH
+                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH
             )
             out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if laws.near and len(laws.at):
-                (q, v), inner = s.split(y), s.inner(y)[laws.at]
+                (q, v), inner = s.split(y), s.element_states(y)[laws.at]
                 found = {k: f.jump(t, q, v, inner) for k, f in laws.near.items()}
                 out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
         return out

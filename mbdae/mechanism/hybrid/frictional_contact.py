@@ -78,7 +78,7 @@ class FrictionalContact(Unilateral):
     ) -> int:
         if not held:
             return OPEN
-        heading = point.system.sliding.heading[self.friction.which]
+        heading = point.system.closure_friction.directions[self.friction.which]
         if self.slips(point):
             heading[:] = self.friction.direction(point)
             return SLIDES

@@ -79,7 +79,7 @@ class RollingStiction(Switch):
         if self.slips(point):
             slip = point.rate[self.grip]
             return slip / np.linalg.norm(slip)
-        return point.system.sliding.heading[self.which]
+        return point.system.closure_friction.directions[self.which]
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == GRIPS:
@@ -102,7 +102,7 @@ class RollingStiction(Switch):
     def _head(self, point: "ModePoint", lam: "Array") -> None:
         size = float(np.linalg.norm(lam[self.grip]))
         if size:
-            point.system.sliding.heading[self.which][:] = -lam[self.grip] / size
+            point.system.closure_friction.directions[self.which][:] = -lam[self.grip] / size
 
     def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
@@ -111,8 +111,8 @@ class RollingStiction(Switch):
             return GRIPS
         if point.system.mode[self.at] == GRIPS:
             self._head(point, point.lam)
-        point.system.sliding.heading[self.which][:] = self.direction(point)
+        point.system.closure_friction.directions[self.which][:] = self.direction(point)
         return SLIDES
 
     def enter(self, system: "Index2System", state: int) -> None:
-        system.sliding.active[self.which] = state == SLIDES
+        system.closure_friction.active[self.which] = state == SLIDES

@@ -16,16 +16,16 @@ from ...system import Array
 from ...tolerances import TINY
 from ..closures.contact import ContactHeightRow
 from ..discrete_sensitivity.friction_partials import shape
-from ..formulations.friction_interface import TURNS, FrictionInterface
+from ..formulations.friction_interface import ROTATIONAL, FrictionInterface
 from .motion_tangent import MotionTangent, of_point
 
 
 def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the regularised friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
-    sliding, parameters = motion.system.sliding, motion.parameters
+    sliding, parameters = motion.system.closure_friction, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
     for k in sliding.regularised_interfaces(name):
-        place = sliding.places[k]
+        place = sliding.interfaces[k]
         (V, dV), A, dA = motion.relative(place.pair), *_ways(motion, place)
         lam, dlam, c = motion.lam[place.rows], motion.d.lam[place.rows], -float(sliding.coefficient[k])
         slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
@@ -58,11 +58,11 @@ def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array
         (_, row, _), n = constraints.frame_rows[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
         dn = np.add(*(D[0] @ X for D, X in zip(row.partials(pair), (Xa, Xb), strict=True)))[:3]
         de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
-        p, dp = place.point(), _touches(place, Xa, Xb, dp)
+        p, dp = place.contact_point(), _touches(place, Xa, Xb, dp)
     else:
         axis = pair.Ra @ place.axis
         de = np.cross(Xa[3:].T, axis).T[None]
-    if friction in TURNS:
+    if friction in ROTATIONAL:
         dA[:, 3:] = de
         return A, dA
     dA[:, :3] = de

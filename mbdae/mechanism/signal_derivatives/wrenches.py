@@ -36,7 +36,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
             near.jacobian()
             found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
         dF += np.outer(p.quotient(found), dp)
-    if motion.system.sliding.regularised_interfaces(name):
+    if motion.system.closure_friction.regularised_interfaces(name):
         friction, change = friction_wrench(motion, name)
         F, dF = F + friction, dF + change
     return F, dF

@@ -32,7 +32,7 @@ def test_radii_that_do_not_fit_the_distance(tmp_path):
     with pytest.raises(InputError, match=r"are 0\.3 m apart, but radii of 0\.1 and 0\.3 m require 0\.4 m"):
         mbdae.solve(wheels(tmp_path, Closure.gear("a", "b", (0.1, 0.3), name="mesh"), **SPIN), (0, 1))
     assert mbdae.solve(wheels(tmp_path, GEAR, **SPIN), (0, 1)).status == "finished"
-    with pytest.raises(InputError, match="closure 'mesh': its wheels have one axis"):
+    with pytest.raises(InputError, match="'mesh': the axes of its wheels coincide"):
         mbdae.solve(wheels(tmp_path, GEAR, xyz=(0.0, 0.0, 0.3), **SPIN), (0, 1))
     ring = Closure.gear("a", "b", (-0.5, 0.2), name="mesh")
     assert mbdae.solve(wheels(tmp_path, ring, xyz=(0.0, 0.3, 0.7), **SPIN), (0, 1)).status == "finished"
@@ -53,13 +53,13 @@ def test_a_bevel_pair_whose_axes_do_not_meet_or_are_parallel(tmp_path):
         mbdae.solve(wheels(tmp_path, across, AHEAD, (0.3, 0.2, 0.0)), (0, 1))
     with pytest.raises(InputError, match="closure 'mesh': its axes are parallel: use kind 'gear'"):
         mbdae.solve(wheels(tmp_path, Closure.bevel("a", "b", (0.1, 0.2), name="mesh")), (0, 1))
-    with pytest.raises(InputError, match="can turn about other axes than those given"):
+    with pytest.raises(InputError, match="can rotate about axes other than those given"):
         mbdae.solve(wheels(tmp_path, across, [0.0, 1.0, 0.0]), (0, 1))
 
 
 def test_a_screw_without_a_joint_for_its_turns(tmp_path):
     bodies = [body("arm", "revolute", axis=AHEAD)]
-    with pytest.raises(InputError, match="closure 'thread': the bodies can turn about other axes than its own"):
+    with pytest.raises(InputError, match="'thread': the bodies can rotate about other axes than that of the screw"):
         mbdae.solve(load(tmp_path, bodies, [Closure.screw("world", "arm", 0.02, name="thread")]), (0, 1))
 
 

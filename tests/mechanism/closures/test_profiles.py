@@ -91,7 +91,7 @@ def test_laws_are_refused_where_they_are_not_defined():
         number = model.addJoint(0, joint, pin.SE3.Identity(), name)
         model.appendBodyToJoint(number, pin.Inertia.Random(), pin.SE3.Identity())
     points = [(0.0, 0.0), (1.0, 0.1), (2.0, 0.0), (3.0, 0.0)]
-    for periodic, what in ((False, "is not periodic"), (True, "does not repeat itself in a turn")):
+    for periodic, what in ((False, "is not periodic"), (True, "does not repeat itself in a revolution")):
         law = Closure.law("slide", "wheel", {"kind": "table", "points": points, "periodic": periodic}, name="cam")
         with pytest.raises(InputError, match=f"'cam': a curve that {what}"):
             mbdae.Mechanism(model, [law]).system()
