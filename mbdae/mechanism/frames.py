@@ -223,6 +223,11 @@ def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.concatenate([cross(a[3:], b[:3]) + cross(a[:3], b[3:]), cross(a[3:], b[3:])])
 
 
+def point_velocities(motions: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the velocities (3, m) of a point p (3,) under motions (6, m) at the world's origin."""
+    return motions[:3] + np.cross(motions[3:].T, p).T
+
+
 def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
     """Return the matrix of the product d x* wrench with motions d, (6, 6)."""
     out = np.zeros((6, 6))

@@ -114,7 +114,7 @@ np.testing.assert_allclose(falls[1], 2 * falls[0], rtol=1e-6)  # from rest
 
 
 def test_users_may_call_other_algorithms_on_the_data_of_a_system():
-    """In another process: without room for their results these write anywhere. 60 hinges are beyond `LARGEST`."""
+    """In another process: without room for their results these write anywhere. 60 hinges exceed `MAX_COMPLETE_NV`."""
     done = child(USES)
     assert not done.returncode, done.stderr
 

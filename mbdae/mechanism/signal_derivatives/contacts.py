@@ -1,7 +1,6 @@
 """Derivatives of contact points and contact forces of rolling bodies."""
 
 from copy import copy
-from typing import Any
 
 import numpy as np
 
@@ -17,14 +16,14 @@ def path_derivatives(motion: MotionTangent) -> Array:
     for i, closure in enumerate(rolling_closures(mech)):
         pair, body = motion.system.constraints.frame_rows[closure.name].pair, rolling_body(mech, closure.name)
         pair.locate()
-        at: Any = copy(pair)
-        for column, *carried in zip(range(len(motion.d.t)), *(X.T for X in motion.pair(pair)), strict=True):
-            at.Va, at.Vb = carried
+        at = copy(pair)
+        for column, Xa, Xb in zip(range(len(motion.d.t)), *(X.T for X in motion.pair(pair)), strict=True):
+            at.Va, at.Vb = Xa, Xb
             out[i, :, column] = body.contact_kinematics(at).dp[:, 0]
         at.Va = at.Vb = np.zeros(6)
         for p, dp in zip(parameters.all, motion.d.p, strict=True):
             if names.index(closure.name) in p.specs:
-                bodies = {k: rolling_body(other, closure.name) for k, other in p.near.items()}
+                bodies = {k: rolling_body(other, closure.name) for k, other in p.perturbed.items()}
                 out[i] += np.outer(p.quotient({k: b.contact_kinematics(at).p[:, 0] for k, b in bodies.items()}), dp)
     return out
 
@@ -34,12 +33,12 @@ def contact_derivatives(motion: MotionTangent) -> Array:
     mech = motion.mechanism
     out = np.empty((len(rolling_closures(mech)), 4, len(motion.d.t)))
     for i, closure in enumerate(rolling_closures(mech)):
-        share, own = contact_force_map(motion.system, closure.name), motion.system.constraints.spans[closure.name]
-        (normal, *along), forces = share @ motion.lam[own], share @ motion.d.lam[own]
-        normal = normal if share[0].any() and normal > 0 else np.nan  # friction requires compression
-        size = np.hypot(*along)
-        friction = (np.array(along) @ forces[1:] / (size or 1.0) - size / normal * forces[0]) / normal
+        to_force, rows = contact_force_map(motion.system, closure.name), motion.system.constraints.spans[closure.name]
+        (normal, *tangential), forces = to_force @ motion.lam[rows], to_force @ motion.d.lam[rows]
+        normal = normal if to_force[0].any() and normal > 0 else np.nan  # friction requires compression
+        size = np.hypot(*tangential)
+        friction = (np.array(tangential) @ forces[1:] / (size or 1.0) - size / normal * forces[0]) / normal
         out[i] = *forces, friction
-        if not share[0].any():
+        if not to_force[0].any():
             out[i, 0] = np.nan
     return out

@@ -15,9 +15,10 @@ import numpy as np
 from ...system import Array
 from ...tolerances import TINY
 from ..closures.contact import ContactHeightRow
-from ..discrete_sensitivity.friction_partials import shape
+from ..discrete_sensitivity.friction_partials import regularisation_factors
 from ..formulations.friction_interface import ROTATIONAL, FrictionInterface
-from .motion_tangent import MotionTangent, of_point
+from ..frames import point_velocities
+from .motion_tangent import MotionTangent
 
 
 def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
@@ -26,11 +27,11 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
     for k in sliding.regularised_interfaces(name):
         place = sliding.interfaces[k]
-        (V, dV), A, dA = motion.relative(place.pair), *_ways(motion, place)
+        (V, dV), A, dA = motion.relative(place.pair), *_slip_wrench_tangents(motion, place)
         lam, dlam, c = motion.lam[place.rows], motion.d.lam[place.rows], -float(sliding.coefficient[k])
         slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
-        phi, psi = shape(float(np.sqrt(slip @ slip)), place.force.width)
+        phi, psi = regularisation_factors(float(np.sqrt(slip @ slip)), place.force.width)
         along = A.T @ slip
         F += c * size * phi * along
         dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)
@@ -45,12 +46,12 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     return F, dF
 
 
-def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
+def _slip_wrench_tangents(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
     """Return the wrenches A (m, 6) of `FrictionInterface.slip_wrenches`, and their derivatives, (m, 6, k)."""
     pair, friction = place.pair, place.closure.friction
     A, (Xa, Xb) = place.slip_wrenches(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
-    p, dp = pair.pb, of_point(Xb, pair.pb)
+    p, dp = pair.pb, point_velocities(Xb, pair.pb)
     if friction == "bears":
         return A, dA
     if friction == "touches":

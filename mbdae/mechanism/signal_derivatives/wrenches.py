@@ -32,7 +32,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         if which not in p.specs:
             continue
         found = {}
-        for k, near in changed.near.items():
+        for k, near in changed.perturbed.items():
             near.jacobian()
             found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
         dF += np.outer(p.quotient(found), dp)
