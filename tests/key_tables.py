@@ -15,11 +15,11 @@ from pydantic.fields import FieldInfo
 
 import mbdae
 from mbdae.mechanism.checked_table import Table, tables_in
-from mbdae.mechanism.closures import KINDS, what_is_kept
+from mbdae.mechanism.closures import KINDS, rows_and_summary
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.schema import MechanismFile
-from mbdae.mechanism.time_functions import SIGNALS
+from mbdae.mechanism.time_functions import TIME_FUNCTIONS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
 WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"
@@ -32,7 +32,7 @@ def closures() -> str:
     """One row for each kind of closure: its rows, its keys, what it keeps."""
     out = "\n| closure | rows | required | optional | constraint |\n|---|---|---|---|---|\n"
     for kind, table in KINDS.items():
-        rows, what = what_is_kept(table)
+        rows, what = rows_and_summary(table)
         keys = {k: f.is_required() for k, f in table.model_fields.items() if k not in Closure.model_fields}
         needed, possible = (", ".join(f"`{k}`" for k in keys if keys[k] is x) for x in (True, False))
         out += f"| `{kind}` | {rows} | {needed} |{possible and f' {possible}'} | {what} |\n"
@@ -59,7 +59,7 @@ def keys() -> str:
             found.setdefault(table, (f"`{heading}`", "".join(rows(table, own=table in KINDS.values()))))
     return "\n" + "\n".join(
         f"**{found[table][0]}**\n\n| key | value | default | description |\n|---|---|---|---|\n{found[table][1]}"
-        for table in sorted(found, key=SIGNALS.__contains__)
+        for table in sorted(found, key=TIME_FUNCTIONS.__contains__)
         if found[table][1]
     )
 
@@ -125,7 +125,7 @@ def _words(annotation: Any) -> str:
         word = _words(parts[0])
         several = SEVERAL.get(word, word.replace("number or function", "numbers or functions"))
         return several if parts[-1] is Ellipsis else f"{len(parts)} {several}"
-    if set(parts) == set(SIGNALS) or (origin is Annotated and set(tables_in(annotation)) == set(SIGNALS)):
+    if set(parts) == set(TIME_FUNCTIONS) or (origin is Annotated and set(tables_in(annotation)) == set(TIME_FUNCTIONS)):
         return "number or function of time"
     if origin in (Union, UnionType) and not set(parts) <= set(tables_in(annotation)):
         return ", or ".join(_words(p) for p in parts if p is not NoneType)

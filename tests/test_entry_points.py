@@ -153,7 +153,7 @@ def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
     warned = "".join(lines[:4])
     assert "entry point 'taken' " + left_out.format("methods", "expected a Tableau of a new name") in warned
     assert "entry point 'gone' " + left_out.format("methods", "AttributeError") in warned
-    assert "entry point 'second' " + left_out.format("closures", "expected a class of closures with a kind") in warned
+    assert "entry point 'second' " + left_out.format("closures", "expected a class of closures with a new") in warned
     assert "entry point 'taken' " + left_out.format("readers", "expected a function of a path, or a Reader") in warned
     assert lines[4] == "2 finished True"
     assert lines[5] == "18 c: not carried over: paint"

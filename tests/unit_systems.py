@@ -19,7 +19,7 @@ from mbdae.mechanism.forces.joint_torque import JointTorque
 from mbdae.mechanism.forces.spring_damper import SpringDamper
 from mbdae.mechanism.forces.wrench import Wrench
 from mbdae.mechanism.frames import find_joint, find_joints
-from mbdae.mechanism.joints import PER_COORDINATE, lengths
+from mbdae.mechanism.joints import PER_COORDINATE, translation_components
 from mbdae.mechanism.model_settings import Start
 from mbdae.mechanism.time_functions import Constant, Harmonic, Polynomial, Steps, TimeTable
 
@@ -47,7 +47,7 @@ class UnitSystem(NamedTuple):
 
     def coordinates(self, mech: Mechanism) -> np.ndarray:
         """The factors on changes dq of coordinates, (nv,)."""
-        return np.where(lengths(mech.model), self.length, 1.0)
+        return np.where(translation_components(mech.model), self.length, 1.0)
 
     def speeds(self, mech: Mechanism) -> np.ndarray:
         """The factors on v, (nv,)."""
@@ -59,7 +59,7 @@ class UnitSystem(NamedTuple):
 
     def configuration(self, mech: Mechanism) -> np.ndarray:
         """The factors on q, (nq,)."""
-        out, slides = np.ones(mech.nq), lengths(mech.model)
+        out, slides = np.ones(mech.nq), translation_components(mech.model)
         for joint in list(mech.model.joints)[1:]:
             along = slides[joint.idx_v : joint.idx_v + joint.nv]
             out[joint.idx_q : joint.idx_q + int(along.sum())] = self.length if along.any() else 1.0  # positions first
@@ -94,7 +94,7 @@ class UnitSystem(NamedTuple):
     def _model(self, old: pin.Model) -> pin.Model:
         if any("ModelH" in joint.shortname() for joint in old.joints):
             raise NotImplementedError("helical joints")
-        model, slides = pin.Model(old), lengths(old)
+        model, slides = pin.Model(old), translation_components(old)
         model.gravity = pin.Motion(old.gravity.linear * self.of(1, 0, -2), np.zeros(3))
         for i, (place, body) in enumerate(zip(old.jointPlacements, old.inertias, strict=True)):
             model.jointPlacements[i] = self._place(place)

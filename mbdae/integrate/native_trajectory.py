@@ -166,7 +166,7 @@ class NativeTrajectory:
     @property
     def _friction(self) -> Any:
         """Partials of friction that depends on multipliers; the core calls Python for them."""
-        return self.trajectory.sensitivity.friction if self.trajectory.system.sliding else None
+        return self.trajectory.sensitivity.friction if self.trajectory.system.closure_friction else None
 
     def _checked(self, nodes: NodeRange, found: Any) -> Any:
         """Return a result of the core.

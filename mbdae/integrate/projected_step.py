@@ -41,7 +41,7 @@ def project_end(run: "RunState", t: float, state: State) -> State:
         gap = largest_error(system.mechanism, system.residual(t, *system.split(state.y))[level], ("", "/s")[level])
         share = f"{largest / max(motion, largest):.0%} of the motion"
         undoes = f"its projection undoes {share}: the rows cannot all be satisfied"
-        raise StepError("rank", f"{gap.says('opens')} in a step from t = {run.t:.17g}, and {undoes}")
+        raise StepError("rank", f"{gap.message('opens')} in a step from t = {run.t:.17g}, and {undoes}")
     if run.undone_motion is not None:
         run.undone_motion = None if MAX_UNDONE * motion > 1 else motions
     return end

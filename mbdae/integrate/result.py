@@ -69,21 +69,27 @@ def joined(parts: Sequence[Solution]) -> Solution:
     last = parts[-1]
     if len(parts) == 1:
         return last
-    first = np.cumsum([0, *(len(part.t) - 1 for part in parts)])
-    tables: dict[str, Any] = {
-        "t": np.concatenate([parts[0].t, *(part.t[1:] for part in parts[1:])]),
-        "y": np.concatenate([parts[0].y, *(part.y[1:] for part in parts[1:])]),
-        "z_own": np.concatenate([parts[0].z_own, *(part.z_own[1:] for part in parts[1:])]),
-        "settings": parts[0].settings,
-        "impacts": [x for part in parts for x in part.impacts],
-        "singular": [x for part in parts for x in part.singular],
-        "carried": None,
-    }
-    for name in ("in_use", "modes"):
-        found = [(k + at, x) for k, part in zip(first, parts, strict=False) for at, x in getattr(part, name)]
-        tables[name] = [x for i, x in enumerate(found) if not i or found[i - 1][1] != x[1]]
+    nodes = {name: _nodes([getattr(part, name) for part in parts]) for name in ("t", "y", "z_own")}
+    found = {name: [x for part in parts for x in getattr(part, name)] for name in ("impacts", "singular")}
+    first = np.cumsum([0, *(len(part.t) - 1 for part in parts)]).tolist()
+    changes = {name: _changes(first, [getattr(part, name) for part in parts]) for name in ("in_use", "modes")}
+    counts = [name for name, x in last.stats.items() if type(x) is int]
+    stats = last.stats | {name: sum(part.stats[name] for part in parts) for name in counts}
     zeros = zip(*(part.events for part in parts), strict=True)  # of each event, by part
-    tables["events"] = [tuple(np.concatenate(x) for x in zip(*found, strict=True)) for found in zeros]
-    counts = [k for k, x in last.stats.items() if isinstance(x, int) and not isinstance(x, bool)]
-    tables["stats"] = last.stats | {k: sum(part.stats[k] for part in parts) for k in counts}
-    return replace(last, **tables)
+    events = [tuple(np.concatenate(x) for x in zip(*hits, strict=True)) for hits in zeros]
+    rest: dict[str, Any] = nodes | found | changes
+    return replace(last, settings=parts[0].settings, stats=stats, events=events, carried=None, **rest)
+
+
+def _nodes(parts: Sequence[Array]) -> Array:
+    """Return the rows of successive arrays, whose first row is the last one of the array before."""
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+
+
+def _changes(first: Sequence[int], parts: Sequence[Sequence[tuple[int, Any]]]) -> list[tuple[int, Any]]:
+    """Return nodes and values from there on, of parts that begin at the nodes ``first``, without a repetition between parts."""
+    out: list[tuple[int, Any]] = []
+    for k, part in zip(first, parts, strict=False):
+        seam = bool(out and part and out[-1][1] == part[0][1])
+        out += [(k + at, x) for at, x in part[seam:]]
+    return out

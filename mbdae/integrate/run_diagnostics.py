@@ -4,10 +4,10 @@ import numpy as np
 
 from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.closures.preconditions import lost_precondition
-from ..mechanism.contacts import first_negative, rolling
+from ..mechanism.contacts import first_negative, rolling_closures
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.formulations.projection import contradictions
-from ..mechanism.reactions import scaled
+from ..mechanism.formulations.projection import contradicting_rows
+from ..mechanism.reactions import mass_scaled_jacobian
 from ..solution.columns import energy_balance
 from ..solution.solution import Solution
 from ..tolerances import AMBIGUOUS_PIVOT, VISIBLE
@@ -33,7 +33,7 @@ def accuracy_warnings(sol: Solution, system: Index2System) -> str:
 
 def _remedy(sol: Solution, system: Index2System) -> str:
     """Return how to make a run more accurate, or which rows make that impossible."""
-    if names := contradictions(system, sol.nodes[0][-1], sol.nodes[1][-1]):
+    if names := contradicting_rows(system, sol.nodes[0][-1], sol.nodes[1][-1]):
         return f"{names} contradict each other"
     fixed, formulation = "step" in sol.settings, sol.settings["formulation"]
     closed = sol.settings["project"] or formulation == "ggl" or not system.ng
@@ -58,7 +58,7 @@ def violated_redundant_rows(sol: Solution, system: Index2System) -> str:
     t, (q, v) = sol.nodes[0][-1], system.split(sol.nodes[1][-1])
     which = largest_error(sol.mechanism, system.closures(q, t)[1] @ v + system.g_t(t), "/s")
     slipped = f"rows that depended on others are not kept: |G v| reached {slip:.2g} of the largest speeds"
-    return f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)"
+    return f"{slipped} ({which.name!r} {'slips' if which.velocity_only else 'opens'} by {which.text} at the end)"
 
 
 def energy_imbalance(sol: Solution, system: Index2System) -> str:
@@ -89,7 +89,7 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     if not sol.settings["project"] or not 0 < len(used) < system.ng:
         return ""
     ts, ys, _ = sol.nodes
-    G = scaled(system, ts[-1], system.split(ys[-1])[0])
+    G = mass_scaled_jacobian(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]
     size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
     if not left.max() > AMBIGUOUS_PIVOT * size:
@@ -105,7 +105,7 @@ def lift_off(sol: Solution, system: Index2System) -> str:
     """
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
     found = []
-    for closure in rolling(mech):
+    for closure in rolling_closures(mech):
         row = mech.rows_of(closure.name)[0]
         if closure.contact is False or not (zs[1:, row] < 0).any():
             continue

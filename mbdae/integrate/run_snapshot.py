@@ -19,7 +19,7 @@ class RunSnapshot(NamedTuple):
         carry: the method's carry; None if it is computed again.
         compensation: see `mbdae.system.State`.
         rows: the rows in use; None if all are independent.
-        floor: smallest pivot ratio of the rows in use.
+        rank_threshold: pivot ratio below which the rank has fallen.
         mode: of the mechanism.
         stepper: of the step-size control.
     """
@@ -29,7 +29,7 @@ class RunSnapshot(NamedTuple):
     carry: Array | None
     compensation: Array | None
     rows: tuple[int, ...] | None
-    floor: float
+    rank_threshold: float
     mode: tuple[int, ...]
     stepper: tuple[Any, ...]
 
@@ -57,13 +57,13 @@ def snapshot(run: RunState) -> RunSnapshot:
     carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
     rows = None if s.rows is None else tuple(s.rows.tolist())
     y, compensation = run.ys[-1].copy(), run.state.compensation
-    return RunSnapshot(run.t, y, carry, compensation, rows, s.floor, s.mode, run.stepper.snapshot())
+    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, run.stepper.snapshot())
 
 
 def resume(run: RunState, start: RunSnapshot) -> None:
     """Begin a new run at a snapshot, in place of `RunState.begin`."""
     s: Any = run.system
-    t, y, carry, compensation, rows, s.floor, mode, stepper = start
+    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper = start
     run.ys[-1] = y
     if run.mode_changes:
         run.mode_changes.resume(run, mode)

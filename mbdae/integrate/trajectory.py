@@ -88,8 +88,8 @@ class Trajectory:
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        if self.system.sliding.can_stick:
-            self.system.sliding.reject("a gradient of wheels that slide")
+        if self.system.closure_friction.can_stick:
+            self.system.closure_friction.reject("a gradient of wheels that slide")
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -118,7 +118,7 @@ class Trajectory:
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
-        self.system.begin(float(self.ts[i]), self.ys[i])
+        self.system.determine_rank(float(self.ts[i]), self.ys[i])
 
     def _enter(self, parameters: Parameters) -> None:
         """Enter the mode of the run in the workspaces."""
@@ -135,17 +135,17 @@ class Trajectory:
         self.enter_node(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
-            yield LinearMap(self.sensitivity.jumped(t, y), False)
+            yield LinearMap(self.sensitivity.jump(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
             y, impact = self.at_start("initial impact", lambda: self.sensitivity.initial_impact(t, y))
             yield LinearMap(impact, False)
         if self.project:
-            yield LinearMap(self.at_start("restored", lambda: self.sensitivity.restored(t, y)), False)
+            yield LinearMap(self.at_start("restored", lambda: self.sensitivity.projection(t, y)), False)
         if self.project and (y != self.ys[0]).any():  # a perturbed start may need another Gauss-Newton step
-            yield LinearMap(self.at_start("closed", lambda: self.sensitivity.restored(t, self.ys[0])), False)
+            yield LinearMap(self.at_start("closed", lambda: self.sensitivity.projection(t, self.ys[0])), False)
         if self.n_carry:
-            yield LinearMap(self.at_start("renewal", lambda: self.sensitivity.renewed(t, self.ys[0])), True)
+            yield LinearMap(self.at_start("renewal", lambda: self.sensitivity.restarted_carry(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
         """Return partials at the first node, computed once for runs with the same start and parameters."""
@@ -158,7 +158,7 @@ class Trajectory:
         self.enter_node(i)
         t1, y1, changed = float(self.ts[i + 1]), self.ys[i + 1], i + 1 in self.changes
         if self.jumped[i]:
-            yield LinearMap(self.sensitivity.jumped(t1, self.ys[i]), False)
+            yield LinearMap(self.sensitivity.jump(t1, self.ys[i]), False)
         else:
             yield NativeStep(self.core, i)
         if changed:
@@ -188,7 +188,7 @@ class Trajectory:
 
     def _carry_restart(self, t: float, y: Array) -> Iterator[TrajectoryPart]:
         if self.n_carry:
-            yield LinearMap(self.sensitivity.renewed(t, y), True)
+            yield LinearMap(self.sensitivity.restarted_carry(t, y), True)
 
     def _recompute(self, i: int, j: int, state: State) -> list[State]:
         """Return the states at nodes i, ..., j."""

@@ -38,12 +38,12 @@ class AllowedPaths(NamedTuple):
     trusted: tuple[Path, ...] | None = None
 
     @classmethod
-    def of(cls, path: Path, packages: Sequence[Path | str] = ()) -> "AllowedPaths":
+    def from_model_file(cls, path: Path, packages: Sequence[Path | str] = ()) -> "AllowedPaths":
         """Return the allowed paths of a model file."""
         return cls(path.resolve().parent, tuple(Path(p).resolve() for p in packages))
 
     @classmethod
-    def of_record(cls, folder: str, packages: Sequence[str], meshes: Sequence[Path] | None) -> "AllowedPaths":
+    def from_record(cls, folder: str, packages: Sequence[str], meshes: Sequence[Path] | None) -> "AllowedPaths":
         """Return the allowed paths of the record of an imported model.
 
         Args:
@@ -51,11 +51,11 @@ class AllowedPaths(NamedTuple):
             packages: folders given by the user who read that file, from the record.
             meshes: folders from which a saved run may read meshes, see `mbdae.mechanism.formats.sources.restored`.
         """
-        named = tuple(map(Path, packages))
+        recorded = tuple(map(Path, packages))
         if meshes is None:
-            return cls(Path(folder), named)
-        asked = tuple(p.resolve() for p in meshes)
-        return cls(Path(folder), (*named, *asked), (*asked, *installed()))
+            return cls(Path(folder), recorded)
+        given = tuple(p.resolve() for p in meshes)
+        return cls(Path(folder), (*recorded, *given), (*given, *installed_folders()))
 
     @property
     def root(self) -> Path:
@@ -68,14 +68,14 @@ class AllowedPaths(NamedTuple):
         Raises:
             InputError: if it does not exist, or is not allowed.
         """
-        outside = None
+        outside = None  # a file that exists, but is not allowed
         try:
             for candidate in self._candidates(name):
-                found = candidate.resolve()
-                if found.is_file():
-                    if self.holds(found):
-                        return found
-                    outside = outside or found
+                path = candidate.resolve()
+                if path.is_file():
+                    if self.allows(path):
+                        return path
+                    outside = outside or path
         except (OSError, ValueError, RuntimeError) as e:  # RuntimeError: circular links
             raise InputError(f"{name[:80]!r} is not a path: {e}") from None
         if outside is not None and not self._trusts(outside):
@@ -85,13 +85,13 @@ class AllowedPaths(NamedTuple):
             raise access_error(name, outside, self.root)
         raise InputError(f"{name!r} is not found in {', '.join(map(str, (self.root, *self.packages)))}")
 
-    def holds(self, path: Path) -> bool:
-        """Whether a file may be read; links are resolved."""
-        found = path.resolve()
-        places = (self.root, *self.packages, *self._others(found))
-        return self._trusts(found) and any(found.is_relative_to(place) for place in places)
+    def allows(self, path: Path) -> bool:
+        """Return whether a file may be read; links are resolved."""
+        path = path.resolve()
+        folders = (self.root, *self.packages, *self._neighbour_package(path))
+        return self._trusts(path) and any(path.is_relative_to(folder) for folder in folders)
 
-    def companions(self, mesh: Path) -> Path:
+    def companion_folder(self, mesh: Path) -> Path:
         """Return the folder of the files to which a mesh may refer: its package, within the trusted folders."""
         package = package_of(mesh.parent)
         widest = min(
@@ -100,44 +100,44 @@ class AllowedPaths(NamedTuple):
         return package if package.is_relative_to(widest) else widest
 
     def _trusts(self, path: Path) -> bool:
-        return self.trusted is None or any(path.is_relative_to(place) for place in self.trusted)
+        return self.trusted is None or any(path.is_relative_to(folder) for folder in self.trusted)
 
-    def _others(self, path: Path) -> Iterator[Path]:
-        """Package of a file next to the model's own, if both have manifests."""
+    def _neighbour_package(self, path: Path) -> Iterator[Path]:
+        """Yield the package of a file if it is next to that of the model, and both have manifests."""
         package = package_of(path.parent)
         if (self.root / MANIFEST).is_file() and (package / MANIFEST).is_file() and package.parent in self.root.parents:
             yield package
 
     def _candidates(self, name: str) -> Iterator[Path]:
-        scheme, mark, rest = name.partition("://")
-        above = [p for p in (self.folder, *self.folder.parents)]
-        if not mark:
-            yield from (place / name for place in (*above, *self.packages))
+        scheme, separator, rest = name.partition("://")
+        ancestors = (self.folder, *self.folder.parents)
+        if not separator:
+            yield from (folder / name for folder in (*ancestors, *self.packages))
         elif scheme == "file":
             yield Path(rest)
         elif scheme in ("package", "model"):
             package, _, inner = rest.lstrip("/").partition("/")
-            yield from (place / package / inner for place in (*self.packages, *above))
-            yield from (place / inner for place in self.packages if place.name == package)
+            yield from (folder / package / inner for folder in (*self.packages, *ancestors))
+            yield from (folder / inner for folder in self.packages if folder.name == package)
 
 
 def package_of(folder: Path) -> Path:
     """Return the package of a folder."""
-    for above in (folder, *folder.parents):
-        if (above / MANIFEST).is_file():
-            return above
+    for ancestor in (folder, *folder.parents):
+        if (ancestor / MANIFEST).is_file():
+            return ancestor
     while folder.name in LAYOUT:
         folder = folder.parent
     return folder
 
 
-def access_error(name: str, found: Path, root: Path) -> InputError:
+def access_error(name: str, path: Path, root: Path) -> InputError:
     """Return the error for a file that is not allowed."""
-    return InputError(f"{name!r} is {found}, outside of {root}: `packages` of a mechanism file adds folders")
+    return InputError(f"{name!r} is {path}, outside of {root}: `packages` of a mechanism file adds folders")
 
 
-def installed() -> list[Path]:
-    """The folders of installed packages, of mbdae's models and of example-robot-data."""
+def installed_folders() -> list[Path]:
+    """Return the folders of installed packages, of mbdae's models and of example-robot-data."""
     packages = [Path(p).resolve() for p in sys.path if Path(p).name in ("site-packages", "dist-packages")]
     with suppress(InputError):
         packages.append(robots_directory().resolve())
@@ -146,13 +146,13 @@ def installed() -> list[Path]:
 
 @cache  # the list of files of a distribution takes 20 ms to read
 def robots_directory() -> Path:
-    """The folder of robot descriptions that example-robot-data installs."""
+    """Return the folder of robot descriptions that example-robot-data installs."""
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:
         raise InputError("example-robot-data is not installed") from None
-    found = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
-    if found is None:
+    urdf = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
+    if urdf is None:
         raise InputError("example-robot-data is installed without robots")
-    up = len(found.parts) - found.parts.index("robots") - 1
-    return Path(str(found.locate())).parents[up - 1]
+    depth = len(urdf.parts) - urdf.parts.index("robots") - 1
+    return Path(str(urdf.locate())).parents[depth - 1]

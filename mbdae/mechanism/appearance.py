@@ -23,45 +23,47 @@ from .scene.scene import Mark, Scene, Strut
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
-HINGES = (RevoluteClosure, CylindricalClosure)
+DRAWN_WITH_AXIS = (RevoluteClosure, CylindricalClosure)
+AnchoredClosures = Iterable[tuple[Closure, Sequence[Anchor]]]
 
 
 def appearance(mech: "Mechanism") -> Scene:
     """Return the shapes of a mechanism, and their placements."""
-    found = mech.closure_anchors
-    return make_scene(mech.model, mech.visuals, _marks(found), _springs(mech), _rolling(found), _outlines(found))
+    closures = mech.closure_anchors
+    marks, bodies, outlines = _marks(closures), _rolling_bodies(closures), _outlines(closures)
+    return make_scene(mech.model, mech.visuals, marks, _springs(mech), bodies, outlines)
 
 
 def _springs(mech: "Mechanism") -> Iterator[Strut]:
     for force in mech.forces:
         if isinstance(force, SpringDamper):
-            first, second = ((e.joint, pin.SE3(e.R, e.p)) for e in (anchor(mech.model, n) for n in force.frames))
+            first, second = ((a.joint, pin.SE3(a.R, a.p)) for a in (anchor(mech.model, n) for n in force.frames))
             coil = force.stiffness != 0
             yield Strut(force.name, first, second, force.length, coil, tube=force.damping > 0 or not coil)
 
 
-def _marks(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[Mark]:
-    for c, ends in found:
-        if not c.apart:
-            first, second = ((e.joint, pin.SE3(e.R, e.p)) for e in ends)
-            axis = np.array(c.axis) if isinstance(c, HINGES) else None
+def _marks(closures: AnchoredClosures) -> Iterator[Mark]:
+    for c, anchors in closures:
+        if not c.distinct_frames:
+            first, second = ((a.joint, pin.SE3(a.R, a.p)) for a in anchors)
+            axis = np.array(c.axis) if isinstance(c, DRAWN_WITH_AXIS) else None
             length = c.length if isinstance(c, DistanceClosure) else 0.0
-            yield Mark(c.name, first, second, length, axis, c.meets)
+            yield Mark(c.name, first, second, length, axis, c.coincident_origins)
 
 
-def _rolling(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[RollingBody]:
-    for closure, (_, b) in found:
-        place = pin.SE3(b.R, b.p)
+def _rolling_bodies(closures: AnchoredClosures) -> Iterator[RollingBody]:
+    for closure, (_, b) in closures:
+        placement = pin.SE3(b.R, b.p)
         if isinstance(closure, RollingClosure):
             s = closure.shape
             axle = None if s.axle is None else np.array(s.axle)
-            yield RollingBody(closure.name, b.joint, place, axle, s.rim, s.tyre, s.semi_axes, s.centre)
+            yield RollingBody(closure.name, b.joint, placement, axle, s.rim, s.tyre, s.semi_axes, s.centre)
         elif isinstance(closure, CamClosure) and closure.radius:
-            yield RollingBody(closure.name, b.joint, place, None, 0.0, closure.radius, None, (0.0, 0.0, 0.0))
+            yield RollingBody(closure.name, b.joint, placement, None, 0.0, closure.radius, None, (0.0, 0.0, 0.0))
 
 
-def _outlines(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[Outline]:
-    for closure, (a, _) in found:
+def _outlines(closures: AnchoredClosures) -> Iterator[Outline]:
+    for closure, (a, _) in closures:
         if isinstance(closure, CamClosure | SlotClosure):
-            path, place = closure.profile.path, pin.SE3(a.R, a.p)
-            yield Outline(closure.name, a.joint, place, path.points, path.closed, closure.kind == "cam")
+            path, placement = closure.profile.path, pin.SE3(a.R, a.p)
+            yield Outline(closure.name, a.joint, placement, path.points, path.closed, closure.kind == "cam")

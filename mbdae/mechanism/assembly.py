@@ -14,22 +14,21 @@ from ..errors import InputError
 from ..system import Array
 from ..tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from .closures.closure_error import largest_error
-from .closures.preconditions import refuse_unfit
+from .closures.preconditions import require_preconditions
 from .model_settings import normalized
 from .pinocchio_data import make_data
-from .position_search import close_position, open_closure
+from .position_search import assembly_error, close_position
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
 
-
 def assemble(
     mech: "Mechanism", q: Any, v: Any, guess: Any, guess_v: Mapping[str, Any] | None = None, t: float = 0.0
 ) -> tuple[Array, Array]:
     """See `mbdae.Mechanism.assemble`; ``guess_v`` are initial estimates of velocities that are not fixed."""
-    held_q, held_v = (np.array([], int),) * 2
+    fixed_q, fixed_v = (np.array([], int),) * 2
     for driver in mech.drivers:
         driver.check(t)
     if isinstance(q, np.ndarray | list | tuple):
@@ -39,26 +38,26 @@ def assemble(
     else:
         table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
         q0 = mech.coordinates(table)[0]
-        held_q = mech.coordinates(q or {})[1]
+        fixed_q = mech.coordinates(q or {})[1]
     system = mech.system()
-    q1 = close_position(system, q0, held_q, t)
+    q1 = close_position(system, q0, fixed_q, t)
     if isinstance(v, np.ndarray | list | tuple):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
-        held_v = mech.coordinates(v or {}, of_v=True)[1]
-    refuse_unfit(mech, q1)
-    return q1, close_velocity(system, q1, v0, held_v, t)
+        fixed_v = mech.coordinates(v or {}, of_v=True)[1]
+    require_preconditions(mech, q1)
+    return q1, close_velocity(system, q1, v0, fixed_v, t)
 
 
-def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: float) -> Array:
-    """Change v as little as possible in the mass metric so that G v + g_t = 0, with some coordinates fixed.
+def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: float) -> Array:
+    """Return the velocity closest to v in the mass metric with G v + g_t = 0; some coordinates are fixed.
 
     Raises:
         AssemblyError: if the fixed velocities contradict the closures.
         InputError: if a massless body makes the mass metric singular.
     """
-    mech, free = system.mechanism, np.delete(np.arange(system.nv), held)
+    mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
     G, g_t = system.closures(q)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v
@@ -73,12 +72,12 @@ def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: f
         v = v.copy()
         v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, (G @ v + g_t) / rows, rcond=TRUNCATION)[0])
     if not np.linalg.norm((G @ v + g_t) / rows) <= AGREEMENT * speeds:
-        raise open_closure(mech, largest_error(mech, G @ v + g_t, "/s"), held, "velocity")
+        raise assembly_error(mech, largest_error(mech, G @ v + g_t, "/s"), fixed, "velocity")
     return v
 
 
-def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = INPUT_DIGITS) -> None:
-    """Reject a start at time t that violates a closure or a driver by more than ``most``, 1e-6 by default.
+def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, tolerance: float = INPUT_DIGITS) -> None:
+    """Reject a start at time t that violates a closure or a driver by more than a tolerance, 1e-6 by default.
 
     The limit for g is in rad and characteristic lengths; for G v + g_t relative to the characteristic rate and the
     largest velocity.
@@ -92,12 +91,13 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: fl
     speed = np.abs(v / mech.coordinate_scales).max()
     for residual, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
         gap = largest_error(mech, residual, per)
-        if gap.relative > most * size and (not per or gap.relative > most * (mech.characteristic_rate + size)):
+        rate = mech.characteristic_rate if per and gap.relative > tolerance * size else 0.0
+        if gap.relative > tolerance * (rate + size):
             raise InputError(
-                f"the start is not consistent: {gap.says()}; "
+                f"the start is not consistent: {gap.message()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
-    refuse_unfit(mech, q)
+    require_preconditions(mech, q)
 
 
 def _mass(mech: "Mechanism", q: Array) -> Array:

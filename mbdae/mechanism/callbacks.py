@@ -2,25 +2,26 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..errors import InputError, MbdaeError, StepError
 from ..system import Array
 
+T = TypeVar("T")
 FORCE = partial(StepError, "force")
 
 
-def function_name(function: Any) -> str:
+def function_name(function: object) -> str:
     """Return the name of a Python function for messages."""
     return getattr(function, "__name__", type(function).__name__)
 
 
-def attempted(
-    what: str, work: Callable[[], Any], where: Callable[[], str] = str, error: Callable[[str], MbdaeError] = InputError
-) -> Any:
-    """Call a user function, and report where it fails: ``what``, and the time or values if any.
+def call_and_report(
+    what: str, work: Callable[[], T], where: Callable[[], str] = str, error: Callable[[str], MbdaeError] = InputError
+) -> T:
+    """Call a user function; if it fails, report ``what`` failed, and the time or values if there are any.
 
     Raises:
         MbdaeError: ``error``, with the user's exception as its cause.
@@ -39,8 +40,8 @@ def values_text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {x:.9g}" for name, x in values.items())
 
 
-def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Array) -> Any:
-    """Call a user function of (t, arrays ...), or of arrays alone, which are read-only.
+def call_with_views(what: str, function: Callable[..., T], t: float | None, *arrays: Array) -> T:
+    """Call a user function of (t, arrays ...), or of arrays alone, with read-only views of the arrays.
 
     Raises:
         StepError: if the function raises an error.
@@ -48,10 +49,10 @@ def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Ar
     views = [x.view() for x in arrays]
     for x in views:
         x.flags.writeable = False
-    return attempted(what, lambda: function(*(() if t is None else (t,)), *views), lambda: _time(t), FORCE)
+    return call_and_report(what, lambda: function(*(() if t is None else (t,)), *views), lambda: _time(t), FORCE)
 
 
-def checked(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:
+def checked_value(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:
     """Return the value of a user function as an array.
 
     Raises:
@@ -61,17 +62,17 @@ def checked(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> A
     try:
         if np.iscomplexobj(value):
             raise TypeError
-        out = np.asarray(value, float)
+        out: Array = np.asarray(value, float)
     except (TypeError, ValueError):
-        raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}{when}") from None
+        raise StepError("force", f"{what} returned {value!r:.80}, expected {_shape_text(shape)}{when}") from None
     if out.shape != shape:
-        raise StepError("force", f"{what} returned shape {out.shape}, expected {_words(shape)}{when}")
+        raise StepError("force", f"{what} returned shape {out.shape}, expected {_shape_text(shape)}{when}")
     if not np.isfinite(out).all():
         raise StepError("nonfinite", f"{what} returned {out}{_at(t)}")
     return out
 
 
-def _words(shape: tuple[int, ...]) -> str:
+def _shape_text(shape: tuple[int, ...]) -> str:
     return f"shape {shape}" if shape else "a number"
 
 

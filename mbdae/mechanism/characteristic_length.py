@@ -6,14 +6,14 @@ kilometres.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..system import Array
 from ..tolerances import COINCIDENT
 from .frames import anchor
-from .joints import lengths
+from .joints import translation_components
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -28,8 +28,8 @@ def characteristic_length(mech: "Mechanism") -> float:
     the ground, from its first joint); lengths, radii and profiles of closures. If there are none, the largest distance
     of a frame, of an end of a force, or of a centre of mass from its joint, or radius of gyration; otherwise 1.
     """
-    longest, bodies = max(linkage_lengths(mech), default=0.0), max(_bodies(mech), default=0.0)
-    return (longest if longest > COINCIDENT * bodies else bodies) or 1.0
+    linkage, bodies = max(linkage_lengths(mech), default=0.0), max(_body_lengths(mech), default=0.0)
+    return (linkage if linkage > COINCIDENT * bodies else bodies) or 1.0
 
 
 def row_scales(mech: "Mechanism") -> Array:
@@ -39,20 +39,20 @@ def row_scales(mech: "Mechanism") -> Array:
 
 def coordinate_scales(mech: "Mechanism") -> Array:
     """Return the unit scale of each tangent component, (nv,): l for translations, 1 for angles."""
-    return np.where(lengths(mech.model), mech.characteristic_length, 1.0)
+    return np.where(translation_components(mech.model), mech.characteristic_length, 1.0)
 
 
 def q_scales(mech: "Mechanism") -> Array:
     """Return the unit scale of each component of q, (nq,): l for positions, 1 for angles and quaternions."""
-    out, slides = np.ones(mech.nq), lengths(mech.model)
+    out, translations = np.ones(mech.nq), translation_components(mech.model)
     for joint in list(mech.model.joints)[1:]:
-        places = int(slides[joint.idx_v : joint.idx_v + joint.nv].sum())  # which come first in q
-        out[joint.idx_q : joint.idx_q + places] = mech.characteristic_length
+        n = int(translations[joint.idx_v : joint.idx_v + joint.nv].sum())  # which come first in q
+        out[joint.idx_q : joint.idx_q + n] = mech.characteristic_length
     return out
 
 
 def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
-    """Lengths in m between joints and the points where closures act, and lengths of closures."""
+    """Yield lengths in m between joints and the points where closures act, and lengths of closures."""
     model = mech.model
     ground = model.jointPlacements[min(1, model.njoints - 1)].translation
 
@@ -63,28 +63,28 @@ def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
         yield size(parent, placement.translation)
     for spec in mech.constraints:
         for name in spec.frames or ():
-            found = anchor(model, name)
-            yield size(found.joint, found.p)
+            a = anchor(model, name)
+            yield size(a.joint, a.p)
         yield from (abs(x) for key in LENGTHS for x in _numbers(getattr(spec, key, None)))
         profile = getattr(spec, "profile", None)
         yield max((abs(x) for x in _numbers(profile.model_dump())), default=0.0) if profile else 0.0
 
 
-def _bodies(mech: "Mechanism") -> Iterator[float]:
-    """Sizes of the bodies, and distances of the ends of forces."""
+def _body_lengths(mech: "Mechanism") -> Iterator[float]:
+    """Yield sizes of the bodies, and distances of the points where forces act."""
     model = mech.model
     yield from (float(np.linalg.norm(f.placement.translation)) for f in model.frames if f.parentJoint)
     ground = model.jointPlacements[min(1, model.njoints - 1)].translation
     for force in mech.forces:
-        for found in (anchor(model, name) for name in getattr(force, "frames", None) or ()):
-            yield float(np.linalg.norm(found.p if found.joint else found.p - ground))
+        for a in (anchor(model, name) for name in getattr(force, "frames", None) or ()):
+            yield float(np.linalg.norm(a.p if a.joint else a.p - ground))
     for body in list(model.inertias)[1:]:
         yield float(np.linalg.norm(body.lever))
         if body.mass > 0:
             yield float(np.sqrt(np.abs(body.inertia).max() / body.mass))
 
 
-def _numbers(value: Any) -> Iterator[float]:
+def _numbers(value: object) -> Iterator[float]:
     """Yield all numbers in a value of a table."""
     if isinstance(value, dict):
         value = tuple(value.values())

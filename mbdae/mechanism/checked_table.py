@@ -7,24 +7,25 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ..errors import InputError
 
-HUGE = 1e50  # larger numbers in SI units are mistakes, and their products overflow
+HUGE = 1e50  # larger numbers in SI units are mistakes; their products overflow
 KnownKeys = Callable[[Sequence[Any]], list[str]]
 
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
+    from pydantic_core import ErrorDetails
 else:
     ModelMetaclass = type(BaseModel)
 
 
 class OneLine(ModelMetaclass):
-    """Reduces pydantic's report about a table written in Python to one line."""
+    """Metaclass that reduces pydantic's report on a table written in Python to one line."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         known = sorted(getattr(cls, "model_fields", ()))
         if args:
             got = ", ".join(f"{value!r:.40}" for value in args)
-            raise InputError(f"{cls.__name__} takes its values by name, {', '.join(known)}, got {got} without")
+            raise InputError(f"{cls.__name__} takes its values by name, {', '.join(known)}, got {got} without a name")
         try:
             return super().__call__(**kwargs)
         except ValidationError as e:
@@ -45,29 +46,29 @@ def tables_in(annotation: Any) -> list[type[Table]]:
     """Return the tables in a type, such as the kinds of a union."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return [annotation]
-    return [t for part in get_args(annotation) for t in tables_in(part)]
+    return [table for argument in get_args(annotation) for table in tables_in(argument)]
 
 
 def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> str:
-    """Return all errors of a table in one line; for an unknown key with the valid ones.
+    """Return all errors of a table in one line; with the valid keys for an unknown one.
 
     Args:
         error: the validation error.
         known: valid keys of a table.
-        content: the table, whose list entries are identified by their names; each error is reported once even if a
-            value was tried as several kinds.
+        content: the table, whose list entries are identified by their names. An error is reported once, even if
+            pydantic has tried several kinds of table.
     """
-    said: dict[str, str] = {}
+    messages: dict[str, str] = {}
     for e in error.errors():
-        place = _place(e["loc"], e["type"], content)
-        where = ".".join(place[:-1] if _short(e) else place)
-        if where not in said:
-            said[where] = _fault(e, where, known)
-    return "; ".join(said.values())
+        path = _key_path(e["loc"], e["type"], content)
+        where = ".".join(path[:-1] if _has_too_few_entries(e) else path)
+        if where not in messages:
+            messages[where] = _message(e, where, known)
+    return "; ".join(messages.values())
 
 
-def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
-    """Return keys and names that lead to an error, without the kinds that were tried."""
+def _key_path(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
+    """Return the keys and names that lead to an error, without the kinds of table that pydantic has tried."""
     if content is None:
         return [str(p) for p in loc]
     out: list[str] = []
@@ -77,14 +78,14 @@ def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
             out, at = [*out, str(p)], at[p]
         elif isinstance(at, list | tuple) and isinstance(p, int) and p < len(at):
             at = at[p]
-            out.append(_named(at) or str(p))
+            out.append(_entry_name(at) or str(p))
         elif kind == "missing" and i == len(loc) - 1:
             out.append(str(p))
     return out
 
 
-def _named(entry: Any) -> str:
-    """Return the name of a list entry, or else its joints."""
+def _entry_name(entry: Any) -> str:
+    """Return the name of a list entry, or else the names of its joints."""
     if not isinstance(entry, dict):
         return ""
     joints = "" if "kind" in entry else entry.get("joint") or entry.get("joints") or ""
@@ -93,34 +94,34 @@ def _named(entry: Any) -> str:
     return next((x for x in (entry.get("name"), joints) if isinstance(x, str) and x), "")
 
 
-def wrong_kind(where: str, known: Iterable[str], got: Any) -> str:
-    """Return the error of a table whose kind is missing or unknown."""
+def wrong_kind(where: str, known: Iterable[str], got: object) -> str:
+    """Return the message about a table whose kind is missing or unknown."""
     return f"{where}: Input should be {', '.join(map(repr, known))}, got {got!r:.80}" if got else f"missing key {where}"
 
 
-def _short(e: Any) -> bool:
-    """Return whether a list has too few entries."""
+def _has_too_few_entries(e: "ErrorDetails") -> bool:
+    """Return whether the error is a list with too few entries."""
     return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 
-def _of_kind(loc: Sequence[Any], where: str) -> str:
-    """Return the kind of the table whose key is unknown or missing, which is in ``loc`` and not in its place."""
+def _kind_text(loc: Sequence[Any], where: str) -> str:
+    """Return the kind of the table whose key is unknown or missing, unless ``where`` has it."""
     kind = loc[-2] if len(loc) > 1 else None
     return f" (kind {kind!r})" if isinstance(kind, str) and not where.endswith(f"{kind}.{loc[-1]}") else ""
 
 
-def _fault(e: Any, where: str, known: KnownKeys) -> str:
+def _message(e: "ErrorDetails", where: str, known: KnownKeys) -> str:
     if e["type"].startswith("union_tag_"):  # e["ctx"]["expected_tags"] are quoted and separated by commas
         tag, kinds = e["ctx"]["discriminator"].strip("'"), e["ctx"].get("expected_tags", "").replace("'", "")
         return wrong_kind(f"{where}.{tag}" if where else tag, kinds.split(", "), e["ctx"].get("tag"))
     if e["type"] == "extra_forbidden":
-        return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}{_of_kind(e['loc'], where)}"
-    if _short(e):
+        return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}{_kind_text(e['loc'], where)}"
+    if _has_too_few_entries(e):
         return f"{where}: too few entries, got {str(e['input'])[:80]}"
     if e["type"] == "missing":
-        return f"missing key {where}{_of_kind(e['loc'], where)}"
+        return f"missing key {where}{_kind_text(e['loc'], where)}"
     message = e["msg"].removeprefix("Value error, ")
     if not where:
         return message
-    whole = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message names the inconsistency
-    return f"{where}: {message}" if whole else f"{where}: {message}, got {str(e['input'])[:80]!r}"
+    of_table = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message names the inconsistency
+    return f"{where}: {message}" if of_table else f"{where}: {message}, got {str(e['input'])[:80]!r}"

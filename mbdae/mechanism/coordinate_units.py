@@ -15,7 +15,7 @@ PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of
     "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
     "Universal": (("1", "2"), ("1", "2")),
 }
-PURE = ("qx", "qy", "qz", "qw", "cos", "sin")
+DIMENSIONLESS = ("qx", "qy", "qz", "qw", "cos", "sin")
 
 
 def effort_unit(units: Mapping[str, str], joint: str) -> str:
@@ -34,18 +34,19 @@ def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], t
 
 
 def coordinate_units(mech: "Mechanism") -> dict[str, str]:
-    """Units of ``q.*`` and then ``v.*``: rad or m, and per s; 1 for parts of quaternions."""
+    """Return the units of ``q.*`` and then ``v.*``: rad or m, and per s; 1 for components of quaternions."""
     out: dict[str, dict[str, str]] = {"q": {}, "v": {}}
     for name in mech.joint_names:
         kind = mech.joint_kind(name)
-        slides = kind.startswith("P") and kind != "Planar"
-        for (letter, per), side in zip((("q", ""), ("v", "/s")), component_suffixes(mech, name), strict=True):
-            for part in side:
-                length = part.lstrip(".v") in ("x", "y", "z") if part else slides
-                out[letter][f"{letter}.{name}{part}"] = ("m" if length else "1" if part[1:] in PURE else "rad") + per
+        prismatic = kind.startswith("P") and kind != "Planar"
+        for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), component_suffixes(mech, name), strict=True):
+            for suffix in suffixes:
+                length = suffix.lstrip(".v") in ("x", "y", "z") if suffix else prismatic
+                unit = "m" if length else "1" if suffix[1:] in DIMENSIONLESS else "rad"
+                out[letter][f"{letter}.{name}{suffix}"] = unit + per
     return {**out["q"], **out["v"]}
 
 
 def acceleration_units(mech: "Mechanism") -> dict[str, str]:
-    """Units of ``a.*``, the components of v': rad/s^2 or m/s^2."""
+    """Return the units of ``a.*``, the components of v': rad/s^2 or m/s^2."""
     return {f"a.{name[2:]}": f"{unit}^2" for name, unit in coordinate_units(mech).items() if name.startswith("v.")}

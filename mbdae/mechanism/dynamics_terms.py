@@ -154,11 +154,11 @@ class DynamicsTerms:
         """
         data = make_data(self.model)
         pin.forwardKinematics(self.model, data, self.configuration(q))
-        found = frame_placement(self.model, data, name)
-        return found.translation.copy(), found.rotation.copy()
+        placement = frame_placement(self.model, data, name)
+        return placement.translation.copy(), placement.rotation.copy()
 
     def energy(self: Any, q: Array, v: Array) -> tuple[float, float]:
-        """Kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
+        """Return kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
         return self.system().energy(np.asarray(q, float), np.asarray(v, float))
 
     def residual(self: Any, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:

@@ -24,28 +24,29 @@ from .frames import joint_names, skew, unit_gap
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
-WORDS = {"N": "force", "N m": "torque"}
+QUANTITY = {"N": "force", "N m": "torque"}  # by unit
 
 
 def effort_units(mech: "Mechanism") -> dict[str, str]:
     """Return names and units of the columns of `efforts`."""
     out: dict[str, str] = {}
-    along = _coordinates(mech)
+    coordinates = _coordinates(mech)
     for name, law in named_laws(mech, mech.bind_forces(mech.make_workspace())).items():
         if law.tension:
             out[f"force.{name}"] = "N"
         elif isinstance(law, PairElement):
-            out |= {f"{word}.{name}{end}": unit for unit, word in WORDS.items() for end in ("", ".x", ".y", ".z")}
+            suffixes = ("", ".x", ".y", ".z")
+            out |= {f"{word}.{name}{suffix}": unit for unit, word in QUANTITY.items() for suffix in suffixes}
         else:
-            acting = law.acting_components(len(along))
+            acting = law.acting_components(len(coordinates))
             for i in acting:
-                end, unit = along[i]
-                out[f"{WORDS[unit]}.{name}" + (f".{end}" if len(acting) > 1 else "")] = unit
+                coordinate, unit = coordinates[i]
+                out[f"{QUANTITY[unit]}.{name}" + (f".{coordinate}" if len(acting) > 1 else "")] = unit
         out[f"power.{name}"] = "W"
-        for i, end in law.deflections:
-            coordinate, unit = along[i] if i >= 0 else ("", "N m" if end.startswith("r") else "N")
-            end = end or (coordinate if len(law.deflections) > 1 else "")
-            out[f"deflection.{name}" + (f".{end}" if end else "")] = "rad" if unit == "N m" else "m"
+        for i, axis in law.deflections:
+            coordinate, unit = coordinates[i] if i >= 0 else ("", "N m" if axis.startswith("r") else "N")
+            suffix = axis or (coordinate if len(law.deflections) > 1 else "")
+            out[f"deflection.{name}" + (f".{suffix}" if suffix else "")] = "rad" if unit == "N m" else "m"
     return out
 
 
@@ -62,14 +63,14 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
     names = list(effort_units(mech))
     system = mech.system()
     laws = list(named_laws(mech, system.laws).values())
-    alone = [ForceElements([law], mech.model) for law in laws]
-    at = dict((id(law), where) for law, where in system.laws.bound)
+    single_laws = [ForceElements([law], mech.model) for law in laws]
+    state_slices = {id(law): span for law, span in system.laws.bound}
     out = np.empty((len(t), len(names)))
     for row, time, configuration, velocity, state in zip(out, t, q, v, s, strict=True):
         pin.computeJointJacobians(mech.model, system.workspace, configuration)
         values: list[float] = []
-        for law, law_alone in zip(laws, alone, strict=True):
-            tau, _ = law_alone.torque(time, configuration, velocity, state[at[id(law)]])
+        for law, single in zip(laws, single_laws, strict=True):
+            tau, _ = single.torque(time, configuration, velocity, state[state_slices[id(law)]])
             values += _force_outputs(law, float(time), velocity, tau)
             values.append(float(tau @ velocity))
             values += law.deflection(configuration).tolist()
@@ -90,12 +91,12 @@ def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[fl
     if not isinstance(law, PairElement):
         return [float(tau[i]) for i in law.acting_components(len(tau))]
     law.pair.locate()
-    wrench = sum((part.F for part in law.wrench_partials(t, law.pair.relative(v))), np.zeros(6))
+    wrench = sum((term.F for term in law.wrench_partials(t, law.pair.relative(v))), np.zeros(6))
     force = wrench[:3]
     if law.tension:
         return [-float(force @ unit_gap(law.pair)[1])]
     torque = wrench[3:] - skew(law.pair.pb) @ force
-    return [x for part in (force, torque) for x in (float(np.linalg.norm(part)), *part.tolist())]
+    return [x for vector in (force, torque) for x in (float(np.linalg.norm(vector)), *vector.tolist())]
 
 
 def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
@@ -104,12 +105,12 @@ def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement
     out: dict[str, ForceElement] = {}
     for law in (law for law, _ in laws.bound if law.by_state):
         name = f"{law.name} (force)" if law.name in taken else law.name
-        again = sum(known.name == law.name for known in out.values())
-        out[f"{name} {again + 1}" if again else name] = law
+        duplicates = sum(other.name == law.name for other in out.values())
+        out[f"{name} {duplicates + 1}" if duplicates else name] = law
     return out
 
 
 def _coordinates(mech: "Mechanism") -> list[tuple[str, str]]:
     """Return name and effort unit of each velocity component, (nv,)."""
-    speeds = [(name[2:], unit) for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
-    return [(name, "N" if unit == "m/s" else "N m") for name, unit in speeds]
+    velocities = [(name[2:], unit) for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
+    return [(name, "N" if unit == "m/s" else "N m") for name, unit in velocities]

@@ -211,7 +211,7 @@ class EquationsAtPoint:
         z = self.lam if lam is None else m.vector("lam", lam, m.ng)
 
         def evaluate(s: "Index2System") -> PointPartials:
-            s.sliding.reject("a table of partial derivatives")
+            s.closure_friction.reject("a table of partial derivatives")
             at = equation_partials(s, self.t, self.q, self.y[m.nq :], a, z, np.arange(m.ng))
             f_t, Gv_t, gamma_t = time_partials(s, self.t, self.q, self.v, self.s, z)
             gamma_q, gamma_v = gamma_partials(s, self.q, self.v)

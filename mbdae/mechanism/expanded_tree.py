@@ -23,21 +23,22 @@ def factor_joints(joint: pin.JointModel) -> list[FactorJoint]:
     Raises:
         InputError: for a joint that is not such a chain (ellipsoid).
     """
-    kind, here = joint.shortname(), pin.SE3.Identity()
+    kind, identity = joint.shortname(), pin.SE3.Identity()
     if kind == "JointModelEllipsoid":
         raise InputError("the derivatives of ellipsoid joints are not known, and implicit methods need them")
     if kind == "JointModelUniversal":
-        both = joint.extract()
-        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in (both.axis1, both.axis2)]
+        universal = joint.extract()
+        axes = universal.axis1, universal.axis2
+        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), identity) for axis in axes]
     if kind == "JointModelSphericalZYX":
-        return [(one(), here) for one in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)]
+        return [(factor(), identity) for factor in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)]
     if kind != "JointModelComposite":
-        return [(joint, here)]
+        return [(joint, identity)]
     out: list[FactorJoint] = []
     composite = joint.extract()
-    for one, place in zip(composite.joints, composite.jointPlacements, strict=True):
-        (first, inner), *rest = factor_joints(one)
-        out += [(first, place * inner), *rest]
+    for factor, placement in zip(composite.joints, composite.jointPlacements, strict=True):
+        (first, inner), *rest = factor_joints(factor)
+        out += [(first, placement * inner), *rest]
     return out
 
 
@@ -50,11 +51,12 @@ def expand(model: pin.Model) -> pin.Model:
     out, last = pin.Model(), [0]
     out.gravity = model.gravity
     for j, chain in enumerate(chains, 1):
-        end, place = last[model.parents[j]], model.jointPlacements[j]
-        for i, (part, behind) in enumerate(chain):
-            end, place = out.addJoint(end, part, place * behind, f"{model.names[j]} {i}"), pin.SE3.Identity()
-        out.inertias[end] = model.inertias[j]
-        last.append(end)
+        parent, placement = last[model.parents[j]], model.jointPlacements[j]
+        for i, (factor, offset) in enumerate(chain):
+            parent = out.addJoint(parent, factor, placement * offset, f"{model.names[j]} {i}")
+            placement = pin.SE3.Identity()
+        out.inertias[parent] = model.inertias[j]
+        last.append(parent)
     out.armature = model.armature
     return out
 
@@ -75,15 +77,15 @@ class Branches(NamedTuple):
 
 def branches(model: pin.Model, a: int, b: int) -> Branches:
     """Return the columns that move only one of two joints' bodies."""
-    found: list[tuple[int, float, int]] = []
-    above_a, above_b = (set(model.supports[j]) for j in (a, b))
+    columns: list[tuple[int, float, int]] = []
+    support_a, support_b = (set(model.supports[j]) for j in (a, b))
     number = 0
-    for sign, joints in ((-1.0, above_a - above_b), (1.0, above_b - above_a)):
+    for sign, joints in ((-1.0, support_a - support_b), (1.0, support_b - support_a)):
         for j in sorted(joints):
             at = model.idx_vs[j]
-            for part, _ in factor_joints(model.joints[j]):
-                found += [(at + i, sign, number) for i in range(part.nv)]
-                at, number = at + part.nv, number + 1
-    at, signs, numbers = np.array(found).reshape(-1, 3).T
-    same = signs[:, None] == signs
-    return Branches(at.astype(int), signs, np.where(same & (numbers[:, None] <= numbers), 1.0, 0.0))
+            for factor, _ in factor_joints(model.joints[j]):
+                columns += [(at + i, sign, number) for i in range(factor.nv)]
+                at, number = at + factor.nv, number + 1
+    at, signs, numbers = np.array(columns).reshape(-1, 3).T
+    same_branch = signs[:, None] == signs
+    return Branches(at.astype(int), signs, np.where(same_branch & (numbers[:, None] <= numbers), 1.0, 0.0))

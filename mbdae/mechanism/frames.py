@@ -34,14 +34,14 @@ def find_frame(model: pin.Model, name: str) -> pin.Frame:
     if name == WORLD:
         return model.frames[0]
     links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
-    found = links or [i for i, f in enumerate(model.frames) if f.name == name and i]
-    if not found:
+    indices = links or [i for i, f in enumerate(model.frames) if f.name == name and i]
+    if not indices:
         raise UnknownNameError("frame", name, frame_names(model))
-    return model.frames[min(found)]
+    return model.frames[min(indices)]
 
 
 def fixed_links(model: pin.Model) -> list[str]:
-    """Return names of the links without a moving joint: they are fixed to the world."""
+    """Return the names of the links that are fixed to the world: no joint moves them."""
     kind = pin.FrameType.BODY
     return [f.name for f in model.frames if not f.parentJoint and f.type == kind and f.name not in ("universe", WORLD)]
 
@@ -67,13 +67,13 @@ def anchor(model: pin.Model, name: str) -> Anchor:
     return Anchor(name, frame.parentJoint, frame.placement.rotation.copy(), frame.placement.translation.copy())
 
 
-def paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
+def frame_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
     """Return the origins of frames in the world in m, (n, m, 3), at configurations q (m, nq).
 
     Raises:
         UnknownNameError: lists the valid names.
     """
-    return _followed(model, [anchor(model, name) for name in names], q)
+    return _anchor_paths(model, [anchor(model, name) for name in names], q)
 
 
 def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
@@ -82,19 +82,19 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
     Raises:
         UnknownNameError: lists the valid names.
     """
-    return _followed(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
+    return _anchor_paths(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
 
 
-def _followed(model: pin.Model, found: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
-    data, out = make_data(model), np.empty((len(found), len(q), 3))
-    for k, row in enumerate(q):
-        pin.forwardKinematics(model, data, row)
-        for path, a in zip(out, found, strict=True):
+def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
+    data, out = make_data(model), np.empty((len(anchors), len(q), 3))
+    for k, configuration in enumerate(q):
+        pin.forwardKinematics(model, data, configuration)
+        for path, a in zip(out, anchors, strict=True):
             path[k] = data.oMi[a.joint].act(a.p)
     return out
 
 
-def motions(
+def frame_motions(
     model: pin.Model, names: Sequence[str], q: np.ndarray, v: np.ndarray, vdot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions, velocities and accelerations of the origins of frames in the world, (n, m, 3) each.
@@ -109,17 +109,16 @@ def motions(
     Raises:
         UnknownNameError: lists the valid names.
     """
-    found = [anchor(model, name) for name in names]
-    data, p, twists = make_data(model), np.empty((len(found), len(q), 3)), np.empty((2, len(found), len(q), 6))
-    for k, row in enumerate(zip(q, v, vdot, strict=True)):
-        pin.forwardKinematics(model, data, *row)
-        for i, a in enumerate(found):
-            place = data.oMi[a.joint]
-            p[i, k] = place.act(a.p)
-            twists[:, i, k] = place.act(data.v[a.joint]).vector, place.act(data.a[a.joint]).vector
-    V, A = twists
-    speed = V[..., :3] + np.cross(V[..., 3:], p)
-    return p, speed, A[..., :3] + np.cross(A[..., 3:], p) + np.cross(V[..., 3:], speed)
+    anchors = [anchor(model, name) for name in names]
+    data, p, V, A = make_data(model), np.empty((len(names), len(q), 3)), *np.empty((2, len(names), len(q), 6))
+    for k, point in enumerate(zip(q, v, vdot, strict=True)):
+        pin.forwardKinematics(model, data, *point)
+        for i, a in enumerate(anchors):
+            placement = data.oMi[a.joint]
+            p[i, k] = placement.act(a.p)
+            V[i, k], A[i, k] = placement.act(data.v[a.joint]).vector, placement.act(data.a[a.joint]).vector
+    velocity = V[..., :3] + np.cross(V[..., 3:], p)
+    return p, velocity, A[..., :3] + np.cross(A[..., 3:], p) + np.cross(V[..., 3:], velocity)
 
 
 def joint_names(model: pin.Model) -> list[str]:
@@ -156,8 +155,8 @@ class Pair:
         self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
         self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
         self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it is a vector
-        of_a, of_b = support(model, a.joint), support(model, b.joint)
-        self.sign, self.columns = of_b - of_a, (of_a + of_b) > 0
+        support_a, support_b = support(model, a.joint), support(model, b.joint)
+        self.sign, self.columns = support_b - support_a, (support_a + support_b) > 0
 
     @cached_property
     def branches(self) -> Branches:
@@ -170,12 +169,12 @@ class Pair:
         return self._J[:, self.branches.at]
 
     def locate(self) -> None:
-        """Read rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
+        """Update rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
         self.Ra, self.pa = self._Ra.dot(self.a.R), self._Ra.dot(self.a.p) + self._pa
         self.Rb, self.pb = self._Rb.dot(self.b.R), self._Rb.dot(self.b.p) + self._pb
 
     def twist(self) -> None:
-        """Read the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""
+        """Update the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""
         self.Va, self.Vb = self._in_world(self._data.v)
 
     def bias(self) -> np.ndarray:
@@ -199,7 +198,7 @@ class Pair:
 
 
 def support(model: pin.Model, joint: int) -> np.ndarray:
-    """Return which velocities move a joint, (nv,): 1 there, 0 elsewhere."""
+    """Return a mask of the velocities that move a joint, (nv,): 1 for these, 0 for the others."""
     mask = np.zeros(model.nv)
     starts, sizes, parents = model.idx_vs, model.nvs, model.parents
     while joint:
@@ -222,6 +221,11 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the products a x b of motions column by column, (6, m)."""
     return np.concatenate([cross(a[3:], b[:3]) + cross(a[:3], b[3:]), cross(a[3:], b[3:])])
+
+
+def point_velocities(motions: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the velocities (3, m) of a point p (3,) under motions (6, m) at the world's origin."""
+    return motions[:3] + np.cross(motions[3:].T, p).T
 
 
 def wrench_matrix(wrench: np.ndarray) -> np.ndarray:

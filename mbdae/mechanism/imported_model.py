@@ -14,7 +14,7 @@ from .closures.driver import Driver
 from .frames import WORLD
 from .model_settings import Motor, Start
 
-NAMED = 4  # names before "and n more"
+LISTED_NAMES = 4  # before "and n more"
 LIMITS, FRICTION = "limits of joints", "friction of joints"  # as named in `ImportedModel.left_out`
 EFFORTS, LOST = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
 T = TypeVar("T", bound=BaseModel)
@@ -43,7 +43,7 @@ class ImportedModel:
         mimics: joints that follow others.
         forces: descriptions of its forces.
         frames: tables of frames that its closures need.
-        weightless: frames at the centres of masses in kg that have no weight, whatever gravity is.
+        weightless: masses in kg on which gravity does not act, by frames at their centres.
         start: its start state.
         motors: its named inputs.
         controls: values of inputs given by the file.
@@ -68,7 +68,7 @@ class ImportedModel:
     left_out: tuple[str, ...] = ()
 
     def prefixed(self, prefix: str) -> "ImportedModel":
-        """Add a prefix to every name outside the tree, as `Tree.graft` does inside it."""
+        """Return the model with a prefix on every name outside the tree, as `Tree.graft` does inside it."""
         if not prefix:
             return self
         names = {key: {prefix + n: x for n, x in table.items()} for key, table in self.start.tables.items()}
@@ -88,7 +88,7 @@ class ImportedModel:
 
 
 def prefixed(table: T, prefix: str) -> T:
-    """Add a prefix to the names in a closure, driver or force, including those of joints and frames."""
+    """Return a closure, driver or force with a prefix on its name and on those of its joints and frames."""
 
     def renamed(value: Any) -> Any:
         if isinstance(value, str):
@@ -102,40 +102,40 @@ def prefixed(table: T, prefix: str) -> T:
 def mimic_couplings(
     mimics: tuple[Mimic, ...], locked: dict[str, Any], joints: list[str]
 ) -> tuple[list[Closure], dict[str, Any]]:
-    """Return couplings for mimic joints, and the locked joints: followers of a locked joint are locked, too.
+    """Return couplings for mimic joints, and the locked joints: those that follow a locked joint are locked, too.
 
     Args:
         mimics: the joints that follow others.
         locked: joint = value.
-        joints: names of the joints that move.
+        joints: names of the moving joints.
 
     Raises:
         InputError: if a joint is locked, but the one that it follows is not.
     """
-    locked, waiting = dict(locked), [m for m in mimics if m.joint in joints]
-    while led := [m for m in waiting if m.other in locked]:
-        for m in led:
+    locked, remaining = dict(locked), [m for m in mimics if m.joint in joints]
+    while resolved := [m for m in remaining if m.other in locked]:
+        for m in resolved:
             if m.joint not in locked:
                 locked[m.joint] = m.multiplier * float(np.squeeze(locked[m.other])) + m.offset
-        waiting = [m for m in waiting if m not in led]
-    for m in waiting:
+        remaining = [m for m in remaining if m not in resolved]
+    for m in remaining:
         if m.joint in locked:
             raise InputError(f"joint {m.joint!r} follows {m.other!r} and cannot be locked alone: lock {m.other!r}")
     return [
-        Closure.coupling(m.joint, m.other, (m.offset, m.multiplier), f"{m.joint} follows {m.other}") for m in waiting
+        Closure.coupling(m.joint, m.other, (m.offset, m.multiplier), f"{m.joint} follows {m.other}") for m in remaining
     ], locked
 
 
 def name_list(what: str, names: Iterable[str]) -> str:
-    """Return a phrase of a description and all names."""
+    """Return a phrase that consists of a description and all names."""
     return f"{what} {', '.join(names)}".strip()
 
 
 def short_name_list(phrase: str) -> str:
     """Return a phrase of `name_list` with its first names only: ``mbdae info`` prints all."""
     names = phrase.split(", ")
-    more = len(names) - NAMED
-    return f"{', '.join(names[:NAMED])} and {more} more (see mbdae info)" if more > 0 else phrase
+    more = len(names) - LISTED_NAMES
+    return f"{', '.join(names[:LISTED_NAMES])} and {more} more (see mbdae info)" if more > 0 else phrase
 
 
 def not_carried_over(name: str, phrases: Iterable[str]) -> str:

@@ -17,19 +17,19 @@ def resolve_stops(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:
         UnknownNameError: for an unknown joint.
         InputError: for a joint without limits, or an unbounded one.
     """
-    out = tuple(found for stop in stops for found in (_limits(model, stop) if stop.limits else (stop,)))
+    out = tuple(resolved for stop in stops for resolved in (_joint_limits(model, stop) if stop.limits else (stop,)))
     for stop in out:
         for name in stop.between:
             joint = find_joint(model, name)
             if (joint.nq, joint.nv) != (1, 1):
-                what = "turns without end" if joint.nv == 1 else f"has {joint.nv} coordinates"
+                what = "has an unbounded angle" if joint.nv == 1 else f"has {joint.nv} coordinates"
                 raise InputError(f"stop {stop.name!r}: joint {name!r} {what}; a stop needs one bounded coordinate")
     return out
 
 
-def _limits(model: pin.Model, stop: Stop) -> Iterator[Stop]:
+def _joint_limits(model: pin.Model, stop: Stop) -> Iterator[Stop]:
     names = stop.between or joint_names(model)
-    found = False
+    has_limits = False
     for name in names:
         joint = find_joint(model, name)
         if (joint.nq, joint.nv) != (1, 1):
@@ -38,10 +38,10 @@ def _limits(model: pin.Model, stop: Stop) -> Iterator[Stop]:
         given = {key: x for key, x in (("lower", lower), ("upper", upper)) if np.abs(x) < np.finfo(float).max}
         if not given or not lower < upper:
             continue
-        found = True
+        has_limits = True
         title = f"{stop.name} {name}" if stop.name and not stop.joint else stop.name or f"{name} stop"
         rest = {"restitution": stop.restitution, "rest": stop.rest}
         yield Stop(joint=name, name=title, **given, **rest)
-    if not found:
-        whose = f"joint {stop.joint!r} has" if stop.joint else "the joints have"
-        raise InputError(f"stop with limits = true: {whose} none in the source; give lower and upper")
+    if not has_limits:
+        subject = f"joint {stop.joint!r} has" if stop.joint else "the joints have"
+        raise InputError(f"stop with limits = true: {subject} none in the source; give lower and upper")

@@ -5,10 +5,10 @@ joint: the bearing reaction, and springs, motors and drivers of the joint along 
 
     f_j = sum over the bodies k of j's subtree of (I_k a_k + v_k x* I_k v_k - weight_k - other wrenches on k),
 
-with the wrenches of closures and forces on k.
+where the other wrenches are those of closures and forces.
 
 Hence S_j^T f_j + armature v'_j is the total joint torque. The choice of the cut joint of a loop does not matter: a
-closure's wrench, see `mbdae.mechanism.reactions`, equals that of a tree joint in its place, including its friction.
+closure's wrench, see `mbdae.mechanism.reactions`, equals that of a tree joint instead of it, including its friction.
 """
 
 from typing import TYPE_CHECKING
@@ -19,8 +19,8 @@ import pinocchio as pin
 from ..system import Array
 from ..tolerances import VISIBLE
 from .forces.force import PairElement
-from .frames import joint_names, skew
-from .reactions import Reaction, null_rows, sampled
+from .frames import Pair, joint_names, skew
+from .reactions import Reaction, multiplier_null_space, sample_indices
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
@@ -39,15 +39,16 @@ def joint_wrenches(
         v: velocity, (nv,).
         vdot: acceleration, (nv,).
         lam: multipliers of all rows, (ng,).
-        laws: include the forces between frames, weight and inertia; otherwise those of the multipliers alone.
+        laws: include the forces between frames, weight and inertia; if false, return the effect of the multipliers
+            alone.
     """
     model, data = system.model, system.workspace
     system.jacobian(q)
-    outer = np.zeros((model.njoints, 6))
-    for name, part in system.constraints.frame_parts.items():
+    external = np.zeros((model.njoints, 6))
+    for name, bound in system.constraints.frame_rows.items():
         rows = system.constraints.spans[name]
-        friction = system.sliding.wrench(name, v, lam) if laws else 0.0
-        _add(outer, part.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
+        friction = system.closure_friction.wrench(name, v, lam) if laws else 0.0
+        _add(external, bound.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
     if laws:
         if not system.ng:
             pin.computeJointJacobians(model, data, q)
@@ -55,26 +56,26 @@ def joint_wrenches(
             if isinstance(law, PairElement):
                 law.pair.locate()
                 for term in law.wrench_partials(t, law.pair.relative(v)):
-                    _add(outer, law.pair, term.F)
+                    _add(external, law.pair, term.F)
     forces = pin.StdVec_Force()
-    for place, wrench in zip(data.oMi, outer, strict=True):
-        forces.append(place.actInv(pin.Force(wrench)))
+    for placement, wrench in zip(data.oMi, external, strict=True):
+        forces.append(placement.actInv(pin.Force(wrench)))
     if laws:
         pin.rnea(model, data, q, v, vdot, forces)
-        return _read(data)
-    still = np.zeros(model.nv)
-    pin.rnea(model, data, q, still, still)
-    weight = _read(data)
-    pin.rnea(model, data, q, still, still, forces)
-    return _read(data) - weight
+        return _joint_forces(data)
+    zero = np.zeros(model.nv)
+    pin.rnea(model, data, q, zero, zero)
+    weight = _joint_forces(data)
+    pin.rnea(model, data, q, zero, zero, forces)
+    return _joint_forces(data) - weight
 
 
-def _add(outer: Array, pair: "object", wrench: Array) -> None:
-    outer[pair.b.joint] += wrench  # type: ignore[attr-defined]
-    outer[pair.a.joint] -= wrench  # type: ignore[attr-defined]
+def _add(external: Array, pair: Pair, wrench: Array) -> None:
+    external[pair.b.joint] += wrench
+    external[pair.a.joint] -= wrench
 
 
-def _read(data: pin.Data) -> Array:
+def _joint_forces(data: pin.Data) -> Array:
     return np.array([f.vector for f in data.f[1:]])
 
 
@@ -86,23 +87,24 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
         name: name of the joint; its axes are those of the child body.
         motion: t, q, v, v' and lam as for `reaction_wrenches`.
     """
-    world, own = (x[:, reaction_names(mech).index(name)] for x in reaction_wrenches(mech, *motion))
+    world, local = (x[:, reaction_names(mech).index(name)] for x in reaction_wrenches(mech, *motion))
     t, q, v, vdot, _ = motion
-    system, j, known = mech.system(), joint_names(mech.model).index(name), np.ones(6, bool)
-    for i in sampled(len(t)) if mech.ng else ():
-        for combination in null_rows(system, t[i], q[i]).T:
+    system, j, unique = mech.system(), joint_names(mech.model).index(name), np.ones(6, bool)
+    for i in sample_indices(len(t)) if mech.ng else ():
+        for combination in multiplier_null_space(system, t[i], q[i]).T:
             wrench = joint_wrenches(system, t[i], q[i], v[i], vdot[i], combination, laws=False)[j]
-            known &= np.abs(wrench) < VISIBLE
-    return Reaction(name, np.asarray(t), own[:, :3], own[:, 3:], world[:, :3], world[:, 3:], tuple(known.tolist()))
+            unique &= np.abs(wrench) < VISIBLE
+    axes = local[:, :3], local[:, 3:], world[:, :3], world[:, 3:]
+    return Reaction(name, np.asarray(t), *axes, tuple(unique.tolist()))
 
 
 def reaction_names(mech: "Mechanism") -> list[str]:
-    """Return names of all that transmits wrenches: tree joints, and closures and drivers between frames.
+    """Return the names of everything that transmits a wrench: tree joints, closures and drivers between frames.
 
     A closure has precedence over a joint of the same name.
     """
-    between = [c.name for c in mech.constraints if c.frames]
-    return [name for name in joint_names(mech.model) if name not in between] + between
+    constraints = [c.name for c in mech.constraints if c.frames]
+    return [name for name in joint_names(mech.model) if name not in constraints] + constraints
 
 
 def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
@@ -121,11 +123,11 @@ def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Arr
         lam: multipliers of all rows, (n, ng).
     """
     system = mech.system()
-    world, own = np.full((2, len(t), len(reaction_names(mech)), 6), np.nan)
+    world, local = np.full((2, len(t), len(reaction_names(mech)), 6), np.nan)
     for i in range(len(t)):
         if np.isfinite(lam[i]).all() and np.isfinite(vdot[i]).all():
-            world[i], own[i] = point_reactions(system, t[i], q[i], v[i], vdot[i], lam[i])
-    return world, own
+            world[i], local[i] = point_reactions(system, t[i], q[i], v[i], vdot[i], lam[i])
+    return world, local
 
 
 def point_reactions(
@@ -133,17 +135,17 @@ def point_reactions(
 ) -> tuple[Array, Array]:
     """Return `reaction_wrenches` at one point, (k, 6) each."""
     names = reaction_names(system.mechanism)
-    parts, joints = system.constraints.frame_parts, joint_names(system.model)
-    world, own = np.zeros((2, len(names), 6))
+    bound, joints = system.constraints.frame_rows, joint_names(system.model)
+    world, local = np.zeros((2, len(names), 6))
     wrenches = joint_wrenches(system, t, q, v, vdot, lam)
     for k, name in enumerate(names):
-        if name in parts:
-            pair, rows = parts[name].pair, system.constraints.spans[name]
-            w = system.constraints.W[:, rows] @ lam[rows] + system.sliding.wrench(name, v, lam)
+        if name in bound:
+            pair, rows = bound[name].pair, system.constraints.spans[name]
+            w = system.constraints.W[:, rows] @ lam[rows] + system.closure_friction.wrench(name, v, lam)
             w[3:] -= skew(pair.pb) @ w[:3]
-            world[k], own[k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
+            world[k], local[k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
         else:
             j = joints.index(name)
-            own[k] = wrenches[j]
+            local[k] = wrenches[j]
             world[k] = (wrenches[j].reshape(2, 3) @ system.workspace.oMi[j + 1].rotation.T).ravel()
-    return world, own
+    return world, local

@@ -27,7 +27,7 @@ KINDS = {
 }
 
 
-def kind_of(joint: pin.JointModel) -> str:
+def file_kind(joint: pin.JointModel) -> str:
     """Return the kind of a joint in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
 
     A continuous URDF joint whose angle is one coordinate is a revolute one here.
@@ -38,14 +38,14 @@ def kind_of(joint: pin.JointModel) -> str:
 
 def subspace(joint: pin.JointModel) -> np.ndarray:
     """Return the motion subspace of a joint at its neutral configuration, (6, nv), in the joint frame."""
-    model = _alone(joint)
+    model = _single_joint_model(joint)
     J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), 1)
     return J.reshape(6, -1)
 
 
 def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
     """Return the placement of the child body for the joint configuration q (nq,)."""
-    model = _alone(joint)
+    model = _single_joint_model(joint)
     data = model.createData()
     pin.forwardKinematics(model, data, np.asarray(q, float))
     return data.oMi[1].copy()
@@ -56,14 +56,14 @@ def is_depth_first(model: pin.Model) -> bool:
     return all(np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:]))
 
 
-def _alone(joint: pin.JointModel) -> pin.Model:
+def _single_joint_model(joint: pin.JointModel) -> pin.Model:
     model = pin.Model()
     model.addJoint(0, joint, pin.SE3.Identity(), "joint")
     return model
 
 
-def lengths(model: pin.Model) -> np.ndarray:
-    """Return which tangent components are lengths, (nv,): those of prismatic and translating joints."""
+def translation_components(model: pin.Model) -> np.ndarray:
+    """Return which tangent components are translations, in m, (nv,)."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:
         S = subspace(joint)
@@ -72,7 +72,7 @@ def lengths(model: pin.Model) -> np.ndarray:
 
 
 def angle_components(model: pin.Model) -> np.ndarray:
-    """Return which tangent components are angles with period 2 pi, (nv,)."""
+    """Return which tangent components are angles with a period of 2 pi, (nv,)."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:
         if joint.shortname() == "JointModelSphericalZYX" or joint.nv <= 2:

@@ -8,7 +8,7 @@ elsewhere, computed from its series (Iserles, Munthe-Kaas, Noersett, Zanna, Acta
 because Pinocchio's closed forms lose digits at small angles. The integration and the difference of planar joints are
 computed here for the same reason: (1 - cos w)/w of a rotation w has an error of eps/w. A body that moves along an arc u
 and rotates by w moves along the chord R(w/2) u sin(w/2)/(w/2). Pinocchio also misses rotations below 1.5e-8 between
-two points (cos, sin) of a circle: it treats them as equal where rounding gives a cosine above 1.
+two points (cos, sin) of a circle: it treats them as equal if rounding gives a cosine above 1.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ def _se2(x: np.ndarray) -> np.ndarray:
 
 
 GROUPS: dict[Ad, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
-BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation's place in its tangent
+BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation in its tangent
     "JointModelSpherical": (_so3, slice(0, 3)),
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),
@@ -55,37 +55,37 @@ BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation's place
 
 
 class Manifold:
-    """The configuration manifold of a model; ``flat`` when it is a vector space."""
+    """Configuration manifold of a model; ``flat`` if it is a vector space."""
 
     def __init__(self, model: pin.Model) -> None:
         self.model = model
         self.flat = model.nq == model.nv
         self.blocks: list[tuple[str, slice, Ad, slice]] = []
-        self.places: list[int] = []  # their first index in q
+        self.block_starts: list[int] = []  # first index of each block in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
         self.angles: list[tuple[int, int]] = []  # tangent indices of angles, indices of their cosines and sines in q
         self.angular = np.zeros(model.nv, bool)  # tangent components that are angles of unlimited range
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v, joint.idx_q)
-        self.planar = [(k, s) for (_, s, ad, _), k in zip(self.blocks, self.places, strict=True) if ad is _se2]
+        self.planar = [(k, s) for (_, s, ad, _), k in zip(self.blocks, self.block_starts, strict=True) if ad is _se2]
 
-    def _collect(self, name: str, joint: pin.JointModel, at: int, place: int) -> None:
+    def _collect(self, name: str, joint: pin.JointModel, idx_v: int, idx_q: int) -> None:
         kind = joint.shortname()
         if kind == "JointModelComposite":
-            for part in joint.extract().joints:
-                self._collect(name, part, at, place)
-                at, place = at + part.nv, place + part.nq
+            for factor in joint.extract().joints:
+                self._collect(name, factor, idx_v, idx_q)
+                idx_v, idx_q = idx_v + factor.nv, idx_q + factor.nq
         elif kind in BLOCKS:
-            ad, turn = BLOCKS[kind]
-            self.blocks.append((name, slice(at, at + joint.nv), ad, turn))
-            self.places.append(place)
-            self.angular[at : at + joint.nv][turn] = True
+            ad, rotation = BLOCKS[kind]
+            self.blocks.append((name, slice(idx_v, idx_v + joint.nv), ad, rotation))
+            self.block_starts.append(idx_q)
+            self.angular[idx_v : idx_v + joint.nv][rotation] = True
             if ad is _se2:
-                self.angles.append((at + 2, place + 2))
+                self.angles.append((idx_v + 2, idx_q + 2))
         elif joint.nq != joint.nv:  # unbounded revolute: commutative, J = 1
-            self.angular[at : at + joint.nv] = True
-            self.circles.append(at)
-            self.angles.append((at, place))
+            self.angular[idx_v : idx_v + joint.nv] = True
+            self.circles.append(idx_v)
+            self.angles.append((idx_v, idx_q))
 
     def integrate(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return q (+) x, (nq,)."""
@@ -93,8 +93,8 @@ class Manifold:
             return q + x
         out = pin.integrate(self.model, q, x)
         for k, s in self.planar:
-            C, share = chord(q[k + 2 : k + 4], x[s.stop - 1])
-            out[k : k + 2] = q[k : k + 2] + share * C.dot(x[s][:2])
+            C, ratio = chord(q[k + 2 : k + 4], x[s.stop - 1])
+            out[k : k + 2] = q[k : k + 2] + ratio * C.dot(x[s][:2])
         return out
 
     def difference(self, q0: np.ndarray, q1: np.ndarray) -> np.ndarray:
@@ -106,34 +106,34 @@ class Manifold:
             c, s, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
             x[i] = atan2(c * s1 - s * c1, c * c1 + s * s1)
         for k, s in self.planar:
-            C, share = chord(q0[k + 2 : k + 4], x[s.stop - 1])
-            x[s.start : s.start + 2] = C.T.dot(q1[k : k + 2] - q0[k : k + 2]) / share
+            C, ratio = chord(q0[k + 2 : k + 4], x[s.stop - 1])
+            x[s.start : s.start + 2] = C.T.dot(q1[k : k + 2] - q0[k : k + 2]) / ratio
         return x
 
-    def unwrapped(self, q0: np.ndarray, q1: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Return q1 (-) q0, (nv,), with full turns of unbounded revolute joints added to come closest to a guess."""
+    def unwrapped(self, q0: np.ndarray, q1: np.ndarray, estimate: np.ndarray) -> np.ndarray:
+        """Return q1 (-) q0, (nv,), with angles of unbounded revolute joints unwrapped to be closest to an estimate."""
         x = self.difference(q0, q1)
         if self.circles:
-            x[self.circles] += 2 * np.pi * np.round((guess - x)[self.circles] / (2 * np.pi))
+            x[self.circles] += 2 * np.pi * np.round((estimate - x)[self.circles] / (2 * np.pi))
         return x
 
     def is_same_point(self, q0: np.ndarray, q1: np.ndarray, scales: np.ndarray) -> bool:
-        """Return whether two configurations, by scales (nq,), are equal up to rounding; nan is never equal."""
+        """Return whether two configurations, divided by scales (nq,), are equal up to rounding; nan is never equal."""
         return bool(np.abs((q0 - q1) / scales).max() <= ROUNDING * (1 + np.abs(q0 / scales).max()))
 
-    def within(self, x: np.ndarray) -> None:
+    def require_small_rotations(self, x: np.ndarray) -> None:
         """Reject coordinates of a step in which a joint rotates too far.
 
         Raises:
             StepError: if a spherical, planar or free joint rotates by more than 3 rad in one step.
         """
-        for name, s, _, turn in self.blocks:
-            angles = x[s][turn]
+        for name, s, _, rotation in self.blocks:
+            angles = x[s][rotation]
             if angles.dot(angles) > MAX_ROTATION**2:
-                raise StepError("chart", f"joint {name!r} turns by more than {MAX_ROTATION} rad in one step")
+                raise StepError("chart", f"joint {name!r} rotates by more than {MAX_ROTATION} rad in one step")
 
     def size(self, q: np.ndarray) -> np.ndarray:
-        """Magnitude of the tangent components, (nv,): |q| for lengths and bounded angles, 1 for rotations."""
+        """Return magnitudes of tangent components, (nv,): |q| for lengths and bounded angles, 1 for rotations."""
         if self.flat:
             return np.abs(q)
         return np.where(self.angular, 1.0, np.abs(self.difference(pin.neutral(self.model), q)))
@@ -146,7 +146,7 @@ class Manifold:
         """
         if not self.blocks:
             return v
-        self.within(x)
+        self.require_small_rotations(x)
         out = v.copy()
         for _, s, ad, _ in self.blocks:
             out[s] = inverse_jacobian(ad(x[s]), v[s])
@@ -186,14 +186,14 @@ class Manifold:
         return out
 
 
-def chord(heading: np.ndarray, turn: float) -> tuple[np.ndarray, float]:
-    """Return the rotation (2, 2) of a planar joint halfway through a turn, and the ratio of chord to arc.
+def chord(heading: np.ndarray, angle: float) -> tuple[np.ndarray, float]:
+    """Return the orientation (2, 2) of a planar joint halfway through a rotation, and the ratio of chord to arc.
 
     Args:
-        heading: cosine and sine of its angle before, (2,).
-        turn: in rad.
+        heading: cosine and sine of its angle before the rotation, (2,).
+        angle: of the rotation in rad.
     """
-    half = turn / 2
+    half = angle / 2
     c, s = cos(half), sin(half)
     c, s = heading[0] * c - heading[1] * s, heading[1] * c + heading[0] * s
     return np.array([[c, -s], [s, c]]), sin(half) / half if half else 1.0

@@ -97,19 +97,19 @@ class Mechanism(DynamicsTerms):
         self.motors, self.left_out, self.remarks = tuple(motors), tuple(left_out), tuple(remarks)
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), resolve_stops(model, stops)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
-        self.clutches, brakes = tuple(clutches), tuple(Brake(*held) for held in stiction_joints(model, self.forces))
+        self.clutches, brakes = tuple(clutches), tuple(Brake(*data) for data in stiction_joints(model, self.forces))
         self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *self.clutches, *brakes)
         if len({c.name for c in self.constraints}) < len(self.constraints):
             names = ", ".join(c.name for c in self.constraints)
-            raise InputError(f"closures, drivers and stops need names of their own, got {names}")
+            raise InputError(f"closures, drivers and stops need different names, got {names}")
         if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
             raise InputError("mimic joints are not supported: close them by a coupling or lock them")
         if not is_depth_first(model):
-            found = ", ".join(joint_names(model))
-            raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {found}")
+            names = ", ".join(joint_names(model))
+            raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")
         self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
         data = self.make_workspace()
-        bound = Constraints(model, data, self.constraints)  # wrong names are refused here
+        bound = Constraints(model, data, self.constraints)  # rejects unknown names
         self.ng, self._spans = bound.ng, bound.spans
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.row_units, self.positional = bound.units(), bound.positional
@@ -129,7 +129,7 @@ class Mechanism(DynamicsTerms):
         return lazy_import("mbdae.studies.info.card", "card")(self)._repr_html_()
 
     def view(self, q: Array | None = None) -> Any:
-        """Return a page with sliders that move it from q (nq,), or from its start: see `mbdae.view`."""
+        """Return a page with sliders that move the mechanism from q (nq,), by default its start: see `mbdae.view`."""
         return lazy_import("mbdae.studies.view.view", "view")(self, q)
 
     # -- sizes and names -----------------------------------------------------------------------------------------
@@ -150,13 +150,13 @@ class Mechanism(DynamicsTerms):
         return joint_names(self.model)
 
     def coordinate_joint(self, i: int) -> str:
-        """Name of the joint that velocity component i belongs to."""
+        """Return the name of the joint of velocity component i."""
         return next(
             n for n in self.joint_names if 0 <= i - find_joint(self.model, n).idx_v < find_joint(self.model, n).nv
         )
 
     def joint_kind(self, name: str) -> str:
-        """Kind of a joint in Pinocchio's word, for instance ``"RX"`` or ``"Spherical"``."""
+        """Return Pinocchio's name of the kind of a joint, for instance ``"RX"`` or ``"Spherical"``."""
         return find_joint(self.model, name).shortname().removeprefix("JointModel")
 
     def rows_of(self, name: str) -> range:
@@ -246,9 +246,9 @@ class Mechanism(DynamicsTerms):
         return self.start_at(0.0)
 
     def start_at(self, t: float) -> tuple[Array, Array]:
-        """The model's consistent start state q (nq,), v (nv,) at time t, relevant for drivers.
+        """Return the model's consistent start state q (nq,), v (nv,) at time t, relevant for drivers.
 
-        The start values of driven joints are initial estimates: their drivers determine them.
+        The start values of driven joints are only initial estimates: their drivers determine them.
 
         Raises:
             AssemblyError: if the model file's values cannot be made consistent.
@@ -273,7 +273,7 @@ class Mechanism(DynamicsTerms):
 
     @property
     def gap_as_given(self) -> ClosureError | None:
-        """Closure with the largest violation at the start values, before assembly; None without closures."""
+        """Closure with the largest violation at the start values before assembly; None without closures."""
         return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(

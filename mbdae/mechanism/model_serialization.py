@@ -1,7 +1,7 @@
-"""A Pinocchio model as JSON data, for saved runs: validated when read, and recreated by Pinocchio's calls.
+"""A Pinocchio model as JSON data, for saved runs: validated when read, and recreated by calls of Pinocchio.
 
-The numbers are those of the model, so the recreated model is bitwise equal. Pinocchio's own archives are not used:
-reading a damaged one may terminate the process.
+The recreated model is bitwise equal. Pinocchio's archives are not used: reading a damaged one may terminate the
+process.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from .checked_table import Table, one_line
 from .joints import PER_COORDINATE, PER_VELOCITY, subspace
 from .scene.shapes import PlacementEntries
 
-WORD = "JointModel"
+PREFIX = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
 NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and arguments of their constructors
     **dict.fromkeys(("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"), ()),
@@ -29,7 +29,7 @@ NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and arguments of the
     "Ellipsoid": ("radius_x", "radius_y", "radius_z"),
 }
 KINDS = (*NUMBERS, SKEWED, COMPOSITE)
-SCALES = 64  # trial scalings of a skew axis until normalisation reproduces it exactly
+SCALES = 64  # trial scalings of a skewed axis until normalisation reproduces it exactly
 ROBOT = """<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="continuous">
 <parent link="a"/><child link="b"/><axis xyz="{!r} {!r} {!r}"/></joint></robot>"""
 
@@ -56,7 +56,7 @@ class _Joint(Table):
 
 
 class _Link(Table):
-    """A joint in the tree, and its body inertia; place: rows of the rotation, each followed by its translation."""
+    """A joint in the tree, and the inertia of its body; place: rows of [R p], the placement on the parent joint."""
 
     name: str
     parent: int = Field(ge=0)
@@ -99,7 +99,7 @@ def model_to_data(model: pin.Model) -> dict[str, Any]:
         "gravity": model.gravity.vector.tolist(),
         "ground": _inertia(model.inertias[0]),
         "joints": [
-            {"name": n, "parent": int(p), "place": _place(at), "joint": _joint(j), "inertia": _inertia(y)}
+            {"name": n, "parent": int(p), "place": _placement(at), "joint": _joint(j), "inertia": _inertia(y)}
             for n, p, at, j, y in list(joints)[1:]
         ],
         "frames": [
@@ -108,7 +108,7 @@ def model_to_data(model: pin.Model) -> dict[str, Any]:
                 "type": f.type.name,
                 "joint": int(f.parentJoint),
                 "frame": int(f.parentFrame),
-                "place": _place(f.placement),
+                "place": _placement(f.placement),
                 "inertia": _inertia(f.inertia),
             }
             for f in list(model.frames)[1:]
@@ -124,41 +124,42 @@ def model_from_data(data: Mapping[str, Any]) -> pin.Model:
         InputError: names the invalid entry.
     """
     try:
-        plain = _Model.model_validate(data)
+        validated = _Model.model_validate(data)
     except ValidationError as e:
         raise InputError(f"model: {one_line(e, lambda path: [])}") from None
     model = pin.Model()
-    model.name, model.gravity = plain.name, pin.Motion(np.array(plain.gravity))
-    model.inertias[0] = _made_inertia(plain.ground)
-    for number, x in enumerate(plain.joints, 1):
+    model.name, model.gravity = validated.name, pin.Motion(np.array(validated.gravity))
+    model.inertias[0] = _inertia_from_data(validated.ground)
+    for number, x in enumerate(validated.joints, 1):
         if x.parent >= number:
-            raise InputError(f"model: joint {x.name!r} hangs on joint {x.parent}, which comes behind it")
+            raise InputError(f"model: joint {x.name!r} has parent joint {x.parent}, which does not precede it")
         if model.existJointName(x.name):
             raise InputError(f"model: two joints are called {x.name!r}")
-        model.addJoint(x.parent, _made_joint(x.joint), _made_place(x.place), x.name)
-        model.inertias[number] = _made_inertia(x.inertia)
-    for f in plain.frames:
+        model.addJoint(x.parent, _joint_from_data(x.joint), _placement_from_data(x.place), x.name)
+        model.inertias[number] = _inertia_from_data(x.inertia)
+    for f in validated.frames:
         if f.joint >= model.njoints or f.frame >= len(model.frames):
             raise InputError(f"model: frame {f.name!r} is on joint {f.joint} and frame {f.frame}, which do not exist")
         kind = pin.FrameType.names[f.type]
         if model.existFrame(f.name, kind):
             raise InputError(f"model: two frames are called {f.name!r}")
-        model.addFrame(pin.Frame(f.name, f.joint, f.frame, _made_place(f.place), kind, _made_inertia(f.inertia)), False)
+        placement, inertia = _placement_from_data(f.place), _inertia_from_data(f.inertia)
+        model.addFrame(pin.Frame(f.name, f.joint, f.frame, placement, kind, inertia), False)
     for names, size in ((PER_VELOCITY, model.nv), (PER_COORDINATE, model.nq)):
         for name in names:
-            values = np.array(plain.arrays.get(name, ()))
-            wild = ~np.isfinite(values) if not name.endswith("Limit") else np.isnan(values)
-            if len(values) != size or wild.any():
+            values = np.array(validated.arrays.get(name, ()))
+            invalid = ~np.isfinite(values) if not name.endswith("Limit") else np.isnan(values)
+            if len(values) != size or invalid.any():
                 raise InputError(f"model: {name} needs {size} numbers")
             getattr(model, name)[:] = values
     return model
 
 
-def _place(x: pin.SE3) -> list[float]:
+def _placement(x: pin.SE3) -> list[float]:
     return x.homogeneous[:3].ravel().tolist()
 
 
-def _made_place(x: PlacementEntries) -> pin.SE3:
+def _placement_from_data(x: PlacementEntries) -> pin.SE3:
     rows = np.array(x).reshape(3, 4)
     return pin.SE3(rows[:, :3], rows[:, 3])
 
@@ -169,50 +170,50 @@ def _inertia(x: pin.Inertia) -> dict[str, Any]:
     return {"mass": float(x.mass), "com": x.lever.tolist(), "moments": moments}
 
 
-def _made_inertia(x: _Inertia) -> pin.Inertia:
+def _inertia_from_data(x: _Inertia) -> pin.Inertia:
     ixx, ixy, iyy, ixz, iyz, izz = x.moments
     return pin.Inertia(x.mass, np.array(x.com), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
 
 
 def _joint(joint: pin.JointModel) -> dict[str, Any]:
-    kind, own = joint.shortname().removeprefix(WORD), joint.extract()
+    kind, typed = joint.shortname().removeprefix(PREFIX), joint.extract()
     if kind == COMPOSITE:
-        places = [_place(p) for p in own.jointPlacements]
-        return {"kind": kind, "parts": [_joint(j) for j in own.joints], "places": places}
+        placements = [_placement(p) for p in typed.jointPlacements]
+        return {"kind": kind, "parts": [_joint(j) for j in typed.joints], "places": placements}
     if kind == SKEWED:
-        return {"kind": kind, "numbers": subspace(own)[3:, 0].tolist()}
+        return {"kind": kind, "numbers": subspace(typed)[3:, 0].tolist()}
     if kind not in NUMBERS:
-        raise InputError(f"a joint of kind {kind!r} cannot be written down; known: {', '.join(KINDS)}")
-    return {"kind": kind, "numbers": [float(x) for name in NUMBERS[kind] for x in np.atleast_1d(getattr(own, name))]}
+        raise InputError(f"a joint of kind {kind!r} cannot be serialised; known: {', '.join(KINDS)}")
+    return {"kind": kind, "numbers": [float(x) for name in NUMBERS[kind] for x in np.atleast_1d(getattr(typed, name))]}
 
 
-def _made_joint(x: _Joint) -> pin.JointModel:
+def _joint_from_data(x: _Joint) -> pin.JointModel:
     if x.kind == COMPOSITE:
         if not x.parts or len(x.parts) != len(x.places):
             raise InputError(f"model: a composite joint has {len(x.parts)} parts and {len(x.places)} placements")
         joint = pin.JointModelComposite(len(x.parts))
-        for part, place in zip(x.parts, x.places, strict=True):
-            joint.addJoint(_made_joint(part), _made_place(place))
+        for factor, placement in zip(x.parts, x.places, strict=True):
+            joint.addJoint(_joint_from_data(factor), _placement_from_data(placement))
         return joint
     if x.kind not in KINDS:
         raise InputError(f"model: unknown kind of joint {x.kind!r}; known: {', '.join(KINDS)}")
     sizes = [3 if name.startswith("axis") else 1 for name in NUMBERS.get(x.kind, ("axis",))]
     if len(x.numbers) != sum(sizes):
         raise InputError(f"model: a joint of kind {x.kind!r} takes {sum(sizes)} numbers, got {len(x.numbers)}")
-    parts = np.split(np.array(x.numbers), np.cumsum(sizes)[:-1]) if sizes else []
+    arguments = np.split(np.array(x.numbers), np.cumsum(sizes)[:-1]) if sizes else []
     if x.kind == SKEWED:
-        return _skewed(parts[0])
-    return getattr(pin, WORD + x.kind)(*(part if len(part) == 3 else float(part[0]) for part in parts))
+        return _skewed_revolute(arguments[0])
+    return getattr(pin, PREFIX + x.kind)(*(a if len(a) == 3 else float(a[0]) for a in arguments))
 
 
-def _skewed(axis: np.ndarray) -> pin.JointModel:
-    """Return an unbounded revolute joint about any axis, as only Pinocchio's URDF reader creates and normalises it.
+def _skewed_revolute(axis: np.ndarray) -> pin.JointModel:
+    """Return an unbounded revolute joint about any axis: only Pinocchio's URDF reader creates and normalises those.
 
     Raises:
         InputError: for an axis that is not of unit length.
     """
     for k in range(SCALES):
         joint = pin.buildModelFromXML(ROBOT.format(*(axis * (1 + k / SCALES)).tolist())).joints[1]
-        if joint.shortname() == WORD + SKEWED and np.array_equal(subspace(joint)[3:, 0], axis):
+        if joint.shortname() == PREFIX + SKEWED and np.array_equal(subspace(joint)[3:, 0], axis):
             return joint.extract()
     raise InputError(f"model: a joint of kind {SKEWED!r} has no axis of unit length: {axis.tolist()}")

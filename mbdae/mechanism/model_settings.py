@@ -20,12 +20,12 @@ class Start(Table):
     """Start state: q and v are fixed during assembly, guess and guess_v are initial estimates of the others.
 
     Attributes:
-        q: joint coordinates that assembly keeps fixed, in rad or m; the angle of a continuous joint, a list for
-            several.
-        v: joint velocities that assembly keeps fixed, in rad/s or m/s.
-        guess: initial estimates of other coordinates: they select the branch, such as elbow up or down.
+        q: joint coordinates that are fixed during assembly, in rad or m; the angle of a continuous joint, a list for
+            several coordinates.
+        v: joint velocities that are fixed during assembly, in rad/s or m/s.
+        guess: initial estimates of other coordinates: they select the assembly branch, such as elbow up or down.
         guess_v: initial estimates of other velocities.
-        assemble: make the start consistent; otherwise values are used as given, and rejected if they violate a closure.
+        assemble: make the start consistent; if false, values are used as given, and rejected if they violate a closure.
     """
 
     q: dict[str, Value] = Field(default_factory=dict)
@@ -41,11 +41,11 @@ class Start(Table):
 
 
 class OrderSettings(Table):
-    """The order study of the model, `mbdae.order`.
+    """Settings of the order study of the model, `mbdae.order`.
 
     Attributes:
         T: end time in s.
-        steps: coarsest number of steps.
+        steps: smallest number of steps.
         q: fixed coordinates of a separate start, instead of ``start``.
         v: fixed velocities of a separate start, instead of ``start``.
     """
@@ -87,21 +87,21 @@ class SolveSettings(Table):
     max_steps: int | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _fit(self) -> "SolveSettings":
+    def _require_compatible(self) -> "SolveSettings":
         if self.step is not None and (self.rtol, self.atol) != (None, None):
-            raise ValueError("step is for steps of one size, rtol and atol for steps under control: not both")
+            raise ValueError("step sets fixed steps, rtol and atol step-size control: give one of both")
         if self.baumgarte is not None and self.formulation != "index1":
             raise ValueError("baumgarte belongs to formulation 'index1'")
         return self
 
     @property
     def given(self) -> dict[str, Any]:
-        """The settings that were specified."""
+        """Settings that are not None."""
         return {key: x for key in type(self).model_fields if (x := getattr(self, key)) is not None}
 
 
 class Motor(NamedTuple):
-    """Named input: control u causes gear u + b_0 + b_1 q + b_2 v on a joint of one coordinate, in N m or N."""
+    """Named input: a control u applies gear u + b_0 + b_1 q + b_2 v, in N m or N, to a joint of one coordinate."""
 
     name: str
     joint: str
@@ -110,7 +110,7 @@ class Motor(NamedTuple):
 
 
 def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return the full vector of a table ``joint = value``, and the tangent indices that it names.
+    """Return the full vector of a table ``joint = value``, and the tangent indices of the joints that it names.
 
     A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may
     be given by its angle.
@@ -136,7 +136,7 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
             )
         out[at : at + n] = values
         if not of_v and normalized(model, out) is None:
-            raise InputError(f"joint {name!r}: {value!r} is no turn: its quaternion, or cosine and sine, vanish")
+            raise InputError(f"joint {name!r}: {value!r} is no rotation: its quaternion, or cosine and sine, vanish")
         index += range(j.idx_v, j.idx_v + j.nv)
     return out if of_v else pin.normalize(model, out), np.array(index, int)
 

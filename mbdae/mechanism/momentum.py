@@ -12,7 +12,7 @@ MOMENTUM = {f"{word}.{x}": unit
 
 
 def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
-    """Return the centre of mass c, the momentum sum m_k c_k' and the angular momentum about c, along the world's axes.
+    """Return the centre of mass c, the momentum sum m_k c_k' and the angular momentum about c, in world axes.
 
     Armature inertias, of rotors without a body, do not contribute.
 

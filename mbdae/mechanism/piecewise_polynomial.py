@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
 Beyond = Literal["hold", "linear", "periodic"]
-CROWD = 100_000  # polynomials within a run: for more, use a harmonic or another model
+MAX_POLYNOMIALS = 100_000  # within a run: for more, use a harmonic or another model
 
 
 class PiecewisePolynomial:
-    """u(t) = sum_p c_ip (t - t_i)^(d - p) from t_i on; the first polynomial also applies before t_0.
+    """u(t) = sum_p c_ip (t - t_i)^(d - p) for t >= t_i; the first polynomial also applies before t_0.
 
     Args:
         starts: t_i, (n,), increasing.
         coefficients: c, (n, d + 1), highest power first.
         breaks: times where u is not smooth.
-        period: after which u repeats from t_0 on, u(t + period) = u(t) + rise; 0 for none.
+        period: u(t + period) = u(t) + rise from t_0 on; 0 if u is not periodic.
         rise: increment per period.
     """
 
@@ -46,29 +46,29 @@ class PiecewisePolynomial:
             self._derivatives.append([_derivative(row) for row in self._derivatives[k]])
 
     @classmethod
-    def of(
+    def from_ppoly(
         cls, c: "PPoly", breaks: Sequence[float] = (), period: float = 0.0, rise: float = 0.0
     ) -> "PiecewisePolynomial":
-        """Return the polynomials of a scipy curve."""
+        """Return the polynomials of a curve of scipy."""
         return cls(c.x[:-1], c.c.T, breaks, period, rise)
 
     def at(self, t: float, k: int = 0) -> float:
         """Return the k-th derivative, k = 0, 1, 2, 3."""
-        turns = floor((t - self.starts[0]) / self.period) if self.period and isfinite(t) else 0
-        t -= turns * self.period
+        periods = floor((t - self.starts[0]) / self.period) if self.period and isfinite(t) else 0
+        t -= periods * self.period
         i = max(0, bisect_right(self.starts, t) - 1)
         row, x = self._derivatives[k][i], t - self.starts[i]
         value = row[0]
         for j in range(1, len(row)):
             value = value * x + row[j]
-        return value if k else value + turns * self.rise
+        return value if k else value + periods * self.rise
 
     def derivative(self, t: float, k: int = 0) -> float:
         """Return the derivative of the k-th derivative, k = 0, 1, 2."""
         return self.at(t, k + 1)
 
-    def meets(self, t0: float, t1: float) -> list[float]:
-        """Return the times between t0 and t1 where polynomials join.
+    def knots_between(self, t0: float, t1: float) -> list[float]:
+        """Return the knots between t0 and t1: times where two polynomials join.
 
         Raises:
             InputError: if the period is so short that there are too many.
@@ -77,14 +77,14 @@ class PiecewisePolynomial:
         if not self.period:
             return [t for t in self.starts[1:] if low < t < high]
         first, last = (floor((t - self.starts[0]) / self.period) for t in (low, high))
-        if (count := (last + 1 - first) * len(self.starts)) > CROWD:
-            crowd = f"{count:.3g} pieces between {t0:g} and {t1:g} s"
-            raise InputError(f"a table that repeats every {self.period:g} s has {crowd}: at most {CROWD} are followed")
-        all_of = (t + k * self.period for k in range(first, last + 1) for t in self.starts)
-        return [t for t in all_of if low < t < high]
+        if (count := (last + 1 - first) * len(self.starts)) > MAX_POLYNOMIALS:
+            text = f"a table that repeats every {self.period:g} s has {count:.3g} pieces between {t0:g} and {t1:g} s"
+            raise InputError(f"{text}: at most {MAX_POLYNOMIALS} are supported")
+        knots = (t + k * self.period for k in range(first, last + 1) for t in self.starts)
+        return [t for t in knots if low < t < high]
 
     def core_data(self) -> dict[str, Any]:
-        """Core data."""
+        """Return the core data."""
         rows = self._derivatives[0]
         numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}
         return {"kind": "pieces", **numbers, "period": self.period, "rise": self.rise}
@@ -96,7 +96,7 @@ def _derivative(row: list[float]) -> list[float]:
 
 
 def require_increasing(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Check that the first components of points increase.
+    """Return the points if their first components increase.
 
     Raises:
         ValueError: if they do not.
@@ -112,8 +112,8 @@ def interpolant_of_points(
 ) -> "PPoly":
     """Return a smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
 
-    Beyond its ends it is constant, or linear; `PPoly.antiderivative` integrates it exactly. A periodic one covers one
-    period and is equally smooth where periods join.
+    Beyond its ends the curve is constant or linear; `PPoly.antiderivative` integrates it exactly. A periodic curve
+    covers one period; where periods join, it is as smooth as elsewhere.
 
     Args:
         points: pairs (t, u).
@@ -152,17 +152,18 @@ def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_r
 
 
 def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PPoly":
-    """Return the curve of one period with increment y_n - y_0: the middle one of several in a row."""
+    """Return the curve of one period with increment y_n - y_0."""
     from scipy.interpolate import CubicSpline, PPoly
 
     width, rise, n = x[-1] - x[0], y[-1] - y[0], len(x) - 1
     if interpolation == "spline" and n > 1:
-        grown = rise / width
-        flat = y - grown * (x - x[0])
-        flat[-1] = flat[0]
-        c = CubicSpline(x, flat, bc_type="periodic").c
-        c[2] += grown
-        c[3] += grown * (x[:-1] - x[0])
+        mean_rate = rise / width
+        deviation = y - mean_rate * (x - x[0])
+        deviation[-1] = deviation[0]
+        c = CubicSpline(x, deviation, bc_type="periodic").c
+        c[2] += mean_rate
+        c[3] += mean_rate * (x[:-1] - x[0])
         return PPoly(c, x)
-    longer, more = (np.concatenate([z[:-1] - by, z[:-1], z + by]) for z, by in ((x, width), (y, rise)))
-    return PPoly(_through(longer, more, interpolation, at_rest=False).c[:, n : 2 * n], x)
+    # the middle one of three periods
+    x3, y3 = (np.concatenate([z[:-1] - shift, z[:-1], z + shift]) for z, shift in ((x, width), (y, rise)))
+    return PPoly(_through(x3, y3, interpolation, at_rest=False).c[:, n : 2 * n], x)

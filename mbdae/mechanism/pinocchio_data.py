@@ -9,27 +9,27 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-LARGEST = 50
-"""Degrees of freedom up to which a workspace is Pinocchio's Data, with room for all its algorithms: 4 MB, 4 ms then."""
+MAX_COMPLETE_NV = 50
+"""Degrees of freedom up to which a workspace has memory for all algorithms of Pinocchio: 4 MB, 4 ms to make."""
 
 
 def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
     """Make a workspace for the algorithms that mbdae calls.
 
-    Above `LARGEST` degrees of freedom it serves crba in the world's convention, rnea, nonLinearEffects,
-    forwardKinematics, computeJointJacobians and computePotentialEnergy alone. Any other algorithm writes outside of it,
-    since Pinocchio does not check sizes. So it is private: users take ``mech.system().data``.
+    Above `MAX_COMPLETE_NV` degrees of freedom it has memory for crba in the world's convention, rnea, nonLinearEffects,
+    forwardKinematics, computeJointJacobians and computePotentialEnergy only. Any other algorithm writes beyond it,
+    since Pinocchio does not check sizes. It is therefore private: users take ``mech.system().data``.
 
     Args:
         model: the joint tree.
-        complete: of any size with room for all algorithms of Pinocchio, 32 nv^3 bytes and more.
+        complete: allocate memory for all algorithms of Pinocchio at any size, 32 nv^3 bytes and more.
     """
-    if complete or model.nv <= LARGEST:
+    if complete or model.nv <= MAX_COMPLETE_NV:
         return model.createData()
     data, n, nv = pin.Data(), model.njoints, model.nv
     data.joints.extend([joint.createData() for joint in model.joints])
-    for places in (data.oMi, data.liMi):
-        places.extend([pin.SE3.Identity()] * n)
+    for placements in (data.oMi, data.liMi):
+        placements.extend([pin.SE3.Identity()] * n)
     for motions in (data.v, data.a, data.a_gf):
         motions.extend([pin.Motion.Zero()] * n)
     for forces in (data.f, data.h):
@@ -44,15 +44,15 @@ def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
 
 
 class PinocchioData:
-    """A `pin.Data` for users, beside the workspace of a system."""
+    """A `pin.Data` for users, separate from the workspace of a system."""
 
     model: pin.Model
 
     @cached_property
     def data(self) -> pin.Data:
-        """Room for all algorithms of Pinocchio, made when first used; nothing is computed in it before.
+        """Pinocchio data with memory for all algorithms, made on first use; nothing has been computed in it.
 
-        The system computes in another workspace, so that neither changes the other's results.
+        The system computes in another workspace: neither overwrites results of the other.
         """
         return self.model.createData()
 

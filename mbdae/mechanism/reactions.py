@@ -48,8 +48,9 @@ class Reaction:
         largest = [float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in (self.force, self.torque)]
         lines = [f"reaction of {self.name}: force up to {largest[0]:.4g} N, torque up to {largest[1]:.4g} N m"]
         names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
-        free = [n for n, known in zip(names, self.unique, strict=True) if not known]
-        return "\n".join([*lines, f"  not unique: {', '.join(free)} ({NOT_UNIQUE})"] if free else lines)
+        if ambiguous := [name for name, unique in zip(names, self.unique, strict=True) if not unique]:
+            lines.append(f"  not unique: {', '.join(ambiguous)} ({NOT_UNIQUE})")
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Effort:
         name: of the coupling or driver.
         t: times in s, (n,).
         effort: on the first joint, in N m or N; for a driven distance, the force in N that increases it, (n,).
-        counter: on the second joint if there is one, in N m or N, (n,).
+        counter: effort on the second joint if there is one, in N m or N, (n,).
         position: u(t) of a driver in rad or m, zero for a coupling, (n,).
         power: effort times u'(t), in W, (n,).
         unique: whether the motion determines it.
@@ -96,28 +97,28 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
         InputError: for a coupling, or a driver of joints: they have an effort.
     """
     system, rows = mech.system(), mech.rows_of(name)
-    part = system.constraints.frame_parts.get(name)
-    if part is None:
-        raise InputError(f"{name!r} joins joints and has no force at a point: ask for its effort")
-    wrench, turns = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
-    at_origin = np.empty((len(t), 6, len(rows)))
+    bound = system.constraints.frame_rows.get(name)
+    if bound is None:
+        raise InputError(f"{name!r} connects joints and has no force at a point: use its effort")
+    wrench, rotations = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
+    row_wrenches = np.empty((len(t), 6, len(rows)))
     for i in range(len(t)):
         system.closures(q[i], t[i])
         W = system.constraints.W[:, rows].copy()
-        W[3:] -= (lever := skew(part.pair.pb)) @ W[:3]
-        at_origin[i], wrench[i], turns[i] = W, W @ lam[i, rows], part.pair.Ra
-        if v is not None and system.sliding.regularised_interfaces(name):
-            friction = system.sliding.wrench(name, v[i], lam[i])
+        W[3:] -= (lever := skew(bound.pair.pb)) @ W[:3]
+        row_wrenches[i], wrench[i], rotations[i] = W, W @ lam[i, rows], bound.pair.Ra
+        if v is not None and system.closure_friction.regularised_interfaces(name):
+            friction = system.closure_friction.wrench(name, v[i], lam[i])
             wrench[i] += friction
             wrench[i, 3:] -= lever @ friction[:3]
     force, torque = wrench[:, :3], wrench[:, 3:]
-    local = [np.einsum("nji,nj->ni", turns, x) for x in (force, torque)]
-    known = np.ones(6, bool)
-    for i in sampled(len(t)):
-        N = null_rows(system, t[i], q[i])[rows]
-        R = np.kron(np.eye(2), turns[i].T)
-        known &= np.abs(R @ at_origin[i] @ N).max(axis=1, initial=0.0) < VISIBLE
-    return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(known.tolist()))
+    local = [np.einsum("nji,nj->ni", rotations, x) for x in (force, torque)]
+    unique = np.ones(6, bool)
+    for i in sample_indices(len(t)):
+        N = multiplier_null_space(system, t[i], q[i])[rows]
+        R = np.kron(np.eye(2), rotations[i].T)
+        unique &= np.abs(R @ row_wrenches[i] @ N).max(axis=1, initial=0.0) < VISIBLE
+    return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(unique.tolist()))
 
 
 def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effort:
@@ -130,16 +131,17 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
     system, rows = mech.system(), mech.rows_of(name)
     spec = next(c for c in mech.constraints if c.name == name)
     if not isinstance(spec, Driver) and spec.frames:
-        raise InputError(f"{name!r} joins frames: ask for its reaction")
+        raise InputError(f"{name!r} connects frames: use its reaction")
     row = rows.start
-    part = next((p for p in system.constraints.joint_parts if p.at == row), None)
-    second = part.columns[1] if part and len(part.columns) > 1 else None
+    bound = next((r for r in system.constraints.joint_rows if r.at == row), None)
+    second = bound.columns[1] if bound and len(bound.columns) > 1 else None
     u, counter = np.empty((len(t), 3)), np.zeros(len(t))
     for i in range(len(t)):
         G = system.closures(q[i], t[i])[1]
         u[i] = system.constraints.motion(t[i])[:, row]
         counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
-    unique = all(np.abs(null_rows(system, t[i], q[i])[row]).max(initial=0.0) < VISIBLE for i in sampled(len(t)))
+    null_spaces = (multiplier_null_space(system, t[i], q[i]) for i in sample_indices(len(t)))
+    unique = all(np.abs(N[row]).max(initial=0.0) < VISIBLE for N in null_spaces)
     force = lam[:, row]
     return Effort(
         name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * u[:, 1], bool(unique)
@@ -149,18 +151,18 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
 def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
     """Return closures and drivers with non-unique reactions, and the number of their redundant rows.
 
-    That is m - (rank of all rows - rank of the others' rows); trivial rows, such as the out-of-plane row of a planar
-    loop, count, too.
+    The number is m - (rank of all rows - rank of the rows of the others). Trivial rows, such as the out-of-plane row of
+    a planar loop, count, too.
     """
     system = mech.system()
-    G = scaled(system, t, q)
+    G = mass_scaled_jacobian(system, t, q)
     r, out = rank(G), {}
     for c in mech.constraints:
         out[c.name] = c.m - (r - rank(np.delete(G, mech.rows_of(c.name), axis=0)))
     return {name: n for name, n in out.items() if n}
 
 
-def scaled(system: "Index2System", t: float, q: Array) -> Array:
+def mass_scaled_jacobian(system: "Index2System", t: float, q: Array) -> Array:
     """Return G M^-1/2 over all rows, (ng, nv)."""
     U = np.triu(system.inertia(t, q))
     return np.linalg.solve(U.T, system.closures()[1].T).T
@@ -171,13 +173,13 @@ def rank(G: Array) -> int:
     return independent_rows.rank(independent_rows.pivots(G.T)[1]) if len(G) else 0
 
 
-def null_rows(system: "Index2System", t: float, q: Array) -> Array:
+def multiplier_null_space(system: "Index2System", t: float, q: Array) -> Array:
     """Return the null space of G^T: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
     U, G = system.inertia(t, q), system.closures()[1]
     r = len(system.choose_rows(t, U, G))
     return np.linalg.svd(G)[0][:, r:]
 
 
-def sampled(n: int) -> Array:
-    """Return at most eight of n indices, evenly spread."""
+def sample_indices(n: int) -> Array:
+    """Return at most eight of n indices, evenly spaced."""
     return np.unique(np.linspace(0, n - 1, min(n, SAMPLES)).astype(int))

@@ -9,15 +9,15 @@ from scipy.linalg.lapack import dgesv
 from ..system import Array
 from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
 from .closures import independent_rows
-from .reactions import scaled
+from .reactions import mass_scaled_jacobian
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
-SINGULAR = AMBIGUOUS_PIVOT  # ratio of pivots to its regular value, with projection
-NEARLY = 1e-2  # largest increase by constraint violation: beyond it, the run does not represent the mechanism
-ROUND = 5.0  # times the square root of the violation: largest distance of a run that passes by
-TURN_WIDTH = 1e-4  # of a step: large enough to measure the rotation of the tangent space
+SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio to its regular value, with projection
+MAX_WITH_GAP = 1e-2  # the same for a run that violates closures: beyond, it does not represent the mechanism
+BYPASS = 5.0  # times the square root of the violation: how far from a singularity such a run may pass it
+ROTATION_WIDTH = 1e-4  # of a step: large enough to measure the rotation of the tangent space
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Singular:
 def singular(
     system: "Index2System", t: float, y: Array, before: tuple[float, Array], limit: float
 ) -> Singular | None:
-    """Return whether the closures lose rank at (t, y): where pivots are smaller than ``limit`` times the largest.
+    """Return the singular configuration at (t, y) if pivots are smaller there than ``limit`` times the largest.
 
     Args:
         system: a workspace; its rank is that of the run.
@@ -63,19 +63,19 @@ def singular(
         limit: pivot ratio that counts as zero.
     """
     q, v = system.split(y)
-    here, there = (scaled(system, *point) for point in ((before[0], system.split(before[1])[0]), (t, q)))
-    pivots = independent_rows.pivots(there.T)[1]
+    G_before = mass_scaled_jacobian(system, before[0], system.split(before[1])[0])
+    G = mass_scaled_jacobian(system, t, q)
+    pivots = independent_rows.pivots(G.T)[1]
     small = pivots <= limit * pivots[0]
-    rank = system.rank or 0
+    rank, rank_there = system.rank or 0, int((~small).sum())
     if not rank or not small[rank - 1]:
         return None
-    rows = _shares(there, int((~small).sum())) - _shares(here, rank)
-    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(rows > NEGLIGIBLE)]
-    found = tuple(q.tolist()), tuple(v.tolist()), rank, int((~small).sum()), tuple(dict.fromkeys(names))
-    return Singular(t, *found)
+    dependence = _row_contributions(G, rank_there) - _row_contributions(G_before, rank)
+    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(dependence > NEGLIGIBLE)]
+    return Singular(t, tuple(q.tolist()), tuple(v.tolist()), rank, rank_there, tuple(dict.fromkeys(names)))
 
 
-def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: float) -> float:
+def pivot_limit_with_gap(system: "Index2System", t: float, y: Array, regular: float, gap: float) -> float:
     """Return the pivot ratio that a singular configuration may have in a run with |g| up to ``gap``.
 
     A violation of a loop by ``gap`` separates its rows by the square root of it: a smallest pivot below that may be a
@@ -85,19 +85,19 @@ def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: fl
         system: a workspace.
         t: time.
         y: a point nearby.
-        usual: regular pivot ratio, away from singularities.
+        regular: pivot ratio away from singularities.
         gap: largest |g| nearby, in rad or characteristic lengths.
     """
     mech, G = system.mechanism, system.closures(system.split(y)[0])[1]
     size = float(np.abs(G * mech.coordinate_scales / mech.row_scales[:, None]).max())
-    return usual * min(NEARLY, SINGULAR + ROUND * np.sqrt(gap / size))
+    return regular * min(MAX_WITH_GAP, SINGULAR + BYPASS * np.sqrt(gap / size))
 
 
 def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:
-    """Return whether closed loops reach a singular configuration near (t, y), where their rows are nearly dependent.
+    """Return whether the motion with closed loops passes through a singular configuration near (t, y).
 
-    Collinear bars with a gap pass the singularity on a curve of radius sqrt(gap): the vanishing combination of rows
-    keeps a residual when the others are satisfied.
+    Collinear bars with a gap pass the singularity on a curve of radius sqrt(gap): a residual of the vanishing
+    combination of rows remains when the other rows are satisfied.
 
     Args:
         system: a workspace.
@@ -117,12 +117,13 @@ def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, 
 
 
 def tangent(system: "Index2System", t: float, y: Array) -> Array:
-    """Return an orthonormal tangent basis (nv, k) of the closed mechanism, in the mass metric; its velocity if driven.
+    """Return an orthonormal basis (nv, k) of the tangent space in the mass metric; the velocity if there is none.
 
-    It is the null space of G M^-1/2, which rotates smoothly along a motion; on another branch it differs.
+    It is the null space of G M^-1/2. Along a motion it rotates smoothly; on another branch it differs. A mechanism
+    whose drivers determine the motion has no null space.
     """
     q, v = system.split(y)
-    G = scaled(system, t, q)
+    G = mass_scaled_jacobian(system, t, q)
     rank = system.rank or 0
     if rank == system.nv:
         u = np.triu(system.inertia(t, q)) @ v
@@ -138,12 +139,12 @@ def tangent_space_angle(before: Array, after: Array) -> float:
 def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) -> float:
     """Return the rate of rotation of the tangent space along the motion, in rad/s."""
     q, v = system.split(y)
-    d = dt * TURN_WIDTH
+    d = dt * ROTATION_WIDTH
     moved = np.concatenate([system.manifold.integrate(q, d * v), y[system.nq :]])
     return tangent_space_angle(tangent(system, t, y), tangent(system, t + d, moved)) / abs(d)
 
 
-def _shares(G: Array, rank: int) -> Array:
+def _row_contributions(G: Array, rank: int) -> Array:
     """Return the contribution of each row to the vanishing combinations of rows, (ng,), for the given rank."""
     left = np.linalg.svd(G)[0]
     return (left[:, rank:] ** 2).sum(axis=1)

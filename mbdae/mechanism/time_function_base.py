@@ -22,39 +22,39 @@ class BaseTimeFunction(Table):
 
     def derivative(self, t: float, k: int = 0) -> float:
         """Return the derivative of the k-th derivative: a sixth-order difference where it is not given."""
-        if k < 2 and self.known(k + 1):
+        if k < 2 and self.has_derivative(k + 1):
             return self.at(t, k + 1)
         return float(finite_differences.numerical_derivative(lambda x: self.at(t + x, k), SPACING))
 
-    def known(self, k: int) -> bool:
-        """Whether the k-th derivative is given, k = 0, 1, 2."""
+    def has_derivative(self, k: int) -> bool:
+        """Return whether the k-th derivative is given, k = 0, 1, 2."""
         return True
 
     @property
     def breaks(self) -> Sequence[float]:
-        """Times where it is not smooth."""
+        """Times where the function is not smooth."""
         return ()
 
     @property
     def knots(self) -> Sequence[float]:
-        """Times where its polynomials join, within one period."""
+        """Times where two polynomials join, within one period."""
         return ()
 
-    def meets(self, t0: float, t1: float) -> Sequence[float]:
-        """Return the times between t0 and t1 where its polynomials join."""
+    def knots_between(self, t0: float, t1: float) -> Sequence[float]:
+        """Return the times between t0 and t1 where two polynomials join."""
         return ()
 
-    def jump(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
+    def breakpoint(self, t: float, sign: float) -> float:
+        """Return the first break after t in the direction of sign; sign * inf if there is none."""
         return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
 
     @abstractmethod
     def core_data(self) -> dict[str, Any]:
-        """Core data."""
+        """Return the core data."""
 
 
 class PiecewiseFunction(BaseTimeFunction):
-    """A function of time that consists of polynomials."""
+    """A piecewise polynomial of time."""
 
     @cached_property
     @abstractmethod
@@ -72,8 +72,8 @@ class PiecewiseFunction(BaseTimeFunction):
     def knots(self) -> Sequence[float]:
         return self.polynomials.starts[1:]
 
-    def meets(self, t0: float, t1: float) -> Sequence[float]:
-        return self.polynomials.meets(t0, t1)
+    def knots_between(self, t0: float, t1: float) -> Sequence[float]:
+        return self.polynomials.knots_between(t0, t1)
 
     def derivative(self, t: float, k: int = 0) -> float:
         return self.polynomials.derivative(t, k)

@@ -1,26 +1,25 @@
-"""Functions of time for torques, references and motions, as data of a file.
-
-A number is a constant, a Python function of t a `Function`; all are evaluated as polynomials, harmonics or functions.
-"""
+"""Functions of time for torques, references and motions; a number is a `Constant`, a callable a `Function`."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import isfinite, nan, pi, sin
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, TypeVar, Union
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
 
 from ..errors import InputError
 from . import piecewise_polynomial as piecewise
-from .callbacks import called, checked, function_name
+from .callbacks import call_with_views, checked_value, function_name
 from .input_functions import Input, InputHistory
 from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
 from .time_function_base import BaseTimeFunction, PiecewiseFunction
 
+T = TypeVar("T")
+
 
 class Constant(PiecewiseFunction):
-    """A number; written as a plain number in a file.
+    """A constant, written as a number in a file.
 
     Attributes:
         value: the number.
@@ -37,7 +36,7 @@ class Constant(PiecewiseFunction):
         return PiecewisePolynomial([0.0], [[self.value]])
 
     @model_serializer
-    def _plain(self) -> float:
+    def _as_number(self) -> float:
         return self.value
 
 
@@ -72,7 +71,7 @@ class Polynomial(PiecewiseFunction):
     """sum_i coefficients_i t^i.
 
     Attributes:
-        coefficients: c_0, c_1, ...; two of them are a constant speed c_1.
+        coefficients: c_0, c_1, ...; two of them describe a constant speed c_1.
     """
 
     kind: Literal["polynomial"] = "polynomial"
@@ -88,22 +87,23 @@ class _Points(PiecewiseFunction):
 
     @field_validator("points", check_fields=False)
     @classmethod
-    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+    def _require_increasing(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         return piecewise.require_increasing(points)
+
 
 class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing.
 
-    A periodic one has the period t_n - t_1 and is equally smooth where periods join; its last value equals its first
-    one, except in a motion, which may increase by the difference in each period (a rotating crank).
+    A periodic curve has the period t_n - t_1; where periods join, it is as smooth as elsewhere. Its last value equals
+    its first one, except in a motion, which may increase by the difference in each period (a rotating crank).
 
     Attributes:
         points: pairs (t, value) in s.
         interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
             overshoot (one continuous derivative).
         beyond: extrapolation before the first time and after the last: ``"hold"`` the end values, ``"linear"``, or
-            ``"periodic"``. When left out, loads and speeds hold; the motion of a driver ends the run there. A motion
-            that holds comes to rest: u' = 0 at both ends, and u'' jumps.
+            ``"periodic"``. When left out, loads and speeds keep their end values, and a run ends where the motion of a
+            driver ends. A motion with ``"hold"`` comes to rest: u' = 0 at both ends, and u'' jumps.
     """
 
     kind: Literal["table"] = "table"
@@ -113,19 +113,19 @@ class TimeTable(_Points):
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:
-        return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
+        return self._interpolate(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
 
     @cached_property
     def motion(self) -> PiecewisePolynomial:
-        """Polynomials of a motion: held at rest; extrapolated linearly by default, where no run goes."""
+        """Polynomials of a motion: at rest beyond its ends with "hold", extrapolated linearly by default."""
         jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
-        return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
+        return self._interpolate(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
-    def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
+    def _interpolate(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
         c = piecewise.interpolant_of_points(self.points, self.interpolation, beyond, at_rest=at_rest)
         if beyond != "periodic":
-            return PiecewisePolynomial.of(c, breaks)
-        return PiecewisePolynomial.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)
+            return PiecewisePolynomial.from_ppoly(c, breaks)
+        return PiecewisePolynomial.from_ppoly(c, (), self.points[-1][0] - self.points[0][0], self.rise)
 
     @property
     def rise(self) -> float:
@@ -133,13 +133,13 @@ class TimeTable(_Points):
         return self.points[-1][1] - self.points[0][1]
 
     @model_validator(mode="after")
-    def _is_smooth(self) -> "TimeTable":
+    def _require_smooth(self) -> "TimeTable":
         _ = self.motion
         return self
 
 
 class Steps(_Points):
-    """Piecewise constant: each value applies from its time on; the first one also before.
+    """Piecewise constant function: each value applies from its time on, the first one also before.
 
     Attributes:
         points: pairs (t, value) in s, t increasing.
@@ -155,15 +155,15 @@ class Steps(_Points):
 
 
 class Function(BaseTimeFunction):
-    """A Python function of time, with derivatives where needed.
+    """A Python function of time, with derivatives if they are needed.
 
-    A saved solution records it by name; operations that need its values then fail.
+    A saved solution records only its name; operations that need its values fail there.
 
     Args:
         function: t -> float.
         rate: its first derivative.
         acceleration: its second derivative.
-        name: name of the function when left out.
+        name: by default the name of the function.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -176,7 +176,7 @@ class Function(BaseTimeFunction):
     acceleration: Callable[[float], float] | None = Field(default=None, exclude=True)
 
     def model_post_init(self, context: Any) -> None:
-        """Use the name of the function."""
+        """Use the name of the function by default."""
         if not self.name:
             object.__setattr__(self, "name", function_name(self.function))
 
@@ -184,8 +184,8 @@ class Function(BaseTimeFunction):
         """Return the k-th derivative.
 
         Raises:
-            InputError: if it was not given.
-            StepError: if it fails, or does not return a finite number.
+            InputError: if it is not given.
+            StepError: if the function fails, or does not return a finite number.
         """
         function = (self.function, self.rate, self.acceleration)[k]
         if function is None and self.function is None:
@@ -193,16 +193,16 @@ class Function(BaseTimeFunction):
         if function is None:
             raise InputError(f"the {('value', 'rate', 'acceleration')[k]} of {self.name!r} is needed (mbdae.Function)")
         what = f"function {self.name!r}"
-        return float(checked(called(what, function, t), (), t, what))
+        return float(checked_value(call_with_views(what, function, t), (), t, what))
 
-    def known(self, k: int) -> bool:
+    def has_derivative(self, k: int) -> bool:
         return (self.function, self.rate, self.acceleration)[k] is not None
 
     def core_data(self) -> dict[str, Any]:
         return {"kind": "python", "call": self.at}
 
 
-SIGNALS: tuple[type[BaseTimeFunction], ...] = (
+TIME_FUNCTIONS: tuple[type[BaseTimeFunction], ...] = (
     Constant, Harmonic, Polynomial, TimeTable, Steps, Function, Input, InputHistory
 )  # fmt: skip
 
@@ -213,11 +213,11 @@ def _coerce(value: Any) -> Any:
     return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value
 
 
-def _returns(signal: Any) -> Any:
-    if isinstance(signal, TimeTable) and signal.beyond == "periodic" and signal.rise:
-        ends = f"{signal.points[0][1]:g} and {signal.points[-1][1]:g}"
+def _require_no_rise(u: T) -> T:
+    if isinstance(u, TimeTable) and u.beyond == "periodic" and u.rise:
+        ends = f"{u.points[0][1]:g} and {u.points[-1][1]:g}"
         raise ValueError(f"a periodic table of a load or speed ends with the value that it begins with, got {ends}")
-    return signal
+    return u
 
 
 Motion = Annotated[
@@ -227,4 +227,4 @@ Motion = Annotated[
     ],
     BeforeValidator(_coerce),
 ]
-TimeFunction = Annotated[Motion, AfterValidator(_returns)]
+TimeFunction = Annotated[Motion, AfterValidator(_require_no_rise)]

@@ -7,10 +7,10 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reaction_wrenches
 from ..mechanism.characteristic_rate import gravity_rate
-from ..mechanism.contacts import contact, path, rolling
+from ..mechanism.contacts import contact, contact_path, rolling_closures
 from ..mechanism.coordinate_units import component_suffixes
 from ..mechanism.forces.coulomb_friction import CoulombFriction
-from ..mechanism.frames import WORLD, find_joint, frame_names, motions
+from ..mechanism.frames import WORLD, find_joint, frame_motions, frame_names
 from ..system import Array
 from ..tolerances import AGREEMENT, COARSE
 from .sampling import residuals_and_energies
@@ -90,13 +90,13 @@ def coordinates(sol: "Solution") -> dict[str, Array]:
 
 def contact_paths(sol: "Solution") -> dict[str, Array]:
     """Return the columns ``contact.*``, the contact points of rolling bodies."""
-    paths = {c.name: path(sol.mechanism, c.name, sol.q) for c in rolling(sol.mechanism)}
+    paths = {c.name: contact_path(sol.mechanism, c.name, sol.q) for c in rolling_closures(sol.mechanism)}
     return {f"contact.{name}.{x}": points[:, k] for name, points in paths.items() for k, x in enumerate("xyz")}
 
 
 def contact_forces(sol: "Solution") -> dict[str, Array]:
     """Return the forces of rolling closures, and their required friction."""
-    found = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling(sol.mechanism)}
+    found = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling_closures(sol.mechanism)}
     return {f"{kind}.{name}": getattr(x, kind) for name, x in found.items() for kind in CONTACT}
 
 
@@ -115,7 +115,7 @@ def frame_columns(sol: "Solution") -> dict[str, Array]:
     """Return the columns of positions, velocities and accelerations of frames."""
     names = moving_frames(sol.mechanism)
     out: dict[str, Array] = {}
-    found = motions(sol.mechanism.model, names, sol.q, sol.v, sol.vdot)
+    found = frame_motions(sol.mechanism.model, names, sol.q, sol.v, sol.vdot)
     for word, values in zip(MOTIONS, found, strict=True):
         for name, x in zip(names, values, strict=True):
             out |= {f"{word}.{name}": np.linalg.norm(x, axis=1)} if word != "position" else {}

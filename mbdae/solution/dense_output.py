@@ -50,7 +50,7 @@ class DenseOutput:
         rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
         if self.modes:
             system.enter(self.mode(i))
-        if rows and (not system.held or rows != system.in_use):
+        if rows and (not system.rows_frozen or rows != system.in_use):
             system.use_rows(rows, held)
         return system
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..mechanism.formulations.interpolation import sampled, samples_at_once
+from ..mechanism.formulations.interpolation import can_sample_at_once, sample_at_once
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     for part in split_by_rows(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
-        has_stiction = isinstance(sol.problem, Mechanism) and at.sliding.can_stick
+        has_stiction = isinstance(sol.problem, Mechanism) and at.closure_friction.can_stick
         if has_stiction:
             _set_slip_directions(at, sol.y[part])
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
@@ -39,7 +39,7 @@ def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
             for i in part:
                 q, v = at.split(sol.y[i])
                 at.jacobian(q)
-                z[i, : at.ng] = at.sliding.filled(v, z[i, : at.ng])
+                z[i, : at.ng] = at.closure_friction.with_sliding_friction(v, z[i, : at.ng])
     return F, z
 
 
@@ -48,7 +48,7 @@ def _set_slip_directions(at: "Index2System", ys: Array) -> None:
     for y in ys:
         q, v = at.split(y)
         at.jacobian(q)
-        if at.sliding.update_slip_directions(v):
+        if at.closure_friction.update_slip_directions(v):
             return
 
 
@@ -74,7 +74,7 @@ def sample_together(sol: Any, times: Array) -> Array | None:
     ts, ys, zs = map(np.asarray, sol.nodes)
     if not isinstance(sol.problem, Mechanism) or len(ts) < 2 or len(times) < 2:
         return None
-    if not samples_at_once(sol.system, sol.settings["dense_order"]):
+    if not can_sample_at_once(sol.system, sol.settings["dense_order"]):
         return None
     sign = 1.0 if ts[-1] > ts[0] else -1.0
     if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():
@@ -89,7 +89,7 @@ def sample_together(sol: Any, times: Array) -> Array | None:
     sol.rates |= {int(i): F for i, F in zip(nodes, rates, strict=True) if not np.isnan(F).any()}
     starts, ends = (np.array([sol.rate(int(i)) for i in nodes]) for nodes in (used, used + 1))
     h, theta = ts[used + 1] - ts[used], (times - ts[step]) / (ts[step + 1] - ts[step])
-    out = sampled(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)
+    out = sample_at_once(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)
     for node in (step, step + 1):
         coincident = times == ts[node]
         out[coincident] = ys[node[coincident]]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
-from ..mechanism.contacts import rolling
+from ..mechanism.contacts import rolling_closures
 from ..mechanism.coordinate_units import acceleration_units, component_suffixes
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
@@ -113,7 +113,7 @@ def _coordinates(mech: Mechanism) -> dict[str, SignalValue]:
 def _contact_forces(mech: Mechanism) -> dict[str, SignalValue]:
     """Normal, longitudinal and lateral forces of rolling bodies that are multipliers."""
     out: dict[str, SignalValue] = {}
-    for c in rolling(mech):
+    for c in rolling_closures(mech):
         first, grip = mech.rows_of(c.name)[0], int(c.contact is not False)
         if c.contact is not False:
             out[f"normal.{c.name}"] = SignalValue("lam", rows=(first,))
@@ -157,9 +157,9 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
-    if system.sliding.can_stick:
+    if system.closure_friction.can_stick:
         system.jacobian(q)
-        lam = system.sliding.filled(v, lam)
+        lam = system.closure_friction.with_sliding_friction(v, lam)
     if kind in PYTHON_KINDS:
         name, now = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))
@@ -175,7 +175,7 @@ def _magnitude(system: "Index2System", kind: str, rows: list[int], q: Array, lam
     lam = lam[rows]
     if kind == "force":
         return float(np.linalg.norm(lam))
-    part = next(p for p in system.constraints.frame_parts.values() if p.rows[0][0].start == rows[0])
+    part = next(p for p in system.constraints.frame_rows.values() if p.rows[0][0].start == rows[0])
     system.closures(q)
     W = system.constraints.W[:, rows]
     return float(np.linalg.norm((W[3:] - skew(part.pair.pb) @ W[:3]) @ lam))

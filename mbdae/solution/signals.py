@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import UnknownNameError, as_list
 from ..mechanism import Driver
-from ..mechanism.contacts import rolling
+from ..mechanism.contacts import rolling_closures
 from ..mechanism.coordinate_units import acceleration_units, coordinate_units
 from ..mechanism.effort_signals import driver_powers, effort_units, efforts
 from ..mechanism.momentum import MOMENTUM, momentum
@@ -56,7 +56,7 @@ def _states(sol: "Solution") -> dict[str, Array]:
 
 
 def _contact_units(mech: "Mechanism") -> Units:
-    return {f"contact.{c.name}.{x}": "m" for c in rolling(mech) for x in "xyz"}
+    return {f"contact.{c.name}.{x}": "m" for c in rolling_closures(mech) for x in "xyz"}
 
 
 def _multipliers(mech: "Mechanism") -> Units:
@@ -64,7 +64,7 @@ def _multipliers(mech: "Mechanism") -> Units:
 
 
 def _contact_force_units(mech: "Mechanism") -> Units:
-    return {f"{kind}.{c.name}": "1" if kind == "friction" else "N" for c in rolling(mech) for kind in CONTACT}
+    return {f"{kind}.{c.name}": "1" if kind == "friction" else "N" for c in rolling_closures(mech) for kind in CONTACT}
 
 
 def _accelerations(sol: "Solution") -> dict[str, Array]:

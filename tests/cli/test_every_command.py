@@ -49,7 +49,7 @@ class Facts:
         self.name, self.mech, self.drive = name, mbdae.load(name), drive
         j = self.mech.model.joints[self.mech.model.getJointId(drive)]
         self.single, self.column = j.nv == 1, j.idx_v
-        self.rolls = [c for c in self.mech.closures if not c.opens and not c.within and not self._placed(c)]
+        self.rolls = [c for c in self.mech.closures if not c.is_unilateral and not c.within and not self._placed(c)]
         self.windows = [c for c in self.mech.closures if c.within]
         self.switches = bool(self.mech.switches)
         self.several = [j.nv for j in self.mech.model.joints if j.nv > 1]
@@ -64,7 +64,7 @@ class Facts:
     @cached_property
     def rows(self) -> np.ndarray:
         """G of the permanent closures, neither unilateral nor with an active range, (m, nv), column by column."""
-        kept = [c for c in self.mech.closures if not (c.opens or c.within)]
+        kept = [c for c in self.mech.closures if not (c.is_unilateral or c.within)]
         alone = Mechanism(self.mech.model, kept)
         return np.array([alone.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
 
@@ -92,7 +92,7 @@ class Facts:
     def rests(self) -> bool:
         """Whether least squares finds a pose of the permanent closures whose forces balance, and no fall lowers it."""
         mech, states = self.mech, np.array(list(self.mech.states.values()))
-        system, permanent = mech.system(), [c.name for c in mech.closures if not (c.opens or c.within)]
+        system, permanent = mech.system(), [c.name for c in mech.closures if not (c.is_unilateral or c.within)]
         rows = np.array([r for name in permanent for r in mech.rows_of(name)], int)
 
         def null(q: np.ndarray) -> np.ndarray:
@@ -164,7 +164,7 @@ REASONS = [
            lambda f: any(d.speed is not None for d in f.mech.drivers)),
     Reason(r"solve .*--formulation|compare .*ggl", r"unilateral constraints and switches need formulation 'index2'",
            lambda f: f.switches),
-    Reason(r"inverse-dyn", r"^inverse dynamics does not know coulomb_friction", lambda f: f.regularised_interfaces),
+    Reason(r"inverse-dyn", r"^inverse dynamics does not support coulomb_friction", lambda f: f.regularised_interfaces),
     Reason(r"inverse-dynamics .*npz$", r"has no drivers or motors: name the joints", lambda f: not f.acts),
     Reason(r"inverse-dynamics .*csv", r"^unknown joint of one coordinate '.*'; valid", lambda f: bool(f.several)),
     Reason(r"inverse-dynamics .*csv|fit", r"times (of a motion )?must increase, got .* impact", lambda f: f.switches),

@@ -91,7 +91,7 @@ def test_what_is_not_a_problem():
 def test_turns_that_vanish(kind):
     mech = Mechanism(tree([kind], [0]))
     joint = mech.joint_names[0]
-    refused(InputError, lambda: mech.assemble({joint: [0.0] * mech.nq}), repr(joint), "is no turn")
+    refused(InputError, lambda: mech.assemble({joint: [0.0] * mech.nq}), repr(joint), "is no rotation")
     refused(InputError, lambda: mech.assemble(np.zeros(mech.nq)), "q is not on the manifold", "vanish")
 
 
@@ -140,7 +140,7 @@ def test_an_inconsistent_textbook_problem():
 
 def test_assembly(four_bar):
     both = {"crank": 1.0, "coupler": 2.0}
-    error = refused(AssemblyError, lambda: four_bar.assemble(both), "'pin' stays open", "held: crank, coupler")
+    error = refused(AssemblyError, lambda: four_bar.assemble(both), "'pin' stays open", "fixed: crank, coupler")
     assert error.closure == "pin"
     assert error.gap > 0.1
     refused(AssemblyError, lambda: four_bar.assemble(v=both), "velocity", "'pin'", "m/s")
@@ -169,7 +169,7 @@ def test_names_of_frames_and_joints(four_bar):
     refused(InputError, lambda: Mechanism(model, [], [JointTorque(joint="crank", torque=(1.0, 2.0))]), "1 torque value")
     refused(InputError, lambda: Mechanism(model, [], [3.0]), "a force is", "got float")
     two = [Closure.point("coupler_tip", "rocker_tip", name="pin")] * 2
-    refused(InputError, lambda: Mechanism(model, two), "names of their own", "pin, pin")
+    refused(InputError, lambda: Mechanism(model, two), "different names", "pin, pin")
 
 
 def test_models_and_files():

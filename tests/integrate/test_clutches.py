@@ -118,7 +118,7 @@ def test_wrong_clutches_are_refused():
         Clutch(joint="wheel", tooth=0.1)
     with pytest.raises(UnknownNameError, match="unknown joint 'whel'"):
         wheels(clutches=[Clutch(joint="whel")])
-    with pytest.raises(InputError, match="a joint that turns without end does not say which tooth is next"):
+    with pytest.raises(InputError, match="the angle of an unbounded joint does not determine the next tooth"):
         wheels((), pin.JointModelRUBZ, clutches=[Clutch(joint="wheel", pitch=0.1)])
 
 

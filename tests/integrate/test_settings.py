@@ -46,7 +46,7 @@ def test_a_given_method_ignores_the_formulation_of_the_file(tmp_path):
 
 WRONG = [
     ("rtol = -1", InputError, r"solve\.rtol: Input should be greater than 0"),
-    ("step = 0.1\nrtol = 1e-3", InputError, "solve: step is for steps of one size"),
+    ("step = 0.1\nrtol = 1e-3", InputError, "solve: step sets fixed steps"),
     ('formulation = "index3"', InputError, r"solve\.formulation"),
     ("steps = 3", InputError, r"unknown key solve\.steps; known: atol, baumgarte, first_step"),
     ("baumgarte = [1, 1]", InputError, "baumgarte belongs to formulation 'index1'"),

@@ -124,16 +124,16 @@ def test_a_loop_that_cannot_close_says_what_stays_open():
     mech = four_bar(1.0, 1.0, 0.5, 4.0)
     with pytest.raises(AssemblyError) as caught:
         mech.assemble(q={"crank": 0.0})
-    text = "no consistent configuration: closure 'pin' stays open by 1.5 m (held: crank)"
+    text = "no consistent configuration: closure 'pin' stays open by 1.5 m (fixed: crank)"
     assert str(caught.value) == text
     assert caught.value.gap == pytest.approx(1.5, rel=0.01)
-    with pytest.raises(AssemblyError, match=r"'pin' stays open by 1\.5 m \(held: nothing\)"):
+    with pytest.raises(AssemblyError, match=r"'pin' stays open by 1\.5 m \(fixed: nothing\)"):
         mech.assemble()
 
 
 def test_velocities_that_contradict_a_loop_are_refused():
     mech = four_bar()
-    with pytest.raises(AssemblyError, match=r"no consistent velocity: closure 'pin' stays open by .* m/s \(held"):
+    with pytest.raises(AssemblyError, match=r"no consistent velocity: closure 'pin' stays open by .* m/s \(fixed"):
         mech.assemble(q={"crank": 1.0}, v={"crank": 1.0, "coupler": 1.0, "rocker": 0.0})
 
 
@@ -187,7 +187,7 @@ def test_an_open_start_with_assemble_false_is_rejected(tmp_path):
     path = tmp_path / "bob.toml"
     path.write_text(text)
     mech = mbdae.load(path)
-    with pytest.raises(AssemblyError, match=r"'string' stays open by 0\.25 m \(held: bob\)"):
+    with pytest.raises(AssemblyError, match=r"'string' stays open by 0\.25 m \(fixed: bob\)"):
         _ = mech.start
     path.write_text(text.replace("q = {", "guess = {"))
     mech = mbdae.load(path)

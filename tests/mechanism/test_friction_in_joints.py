@@ -93,7 +93,7 @@ def given(sol, i):
     pin.forwardKinematics(system.model, system.workspace, q, v)
     G = system.jacobian(q)
     tau = np.array(system.torque(sol.t[i], q, v, sol.s[i])[0], float)
-    for part in system.constraints.joint_parts:
+    for part in system.constraints.joint_rows:
         tau += G[part.at] * sol.lam[i, part.at]
     return tau - sol.mechanism.model.armature * sol.vdot[i]
 

@@ -106,7 +106,7 @@ def test_a_joint_that_turns_too_far_in_a_step_is_named():
     manifold = Manifold(tree(["revolute", "spherical"], [0, 1]))
     v = np.ones(4)
     manifold.tangent(np.array([100.0, 0, 0, 2.9]), v)
-    with pytest.raises(StepError, match="'spherical_1' turns by more than 3") as caught:
+    with pytest.raises(StepError, match="'spherical_1' rotates by more than 3") as caught:
         manifold.tangent(np.array([0.0, 0, 0, 3.1]), v)
     assert caught.value.status == "chart"
 

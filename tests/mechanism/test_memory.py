@@ -63,7 +63,7 @@ def test_hundreds_of_loops_take_little_memory(name, method, loops):
 def test_too_little_memory_is_one_line():
     done = child(TIGHT)
     assert done.returncode == 1
-    assert done.stderr.startswith("mbdae: there is not enough memory: ")
+    assert done.stderr.startswith("mbdae: not enough memory: ")
     assert done.stderr.count("\n") == 1
 
 
@@ -114,7 +114,7 @@ np.testing.assert_allclose(falls[1], 2 * falls[0], rtol=1e-6)  # from rest
 
 
 def test_users_may_call_other_algorithms_on_the_data_of_a_system():
-    """In another process: without room for their results these write anywhere. 60 hinges are beyond `LARGEST`."""
+    """In another process: without room for their results these write anywhere. 60 hinges exceed `MAX_COMPLETE_NV`."""
     done = child(USES)
     assert not done.returncode, done.stderr
 
@@ -132,7 +132,7 @@ def test_room_for_all_algorithms_is_made_when_it_is_asked_for():
 
 @pytest.mark.parametrize("kinds", [JOINTS, ["revolute"], ["free"]], ids=len)
 def test_workspace_serves_the_algorithms(kinds, monkeypatch):
-    monkeypatch.setattr(pinocchio_data, "LARGEST", 0)
+    monkeypatch.setattr(pinocchio_data, "MAX_COMPLETE_NV", 0)
     model, rng, found = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3), []
     q, (v, a) = random_q(model, rng), rng.uniform(-1, 1, (2, model.nv))
     for data in (make_data(model), model.createData()):

@@ -9,7 +9,7 @@ from chains import JOINTS
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.schema import JointKind
-from mbdae.mechanism.joints import kind_of
+from mbdae.mechanism.joints import file_kind
 from mbdae.studies.info.info import info
 
 
@@ -45,7 +45,7 @@ def test_frames_are_where_closures_meet():
 @pytest.mark.parametrize("kind", JOINTS)
 def test_a_joint_is_called_as_in_mechanism_files(kind):
     words = {"rx": "revolute", "ruby": "continuous", "py": "prismatic", "euler": "spherical"}
-    assert kind_of(JOINTS[kind](np.random.default_rng(1))) == words.get(kind, kind)
+    assert file_kind(JOINTS[kind](np.random.default_rng(1))) == words.get(kind, kind)
 
 
 def test_a_card_calls_the_joints_of_a_file_as_the_file_does(tmp_path):

@@ -48,7 +48,7 @@ def balance(sol, i, frames, efforts):
 
 @pytest.mark.parametrize("kind", CLOSURES)
 def test_every_kind_balances_the_bodies(kind, monkeypatch):
-    monkeypatch.setattr(assembly, "refuse_unfit", lambda mech, q: None)  # arbitrary frames
+    monkeypatch.setattr(assembly, "require_preconditions", lambda mech, q: None)  # arbitrary frames
     rng, closure = np.random.default_rng(11), CLOSURES[kind]
     mech = Mechanism(tree(JOINTS, PARENTS, seed=3), [closure])
     q, v = mech.assemble(random_q(mech.model, rng, 0.7), 0.5 * rng.standard_normal(mech.nv))
@@ -165,9 +165,9 @@ def test_names_and_sorts_are_checked():
     sol = mbdae.solve(DRIVEN["crane"](), (0, 0.05), rtol=1e-6)
     with pytest.raises(UnknownNameError, match="unknown closure or driver 'rope'; valid: stay, cart driver"):
         sol.reaction("rope")
-    with pytest.raises(InputError, match="ask for its effort"):
+    with pytest.raises(InputError, match="use its effort"):
         sol.reaction("cart driver")
-    with pytest.raises(InputError, match="ask for its reaction"):
+    with pytest.raises(InputError, match="use its reaction"):
         sol.effort("stay")
 
 

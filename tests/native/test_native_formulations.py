@@ -81,7 +81,7 @@ def test_every_closure_steps_in_ggl(name, monkeypatch):
 
     Rows are compared between random frames, also if their kind assumes others.
     """
-    monkeypatch.setattr(assembly, "refuse_unfit", lambda mech, q: None)
+    monkeypatch.setattr(assembly, "require_preconditions", lambda mech, q: None)
     mech, method = mechanism(CASES[name]), METHODS["pherk5"]
     rng, compared = np.random.default_rng(0), 0
     for _ in range(4):

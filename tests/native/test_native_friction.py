@@ -113,8 +113,8 @@ def test_friction_that_wedges_is_left_to_python():
 
 def test_invalid_interfaces_are_rejected():
     system = bead().system(native=backend.load())
-    (right,) = system.sliding.core_data()
-    acts, headings = system.sliding.active, system.sliding.slip_directions
+    (right,) = system.closure_friction.core_data()
+    acts, headings = system.closure_friction.active, system.closure_friction.slip_directions
     core = system.core
     core.slide([right], acts, headings)
     wrong = {

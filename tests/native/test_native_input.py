@@ -25,7 +25,7 @@ def arguments(name="four_bar", **options):
     law_pairs, laws = laws_of(system.laws)
     m = system.manifold
     flat, angular = m.flat, m.angular.astype(int).tolist()
-    lists = angular, m.angles, system.place.tolist(), [1.0] * mech.nv
+    lists = angular, m.angles, system.elimination_order.tolist(), [1.0] * mech.nv
     return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], *lists]
 
 

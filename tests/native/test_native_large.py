@@ -84,7 +84,7 @@ def test_both_back_ends_use_the_same_rows(monkeypatch):
     """On many rows that must be reselected, listed in an order that would fill the matrix."""
     mech = several(bricard(5, [9.81, 0, 0]), 7)
     by_row = [Mechanism(mech.model, mech.closures[k:] + mech.closures[:k]) for k in (0, 3)]
-    looks, choose = [], independent_rows.choose
+    looks, choose = [], independent_rows.select_rows
     monkeypatch.setattr(independent_rows, "choose", lambda *given: (looks.append(len(given[0])), choose(*given))[1])
     for m in (*by_row, mbdae.load("n_four_bar", N=20)):
         looks.clear()
@@ -103,7 +103,7 @@ def test_many_rows_are_eliminated_in_a_band():
         system = m.system()
         linked = system.constraints.columns.astype(int) @ system.constraints.columns.T
         i, j = linked.nonzero()
-        widths.append(np.abs(system.place[i] - system.place[j]).max())
+        widths.append(np.abs(system.elimination_order[i] - system.elimination_order[j]).max())
     assert widths == [5, 5]
     assert_same(*both(shuffled, (0, 0.1), q, v, step=0.02, method="herk3"), 1e-11, own=1e-9)
 

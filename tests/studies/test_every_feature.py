@@ -109,7 +109,7 @@ GIVEN = "a driver prescribes 'crank': there is no branch of equilibria over it"
 RIGID = "'Slider-crank' has no degree of freedom left: it has no modes"
 NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), RIGID)
 FIXED = {"equilibria": GIVEN, "load_path": "has no degree of freedom left: nothing moves with the load"}
-FRICTION = "does not know coulomb_friction, of closure 'pin'"
+FRICTION = "does not support coulomb_friction, of closure 'pin'"
 ROLLS = "'gear' has nonholonomic rows: its position depends on the path"
 REFUSED: dict[str, dict[str, str]] = {
     **{feature: {"ggl": "need formulation 'index2', got 'ggl'"} for feature in ONE_SIDED},

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.formulations.projection import refuse_contradicting_accelerations
+from ...mechanism.formulations.projection import require_compatible_accelerations
 from .source import EventSource
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class DriverChecks(EventSource):
         try:
             self._check(run, run.t1)
             if isinstance(run.system, Index2System):
-                refuse_contradicting_accelerations(run.system, run.t, run.ys[-1])
+                require_compatible_accelerations(run.system, run.t, run.ys[-1])
         except StepError as cause:
             return cause
         return reason

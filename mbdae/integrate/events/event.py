@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ...mechanism.callbacks import called, checked, function_name
+from ...mechanism.callbacks import call_with_views, checked_value, function_name
 from ...system import Array, System
 
 
@@ -69,4 +69,4 @@ def event_value(system: System, event: Event, t: float, y: Array) -> float:
     """
     assert callable(event.function)
     name = f"event {function_name(event.function)!r}"
-    return float(checked(called(name, event.function, t, *system.split(y)), (), t, name))
+    return float(checked_value(call_with_views(name, event.function, t, *system.split(y)), (), t, name))

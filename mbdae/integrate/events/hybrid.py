@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
-from ...mechanism.closures.independent_rows import UNDERWAY
+from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
@@ -47,7 +47,7 @@ class ModeChanges(EventSource):
 
     def __init__(self, system: Index2System) -> None:
         self.system, self.all_rows = system, AllRows(system)
-        system.sliding.still = STILL * system.mechanism.characteristic_speed
+        system.closure_friction.min_slip_speed = STILL * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
         switched = {row for s in self.switches for row in s.rows}
         self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch
@@ -94,7 +94,7 @@ class ModeChanges(EventSource):
 
     def _track(self, t: float, y: Array) -> None:
         at, mode = self._point(t, y), self.system.mode
-        self.system.beside = UNDERWAY
+        self.system.ambiguous_pivot = AMBIGUOUS_UNDERWAY
         self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.index])]
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:

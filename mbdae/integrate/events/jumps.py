@@ -125,7 +125,7 @@ def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
     motions = (d.path for d in problem.drivers)
     commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
-    return [t for signal in (*laws, *motions, *commands) for t in signal.meets(t0, t1)]
+    return [t for signal in (*laws, *motions, *commands) for t in signal.knots_between(t0, t1)]
 
 
 def _checked(times: Sequence[float]) -> list[float]:

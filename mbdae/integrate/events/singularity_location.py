@@ -9,7 +9,14 @@ import numpy as np
 from ...discovery import lazy_import
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.singularity import Singular, open_limit, singular, tangent, tangent_space_angle, tangent_space_rate
+from ...mechanism.singularity import (
+    Singular,
+    pivot_limit_with_gap,
+    singular,
+    tangent,
+    tangent_space_angle,
+    tangent_space_rate,
+)
 from ...system import Array
 from ...tolerances import COARSE, SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from .source import EventError, EventSource
@@ -124,7 +131,7 @@ class SingularityLocation(EventSource):
             EventError: with the reason.
         """
         gap = max(self._gap(run.ts[n], run.ys[n]) for n in nodes)
-        limit = open_limit(self.workspace, t, y, self.largest, gap)
+        limit = pivot_limit_with_gap(self.workspace, t, y, self.largest, gap)
         found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         tolerance = COARSE * abs(run.ts[nodes[-1]] - run.ts[nodes[0]])
         if found is None or any(abs(found.t - other.t) <= tolerance for other in self.found):

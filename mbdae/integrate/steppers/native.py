@@ -92,7 +92,7 @@ class NativeStepper(Stepper):
     def _to_native(self, run: "RunState", max_steps: int) -> None:
         """Pass the position of the run, its step size, and all thresholds to the core."""
         r, leg, monitor, inner = self.run, self.run.leg, run.singularity_monitor, self.inner
-        r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
+        r.begin(run.state.y, self.system.core_carry(run.state), run.state.compensation)
         self._events_to_native(run)
         r.kept = run.carries.capacity_left(len(run.ts))
         r.taken_back, r.nothing = MAX_UNDONE, TINY

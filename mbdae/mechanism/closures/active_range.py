@@ -8,15 +8,15 @@ from ..checked_table import Table
 
 
 class ActiveRange(Table):
-    """A closure is active while the coordinate of a joint lies in a window (a pin in a slot, a tooth in mesh).
+    """Joint range in which a closure is active: a pin in a slot, a tooth in mesh.
 
-    When it becomes active, positions and velocities should satisfy it: remaining velocity errors are removed by an
-    impact without restitution.
+    When a closure becomes active, positions and velocities should satisfy it: an impact without restitution removes
+    remaining velocity errors.
 
     Attributes:
-        joint: name of a joint of one coordinate with a bounded range.
-        windows: pairs (lower, upper) in rad or m, which do not overlap.
-        period: in rad or m, after which the windows repeat.
+        joint: name of a joint of one bounded coordinate.
+        windows: pairs (lower, upper) in rad or m that do not overlap.
+        period: of the windows in rad or m; they do not repeat when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -28,7 +28,7 @@ class ActiveRange(Table):
     period: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _fits(self) -> "ActiveRange":
+    def _check_windows(self) -> "ActiveRange":
         if any(not low < high for low, high in self.windows):
             raise ValueError("a window is a pair (lower, upper), lower below upper")
         if self.period and any(high - low >= self.period for low, high in self.windows):
@@ -36,20 +36,20 @@ class ActiveRange(Table):
         return self
 
     def depth(self, x: float) -> float:
-        """Return how far inside a window x lies, negative outside."""
-        best = -inf
+        """Return the distance of x from the nearest end of a window, positive inside and negative outside."""
+        deepest = -inf
         for low, high in self.windows:
-            half = (high - low) / 2
-            away = x - low - half
+            half_width = (high - low) / 2
+            offset = x - low - half_width
             if self.period:
-                away -= self.period * round(away / self.period)
-            best = max(best, half - abs(away))
-        return best
+                offset -= self.period * round(offset / self.period)
+            deepest = max(deepest, half_width - abs(offset))
+        return deepest
 
     @property
     def shortest(self) -> float:
         """Length of the shortest interval inside or between windows."""
         ordered = sorted(self.windows)
-        ends = [*ordered[1:], *([(ordered[0][0] + self.period, inf)] if self.period else [])]
-        gaps = [after[0] - before[1] for before, after in zip(ordered, ends, strict=False)]
+        following = [*ordered[1:], *([(ordered[0][0] + self.period, inf)] if self.period else [])]
+        gaps = [after[0] - before[1] for before, after in zip(ordered, following, strict=False)]
         return min([high - low for low, high in ordered] + gaps)

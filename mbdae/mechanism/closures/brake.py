@@ -7,7 +7,7 @@ from .joint_rows import Ratio
 
 
 class Brake(NamedTuple):
-    """The row v_i = 0 of a joint with dry friction; its multiplier, in N m or N, is the friction.
+    """The row v_i = 0 of a joint with dry friction; its multiplier, in N m or N, is the friction torque or force.
 
     Attributes:
         joint: name of the joint.
@@ -30,7 +30,7 @@ class Brake(NamedTuple):
 
     @property
     def between(self) -> tuple[str, ...]:
-        """Names of its joints."""
+        """Name of the joint."""
         return (self.joint,)
 
     def primitives(self) -> Sequence[Ratio]:

@@ -20,27 +20,27 @@ Vector = tuple[float, float, float]
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 
 
-def _not_zero(axis: Vector) -> Vector:
+def _require_nonzero(axis: Vector) -> Vector:
     if not np.linalg.norm(axis) > 0:
         raise ValueError("an axis must not be zero")
     return axis
 
 
-Axis = Annotated[Vector, AfterValidator(_not_zero)]
+Axis = Annotated[Vector, AfterValidator(_require_nonzero)]
 
 
 def kinds_of(base: type[Any]) -> dict[str, type[Any]]:
-    """Return the classes below one that name a kind, by kind; the first of a kind counts."""
+    """Return the subclasses of a class that have a kind, by kind; the first subclass of a kind counts."""
     out: dict[str, type[Any]] = {}
     for c in base.__subclasses__():
         kind = c.model_fields["kind"].default if "kind" in c.model_fields else PydanticUndefined
-        for name, found in ({kind: c} if isinstance(kind, str) else kinds_of(c)).items():
-            out.setdefault(name, found)
+        for name, subclass in ({kind: c} if isinstance(kind, str) else kinds_of(c)).items():
+            out.setdefault(name, subclass)
     return dict(sorted(out.items()))
 
 
 class ByKind(OneLine):
-    """``Closure(kind="point", ...)`` makes one of the kind's class; ``Closure.point`` is the kind's constructor."""
+    """Metaclass: ``Closure(kind="point", ...)`` makes a `PointClosure`, and ``Closure.point`` is its `create`."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         if args or cls is not Closure:
@@ -54,8 +54,8 @@ class ByKind(OneLine):
         if name.startswith("_"):
             return super().__getattr__(name)  # type: ignore[misc]
         for kind, c in kinds_of(cls).items():
-            if name == kind or (name != "of" and isinstance(vars(c).get(name), classmethod)):
-                return getattr(c, "of" if name == kind else name)
+            if name == kind or (name != "create" and isinstance(vars(c).get(name), classmethod)):
+                return getattr(c, "create" if name == kind else name)
         raise AttributeError(f"type object {cls.__name__!r} has no attribute {name!r}", name=name, obj=cls)
 
     def __dir__(cls) -> list[str]:
@@ -65,15 +65,15 @@ class ByKind(OneLine):
 class Closure(Table, metaclass=ByKind):
     """A closure between two frames a and b, or a coupling between two joints i and j.
 
-    ``Closure.revolute("a", "b")`` and ``Closure(kind="revolute", frames=("a", "b"))`` make one; `help` of the first
-    shows its arguments. Gaps are measured along axes of the first frame, in m; directions as products of unit axes, in
-    rad for small angles; couplings in rad or m of joint i. Rolling rows along the tangents, knife edges, gears, screws
-    and ratios are velocity rows: they enforce G v = 0 and have no g.
+    ``Closure.revolute("a", "b")`` and ``Closure(kind="revolute", frames=("a", "b"))`` create the same closure; `help`
+    of the first shows its arguments. Gaps are measured along axes of the first frame, in m; directions as products of
+    unit axes, in rad for small angles; couplings in rad or m of joint i. Rolling rows along the tangents, knife edges,
+    gears, screws and ratios are velocity rows: they enforce G v = 0 and have no g.
 
     Attributes:
         kind: one of the table.
         name: by default the names of both frames or joints.
-        within: active range of the closure over a joint coordinate; always active when left out.
+        within: range of a joint coordinate in which the closure is active; always active when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -85,14 +85,14 @@ class Closure(Table, metaclass=ByKind):
     within: ActiveRange | None = None
 
     friction: ClassVar[str] = ""
-    """Where friction acts: it ``"turns"`` about its axis or ``"bears"`` (in a ball), ``"slides"`` along its axis or
-    ``"touches"`` a surface; empty if nowhere."""
-    carried: ClassVar[int] = 1
-    """How many of the first rows make up the force that causes friction."""
-    meets: ClassVar[bool] = False
-    """Whether both origins coincide."""
-    apart: ClassVar[bool] = False
-    """Whether its frames are distinct, so that no gap between them is drawn."""
+    """Kind of friction interface: ``"turns"`` (a pin in a bearing), ``"bears"`` (a ball joint), ``"slides"`` (along an
+    axis) or ``"touches"`` (on a surface); empty if the closure has none."""
+    load_rows: ClassVar[int] = 1
+    """Number of rows, the first ones, whose multipliers make up the normal force of friction."""
+    coincident_origins: ClassVar[bool] = False
+    """Whether the origins of both frames coincide."""
+    distinct_frames: ClassVar[bool] = False
+    """Whether the frames are apart even if the closure is satisfied: no gap between them is drawn."""
 
     if TYPE_CHECKING:
 
@@ -107,18 +107,18 @@ class Closure(Table, metaclass=ByKind):
             """Names of joints; None between frames."""
 
     @model_validator(mode="after")
-    def _ends(self) -> "Closure":
-        self._refuse_ends()
+    def _complete(self) -> "Closure":
+        self._require_distinct_ends()
         if not self.name:
-            object.__setattr__(self, "name", self._own_name())
+            object.__setattr__(self, "name", self._default_name())
         return self
 
-    def _refuse_ends(self) -> None:
-        if len(set(ends := self.between)) < len(ends):
-            what = f"{self.name or self._own_name()!r} joins {'frame' if self.frames else 'joint'}"
-            raise ValueError(f"closure {what} {ends[0]!r} with itself")
+    def _require_distinct_ends(self) -> None:
+        if len(set(names := self.between)) < len(names):
+            what = f"{self.name or self._default_name()!r} joins {'frame' if self.frames else 'joint'}"
+            raise ValueError(f"closure {what} {names[0]!r} with itself")
 
-    def _own_name(self) -> str:
+    def _default_name(self) -> str:
         return "-".join(self.between)
 
     @property
@@ -136,39 +136,39 @@ class Closure(Table, metaclass=ByKind):
         raise NotImplementedError
 
     @property
-    def opens(self) -> bool:
-        """Whether it is unilateral: it pushes and does not pull."""
+    def is_unilateral(self) -> bool:
+        """Whether the first row transmits a force in one direction only."""
         return False
 
-    def agreeing(self) -> tuple[Array, Array]:
+    def coinciding_axes(self) -> tuple[Array, Array]:
         """Unit axes of frames a and b that coincide where the closure is satisfied, (3, m) each; m may be 0."""
         return np.empty((3, 0)), np.empty((3, 0))
 
     def flipped(self, relative: Array) -> bool:
-        """True where rows vanish because the second frame is flipped; ``relative`` (3, 3) is its rotation.
+        """Return whether the second frame is flipped although the rows vanish; ``relative`` (3, 3) is its rotation.
 
-        Products of perpendicular axes also vanish for a frame rotated by half a turn; for a full frame, also by a third
-        of a turn about a space diagonal.
+        Products of perpendicular axes also vanish for a frame rotated by pi; those of a full frame, also by 2 pi/3
+        about a space diagonal.
         """
-        a, b = self.agreeing()
+        a, b = self.coinciding_axes()
         return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
 
     @property
-    def assumes(self) -> bool:
-        """Whether it has a precondition: `unfit` or `foreign_axes`."""
+    def has_precondition(self) -> bool:
+        """Whether it has a precondition: `violated_precondition` or `excluded_axes`."""
         return False
 
-    def unfit(self, pair: Pair, relative: Array) -> str:
-        """Return which assumption about both frames is violated; empty if none.
+    def violated_precondition(self, pair: Pair, relative: Array) -> str:
+        """Return which precondition on both frames is violated; empty if none.
 
         Args:
-            pair: its frames, located.
+            pair: its frames, with current poses.
             relative: rotation from a to b at the start, R_b^T R_a, (3, 3).
         """
         return ""
 
-    def foreign_axes(self, pair: Pair) -> tuple[Array, str] | None:
-        """Return axes (k, 3) about which the bodies must not turn, and what is said if they can; None if any may be."""
+    def excluded_axes(self, pair: Pair) -> tuple[Array, str] | None:
+        """Return axes (k, 3) about which the bodies must not rotate, and a message if they can; None without these."""
         return None
 
 
@@ -192,13 +192,13 @@ class BetweenFrames(Closure):
 
 
 class UnilateralClosure(BetweenFrames, UnilateralOptions):
-    """A closure whose first row may be unilateral; the other rows open and close with it."""
+    """A closure whose first row may be unilateral; the other rows are active together with it."""
 
     free_side: ClassVar[float] = 1.0
-    """Side of g = 0 on which a body moves freely."""
+    """Sign of g where the row is inactive."""
 
     @property
-    def opens(self) -> bool:
+    def is_unilateral(self) -> bool:
         return bool(self.unilateral)
 
 

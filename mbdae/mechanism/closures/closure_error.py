@@ -16,20 +16,20 @@ class ClosureError(NamedTuple):
     Attributes:
         name: its name.
         size: norm of its residual.
-        relative: the same with lengths in characteristic lengths of the mechanism; used to find the largest.
+        relative: the same with lengths in characteristic lengths of the mechanism: the largest of all closures.
         text: residual with units, lengths and angles separately.
-        slips: whether it has velocity rows only, which do not open but slip.
+        velocity_only: whether the largest residual is that of a velocity row: it slips, and cannot open.
     """
 
     name: str
     size: float
     relative: float
     text: str
-    slips: bool = False
+    velocity_only: bool = False
 
-    def says(self, opens: str = "is open") -> str:
+    def message(self, verb: str = "is open") -> str:
         """Return the description: ``closure 'pin' is open by 0.1 m``."""
-        return f"closure {self.name!r} {'slips' if self.slips else opens} by {self.text}"
+        return f"closure {self.name!r} {'slips' if self.velocity_only else verb} by {self.text}"
 
 
 def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureError:
@@ -38,11 +38,9 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
     sizes = {c.name: float(np.linalg.norm(scaled[mech.rows_of(c.name)])) for c in mech.constraints}
     worst = max(sizes, key=lambda n: sizes[n] if np.isfinite(sizes[n]) else np.inf)
     rows = mech.rows_of(worst)
-    of_it, units = residual[rows], mech.row_units[rows]
-    parts = [
-        f"{size:.3g} {unit}{per}"
-        for unit in dict.fromkeys(units)
-        if (size := float(np.linalg.norm(of_it[units == unit])))
+    x, units = residual[rows], mech.row_units[rows]
+    terms = [
+        f"{size:.3g} {unit}{per}" for unit in dict.fromkeys(units) if (size := float(np.linalg.norm(x[units == unit])))
     ]
-    slips = bool(per) and not mech.positional[rows[int(np.abs(of_it).argmax())]]
-    return ClosureError(worst, float(np.linalg.norm(of_it)), sizes[worst], " and ".join(parts) or "0", slips)
+    velocity_only = bool(per) and not mech.positional[rows[int(np.abs(x).argmax())]]
+    return ClosureError(worst, float(np.linalg.norm(x)), sizes[worst], " and ".join(terms) or "0", velocity_only)

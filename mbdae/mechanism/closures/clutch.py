@@ -1,4 +1,4 @@
-"""Clutches between joints, one-way, with teeth or on command: rows that are active while they lock."""
+"""Clutches between joints, one-way, ratchets or commanded: rows that are active while they lock."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,24 +14,26 @@ from .joint_rows import BoundCoordinateRow, BoundJointRow, JointRow, Ratio
 
 
 class Clutch(JointPair):
-    """A joint overruns another one, or the ground, in one direction only.
+    """A clutch: one-way, ratchet or commanded.
+
+    A one-way clutch lets a joint overrun another one, or the ground, in one direction only,
 
         sign (v_i - ratio v_j) >= 0, and the locking torque acts in that direction only
 
-    Without ``pitch`` it is a one-way clutch (free wheel, sprag clutch): it locks at once. With it, a ratchet: its pawl
-    drops into a tooth every ``pitch``, x_i - ratio x_j = tooth + k pitch, and it runs back to the last one.
+    Without ``pitch`` (freewheel, sprag clutch) it locks at once. With ``pitch`` it is a ratchet: its pawl drops into a
+    tooth at x_i - ratio x_j = tooth + k pitch, and the joint runs back at most to the last of these.
 
-    With ``engaged`` it is a commanded clutch: it locks both ways, v_i = ratio v_j, while the signal is above 0.
-    Engagement at different speeds is an impact.
+    With ``engaged`` it is a commanded clutch: it locks in both directions, v_i = ratio v_j, while the command is
+    positive. Engagement at different speeds is an impact.
 
     Attributes:
         joint: name of a joint of one coordinate, against the ground; or
         joints: names of joints i and j.
-        direction: in which joint i runs free: 1 forwards, -1 backwards.
-        ratio: of both speeds where it locks; 1 when left out.
+        direction: in which joint i overruns: 1 forwards, -1 backwards.
+        ratio: of both speeds when locked; 1 when left out.
         pitch: of the teeth in rad or m, of a ratchet.
         tooth: position of one tooth, in rad or m.
-        engaged: command: steps over time, above 0 while it is engaged.
+        engaged: command: steps over time, positive while it is engaged.
         name: by default the names of the joints and "clutch".
 
     Raises:
@@ -48,7 +50,7 @@ class Clutch(JointPair):
     name: str = ""
 
     @model_validator(mode="after")
-    def _fits(self) -> "Clutch":
+    def _check_keys(self) -> "Clutch":
         if (self.joint is None) == (self.joints is None):
             raise ValueError("a clutch needs one of joint and joints")
         if self.joint is not None and self.ratio is not None:
@@ -76,7 +78,7 @@ class Clutch(JointPair):
 
 @dataclass(frozen=True)
 class ToothRow(JointRow):
-    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: a pawl in one of many teeth.
+    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: the pawl of a ratchet in a tooth.
 
     Attributes:
         joint: name of joint i.
@@ -104,5 +106,5 @@ class BoundToothRow(BoundCoordinateRow):
     def __init__(self, model: pin.Model, data: pin.Data, row: ToothRow, at: int, name: str) -> None:
         BoundJointRow.__init__(self, model, data, (row.joint, row.other), at, name, row.coefficients)
         if any(j.nq > 1 for j in self.joints):
-            raise InputError(f"{name!r}: a joint that turns without end does not say which tooth is next; bound it")
+            raise InputError(f"{name!r}: the angle of an unbounded joint does not determine the next tooth; bound it")
         self.period = row.pitch

@@ -1,9 +1,9 @@
-"""All rows of a mechanism, closures and then drivers, bound to a workspace.
+"""All rows of a mechanism, those of closures and then of drivers, bound to a workspace.
 
     0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
 
-with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0. Velocity rows have no g: their entry
-is 0.
+with u = 0 for closures. Neither G nor its rate depends explicitly on time, and g_tq = 0. Velocity rows have no g: their
+entries are 0.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class BoundFrameRows(NamedTuple):
 
 
 class Constraints:
-    """Evaluates all rows at the current kinematics of the workspace.
+    """All rows, evaluated at the current kinematics of a workspace.
 
     Args:
         model: the model.
@@ -44,26 +44,28 @@ class Constraints:
         specs: closures and then drivers.
 
     Attributes:
-        spans: rows of each closure and driver.
+        frame_rows: bound rows of each closure or driver between frames, by name.
+        joint_rows: bound rows between joints.
+        spans: indices of the rows of each closure and driver, by name.
         driven: indices of the rows that follow functions of time, and their drivers.
         sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
-        columns: which velocities move the joints of a row, or their ancestors, (ng, nv).
+        columns: which velocities a row depends on: those of its joints and their ancestors, (ng, nv).
         positional: which rows have a g, (ng,).
         W: wrenches of the rows between frames at the last evaluation of G, (6, ng).
         breaks: times at which u'' of a driver jumps.
-        off: indices of the inactive rows of the mode; their g, G and Gdot v are 0.
+        inactive: indices of the inactive rows of the mode; their g, G and Gdot v are 0.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
-        self.frame_parts: dict[str, BoundFrameRows] = {}
-        self.joint_parts: list[BoundJointRow] = []
+        self.frame_rows: dict[str, BoundFrameRows] = {}
+        self.joint_rows: list[BoundJointRow] = []
         starts = np.cumsum([0, *(spec.m for spec in specs)]).tolist()
         self.spans = {spec.name: slice(*ends) for spec, ends in zip(specs, pairwise(starts), strict=True)}
         self.driven = [(self.spans[d.name].start, d) for d in specs if isinstance(d, Driver)]
         self.ng = starts[-1]
         self.columns = np.zeros((self.ng, model.nv), bool)
         self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
-        self.positional, self.off = np.ones(self.ng, bool), np.empty(0, int)
+        self.positional, self.inactive = np.ones(self.ng, bool), np.empty(0, int)
         for spec in specs:
             if spec.frames:
                 self._between_frames(model, data, spec)
@@ -71,51 +73,51 @@ class Constraints:
                 self._between_joints(model, data, spec)
         self.positional[[at for at, d in self.driven if d.speed is not None]] = False
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
-        self._still = np.zeros((3, self.ng))
+        self._no_motion = np.zeros((3, self.ng))
         self._index_special_rows()
         self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
 
     def _index_special_rows(self) -> None:
-        """Find prescribed lengths, rows of angles (periodic), and rows of velocity only."""
-        self._lengths = [at for at, d in self.driven if d.frames and d.motion]
-        periodic = [p for p in self.joint_parts if p.period and self.positional[p.at]]
+        """Find driven distances, periodic rows (of angles), and velocity rows."""
+        self._driven_distances = [at for at, d in self.driven if d.frames and d.motion]
+        periodic = [p for p in self.joint_rows if p.period and self.positional[p.at]]
         self._periodic = np.array([p.at for p in periodic], int)
         self._periods = np.array([p.period for p in periodic])
-        self._rates = np.flatnonzero(~self.positional)
+        self._velocity_rows = np.flatnonzero(~self.positional)
 
     def _between_frames(self, model: pin.Model, data: pin.Data, spec: Spec) -> None:
         """Bind the rows between two frames."""
-        pair, own = Pair(model, data, *anchors(model, spec)), self.spans[spec.name]
+        pair, all_rows = Pair(model, data, *anchors(model, spec)), self.spans[spec.name]
         rows: list[tuple[slice, FrameRows, Array]] = []
-        at = own.start
+        at = all_rows.start
         for r in cast(Sequence[FrameRows], spec.primitives()):
             span = slice(at, at := at + r.m)
             rows.append((span, r, self.W[:, span]))
             self.positional[span] = r.positional
-        self.frame_parts[spec.name] = BoundFrameRows(pair, tuple(rows))
-        self.sign[own], self.columns[own] = pair.sign, pair.columns
+        self.frame_rows[spec.name] = BoundFrameRows(pair, tuple(rows))
+        self.sign[all_rows], self.columns[all_rows] = pair.sign, pair.columns
 
     def _between_joints(self, model: pin.Model, data: pin.Data, spec: Spec) -> None:
         """Bind the rows between joints."""
         for at, r in enumerate(cast(Sequence[JointRow], spec.primitives()), self.spans[spec.name].start):
-            part = r.bind(model, data, at, spec.name)
-            self.joint_parts.append(part)
+            bound = r.bind(model, data, at, spec.name)
+            self.joint_rows.append(bound)
             self.positional[at] = r.positional
-            self.columns[at] = sum(support(model, j.id) for j in part.joints) > 0
+            self.columns[at] = sum(support(model, j.id) for j in bound.joints) > 0
 
     def units(self) -> Array:
         """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""
         out = np.empty(self.ng, object)
-        for _, rows in self.frame_parts.values():
+        for _, rows in self.frame_rows.values():
             for s, r, _ in rows:
                 out[s] = r.unit
-        for part in self.joint_parts:
-            out[part.at] = part.unit
+        for row in self.joint_rows:
+            out[row.at] = row.unit
         return out
 
     def jacobian(self) -> Array:
-        """Return G, (ng, nv); stores the wrenches of its rows in W."""
-        for name, (pair, rows) in self.frame_parts.items():
+        """Return G, (ng, nv), and store the wrenches of the rows in W."""
+        for name, (pair, rows) in self.frame_rows.items():
             pair.locate()
             try:
                 for _, r, w in rows:
@@ -124,91 +126,91 @@ class Constraints:
                 raise StepError(e.status, f"closure {name!r}: {e}") from None
         G = self.W.T.dot(self._J)
         G *= self.sign
-        for part in self.joint_parts:
-            G[part.at, part.columns] = part.value()[1]
-        G[self.off] = 0.0
+        for row in self.joint_rows:
+            G[row.at, row.columns] = row.value()[1]
+        G[self.inactive] = 0.0
         return G
 
     def value(self, t: float | None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,), 0 for velocity rows, and G (ng, nv); without t, g of driven rows is nan."""
         G, g = self.jacobian(), np.zeros(self.ng)
-        for pair, rows in self.frame_parts.values():
+        for pair, rows in self.frame_rows.values():
             for s, r, _ in rows:
                 g[s] = r.residual(pair)
-        for part in self.joint_parts:
-            g[part.at] = part.value()[0]
+        for row in self.joint_rows:
+            g[row.at] = row.value()[0]
         if self.driven:
             g -= self.motion(t)[0]
         if len(self._periodic):
             g[self._periodic] -= self._periods * np.round(g[self._periodic] / self._periods)
-        g[self._rates] = g[self.off] = 0.0
+        g[self._velocity_rows] = g[self.inactive] = 0.0
         return g, G
 
     def bias(self, v: Array) -> Array:
         """Return Gdot v, (ng,); velocities v (nv,), and accelerations for v' = 0, must be current in the workspace."""
         out = np.zeros(self.ng)
-        for pair, rows in self.frame_parts.values():
+        for pair, rows in self.frame_rows.values():
             pair.locate()
             pair.twist()
             bias, relative = pair.bias(), pair.Vb - pair.Va
             for s, r, w in rows:
                 r.wrenches(pair, w)
                 out[s] = relative @ r.rate(pair) + bias @ w
-        for part in self.joint_parts:
-            out[part.at] = part.bias(v)
-        out[self.off] = 0.0
+        for row in self.joint_rows:
+            out[row.at] = row.bias(v)
+        out[self.inactive] = 0.0
         return out
 
     def partials(self, v: Array, lam: Array) -> tuple[Array, Array]:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
-        for pair, rows in self.frame_parts.values():
-            here, at, F, partials_sum = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
+        for pair, rows in self.frame_rows.values():
+            local, at, F, D = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
             for s, r, w in rows:
                 Da, Db = r.partials(pair)
-                B[s, at] = here.power(w, Da, Db)
+                B[s, at] = local.power(w, Da, Db)
                 F += w.dot(lam[s])
-                partials_sum += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
-            K[at[:, None], at] += here.torque(F, *partials_sum.reshape(2, 6, 6))
-        for part in self.joint_parts:
-            part.partials(v, float(lam[part.at]), K, B[part.at])
-        B[self.off] = 0.0
+                D += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
+            K[at[:, None], at] += local.torque(F, *D.reshape(2, 6, 6))
+        for row in self.joint_rows:
+            row.partials(v, float(lam[row.at]), K, B[row.at])
+        B[self.inactive] = 0.0
         return K, B
 
     def bias_partials(self, v: Array) -> tuple[Array, Array]:
         """Return the partial derivatives of Gdot v with respect to q and v, (ng, nv) each, after `jacobian`."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
-        for pair, rows in self.frame_parts.values():
-            here, at = PairPartials(pair, v), pair.branches.at
+        for pair, rows in self.frame_rows.values():
+            local, at = PairPartials(pair, v), pair.branches.at
             for s, r, w in rows:
-                by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.partials(pair))
-        for part in self.joint_parts:
-            part.bias_partials(v, by_q[part.at], by_v[part.at])
-        by_q[self.off] = by_v[self.off] = 0.0
+                by_q[s, at], by_v[s, at] = local.bias(r.rate, w, *r.partials(pair))
+        for row in self.joint_rows:
+            row.bias_partials(v, by_q[row.at], by_v[row.at])
+        by_q[self.inactive] = by_v[self.inactive] = 0.0
         return by_q, by_v
 
     def motion(self, t: float | None) -> Array:
         """Return u, u' and u'' over all rows, (3, ng): zero for closures; nan for drivers without t.
 
         Raises:
-            StepError: where a driver is not defined, or drives a distance to zero.
+            StepError: if a driver is not defined at t, or drives a distance to zero.
         """
         if not self.driven:
-            return self._still
+            return self._no_motion
         out = np.zeros((3, self.ng))
         for at, driver in self.driven:
             out[:, at] = (np.nan,) * 3 if t is None else driver.follow(t)
             if t is not None and not np.isfinite(out[:, at]).all():
                 raise StepError("driver", f"driver {driver.name!r} is not finite at t = {t:.17g}: {out[:, at]}")
-        for at in self._lengths:
+        for at in self._driven_distances:
             if out[0, at] <= 0:
                 name = next(d.name for i, d in self.driven if i == at)
-                raise StepError("driver", f"driver {name!r} asks for a distance of {out[0, at]:.3g} m at t = {t:.9g}")
+                raise StepError("driver", f"driver {name!r} requires a distance of {out[0, at]:.3g} m at t = {t:.9g}")
         return out
 
 
 def anchors(model: pin.Model, spec: Spec) -> tuple[Anchor, Anchor]:
-    """The frames of a closure or driver between two frames.
+    """Return the anchors of a closure or driver between two frames.
 
     Raises:
         InputError: if both are on the same body.

@@ -1,4 +1,4 @@
-"""A convex body of b rolls on a surface of a: contact point and its motion.
+"""Contact kinematics of a convex body of b that rolls on a surface of a.
 
 n is the surface's normal towards b and p the lowest point of the body, p_b - R_b grad h(R_b^T n) with its support
 function h. The height over the surface is g = n . (p - p_a); its row is along n, since h is stationary in n at the
@@ -24,7 +24,7 @@ from ..frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
 from .rows import displaced, rotated
 
-POLAR = 0.8  # of n . z: above, tangents on a sphere are constructed from x
+POLAR = 0.8  # n . z on a sphere: above, tangents are constructed from x instead of z
 
 
 class ContactKinematics(NamedTuple):
@@ -70,8 +70,8 @@ class ConvexBody:
             "surface": self.surface,
         }
 
-    def touch(self, pair: Pair) -> ContactKinematics:
-        """Compute the nearest points, and their rates for the velocities of the pair."""
+    def contact_kinematics(self, pair: Pair) -> ContactKinematics:
+        """Return the nearest points, and their rates for the velocities of the pair."""
         n, dn = self.normal(pair)
         pb, vb = pair.pb[:, None], displaced(pair.Vb, pair.pb)
         if self.semi_axes:
@@ -91,18 +91,18 @@ class ConvexBody:
             s = self.axis(pair)
             ds, along = rotated(pair.Vb, s), (n * s).sum()
             m = n - along * s
-            _refuse_flat(m)
+            _require_inclined(m)
             u, du = unit(m, dn - ((dn * s).sum() + (n * ds).sum()) * s - along * ds)
             p, dp = p - self.rim * u, dp - self.rim * du
         return ContactKinematics(n, p, dn, dp)
 
     def normal(self, pair: Pair) -> tuple[Array, Array]:
-        """The surface's normal and its rate."""
+        """Return the surface's normal and its rate."""
         z = pair.Ra[:, 2:]
         dz = rotated(pair.Va, z)
         if self.surface == "plane":
             return z, dz
-        d, dd = _apart(pair)
+        d, dd = _offset(pair)
         if self.surface == "cylinder":
             along = (z * d).sum()
             d, dd = d - along * z, dd - along * dz - ((dz * d).sum() + (z * dd).sum()) * z
@@ -110,21 +110,20 @@ class ConvexBody:
         return (n, dn) if self.curve > 0 else (-n, -dn)
 
     def height(self, pair: Pair) -> float:
-        """The gap in m."""
-        t = self.touch(at_rest(pair))
-        if self.surface == "plane":
-            return float((t.n * (t.p - pair.pa[:, None])).sum())
-        return float((t.n * (t.p - pair.pa[:, None])).sum()) - self.curve
+        """Return the gap in m."""
+        contact = self.contact_kinematics(at_rest(pair))
+        height = float((contact.n * (contact.p - pair.pa[:, None])).sum())
+        return height if self.surface == "plane" else height - self.curve
 
     def axis(self, pair: Pair) -> Array:
-        """The axle in the world, (3, 1)."""
+        """Return the axle in the world, (3, 1)."""
         return pair.Rb.dot(np.array(self.axle)[:, None])
 
     def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
-        """A tangent and its rate: forwards for a wheel; otherwise x of a on a plane, or around the z axis of a."""
+        """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a."""
         if self.axle:
             s = self.axis(pair)
-            _refuse_flat(ahead := cross(s, n))
+            _require_inclined(ahead := cross(s, n))
             return unit(ahead, cross(rotated(pair.Vb, s), n) + cross(s, dn))
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
@@ -148,7 +147,7 @@ class ContactHeightRow(LineRows):
         return np.array([self.shape.height(pair)])
 
     def lines(self, pair: Pair) -> Lines:
-        n, p, dn, dp = self.shape.touch(pair)
+        n, p, dn, dp = self.shape.contact_kinematics(pair)
         return Lines(n, p, dn, dp)
 
 
@@ -157,24 +156,25 @@ class NoSlipRows(LineRows):
 
     def __init__(self, shape: ConvexBody, angles: tuple[float, ...]) -> None:
         self.shape, self.m = shape, len(angles)
-        self.share = np.array([np.cos(angles), np.sin(angles)])
-        self.share[np.abs(self.share) < ROUNDING] = 0.0
+        self.directions = np.array([np.cos(angles), np.sin(angles)])  # components forwards and to the left, (2, m)
+        self.directions[np.abs(self.directions) < ROUNDING] = 0.0
 
     def core_data(self) -> list[dict[str, Any]]:
-        return [{"kind": "grip", **self.shape.core_data(), "share": share.tolist()} for share in self.share.T]
+        return [{"kind": "grip", **self.shape.core_data(), "share": d.tolist()} for d in self.directions.T]
 
     def lines(self, pair: Pair) -> Lines:
-        n, p, dn, dp = self.shape.touch(pair)
+        n, p, dn, dp = self.shape.contact_kinematics(pair)
         t, dt = self.shape.heading(pair, n, dn)
-        ahead, left = self.share[:1], self.share[1:]
+        ahead, left = self.directions[:1], self.directions[1:]
         e = t.dot(ahead) + cross(n, t).dot(left)
         return Lines(e, p, dt.dot(ahead) + (cross(dn, t) + cross(n, dt)).dot(left), dp)
 
 
-def _apart(pair: Pair) -> tuple[Array, Array]:
+def _offset(pair: Pair) -> tuple[Array, Array]:
+    """Return p_b - p_a and its rate, (3, 1) each."""
     return (pair.pb - pair.pa)[:, None], displaced(pair.Vb, pair.pb) - displaced(pair.Va, pair.pa)
 
 
-def _refuse_flat(x: Array) -> None:
+def _require_inclined(x: Array) -> None:
     if not np.sqrt((x * x).sum()).real > PARALLEL:
         raise StepError("singular", "the wheel lies flat: it has no lowest point")

@@ -2,7 +2,7 @@
 
 A driver is one row 0 = g(t, q) = c(q) - u(t), with c a joint coordinate, the left side of a coupling or a distance.
 Hence g_t = -u', g_tt = -u'' and g_tq = 0. Its multiplier is the driving torque (N m) or force (N), its power lam u'.
-A speed driver prescribes u' alone: its row c' - u' has no g, and the value of c follows from the motion.
+A speed driver prescribes u' only: its row c' - u' has no g, and the value of c follows from the motion.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,9 +21,9 @@ from .joint_rows import Coordinate
 from .rows import Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
-OFTEN = 2  # of them must differ: one may coincide with a jump of u''
+MIN_MISMATCHES = 2  # of the samples: one may coincide with a jump of u''
 GOLDEN = (sqrt(5) - 1) / 2  # its multiples modulo 1 fill (0, 1) evenly and avoid any grid
-SPACING, AHEAD = 1e-5, 1e-3  # s: of the quotients, and of their centre from the start
+SPACING, START_OFFSET = 1e-5, 1e-3  # s: of the quotients, and of their centre from the start
 Target = str | tuple[str, str]
 
 
@@ -32,12 +32,12 @@ class Driver(Table):
 
     Motions are functions of time with two derivatives: constant, harmonic, polynomial (constant speed w from u_0 on:
     coefficients u_0, w), table (a cubic spline; u''' jumps at its points, which limits the order of methods to 3), or
-    Python functions. Speeds are functions of time with one derivative, or steps, which are impacts that satisfy all
-    closures.
+    Python functions. Speeds are functions of time with one derivative, or steps; each step is an impact that satisfies
+    all closures.
 
-    A table of motion is not defined outside its times: a run ends there, unless the table specifies ``beyond``:
-    ``"hold"`` (then u' = 0 at both ends, a clamped spline, since stopping at a nonzero speed would be an impact),
-    ``"linear"`` or ``"periodic"``.
+    A table of motion is not defined outside its times: a run ends there, unless the table has ``beyond``: ``"hold"``
+    (then u' = 0 at both ends, a clamped spline, since a stop at a nonzero speed would be an impact), ``"linear"`` or
+    ``"periodic"``.
 
     Attributes:
         motion: u(t), in rad or m; or
@@ -112,21 +112,21 @@ class Driver(Table):
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """Times between which it is defined: those of a table of motion without ``beyond``."""
+        """Times between which u is defined: those of a table of motion without ``beyond``."""
         if isinstance(self.motion, TimeTable) and self.motion.beyond is None:
             return self.motion.points[0][0], self.motion.points[-1][0]
         return -inf, inf
 
     def outside(self, t: float) -> str:
-        """Return a message if it is not defined at time t; empty where it is, up to rounding."""
-        (first, last), near = self.span, COINCIDENT * (self.span[1] - self.span[0])
-        if isinf(near) or first - near <= t <= last + near:
+        """Return a message if u is not defined at time t, up to rounding; otherwise an empty one."""
+        (first, last), tolerance = self.span, COINCIDENT * (self.span[1] - self.span[0])
+        if isinf(tolerance) or first - tolerance <= t <= last + tolerance:
             return ""
         known = ", ".join(map(repr, get_args(Beyond)))
         return f"the table of driver {self.name!r} is known from t = {first:g} to {last:g} s only; give beyond: {known}"
 
     def breaks(self) -> Sequence[float]:
-        """Times at which its last relevant derivative jumps: u'', or the rate of a speed."""
+        """Return the times at which the last derivative in use jumps: u'', or the rate of a speed."""
         return self.path.breaks
 
     @property
@@ -139,8 +139,8 @@ class Driver(Table):
         Raises:
             StepError: outside a table without ``beyond``.
         """
-        if words := self.outside(t):
-            raise StepError("driver", f"{words}, got t = {t:.17g}")
+        if message := self.outside(t):
+            raise StepError("driver", f"{message}, got t = {t:.17g}")
         if self.speed is not None:
             return 0.0, self.path.at(t), self.path.at(t, 1)
         return self.path.at(t), self.path.at(t, 1), self.path.at(t, 2)
@@ -155,8 +155,8 @@ class Driver(Table):
         Raises:
             InputError: if one of them is inconsistent.
         """
-        if isinstance(self._given, Function) and (mistake := self._mistake(t + AHEAD)):
-            raise InputError(mistake)
+        if isinstance(self._given, Function) and (mismatch := self._mismatch(t + START_OFFSET)):
+            raise InputError(mismatch)
 
     def check_run(self, t0: float, t1: float) -> None:
         """Compare the derivatives of Python functions with difference quotients at 64 times between t0 and t1.
@@ -169,16 +169,16 @@ class Driver(Table):
             return
         first = min(t0, t1) + SPACING
         times = sorted(first + length * (k * GOLDEN % 1.0) for k in range(1, SAMPLES + 1))
-        found = [mistake for mistake in map(self._mistake, times) if mistake]
-        if len(found) >= OFTEN:
-            raise StepError("driver", found[0])
+        mismatches = [mismatch for mismatch in map(self._mismatch, times) if mismatch]
+        if len(mismatches) >= MIN_MISMATCHES:
+            raise StepError("driver", mismatches[0])
 
-    def _mistake(self, t: float) -> str:
-        """Return which derivative is inconsistent with its function around t; "" if none is."""
-        before, here, behind = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
+    def _mismatch(self, t: float) -> str:
+        """Return a message if a derivative is inconsistent with its function at t; empty otherwise."""
+        before, here, after = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
         given = ((0, "rate"), (1, "acceleration")) if self.speed is None else ((1, "rate"),)
         for k, what in given:
-            quotient = (behind[k] - before[k]) / (2 * SPACING)
+            quotient = (after[k] - before[k]) / (2 * SPACING)
             if abs(quotient - here[k + 1]) > THREE_DIGITS * (1 + abs(quotient)):
                 return (
                     f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {t:g} s, "
@@ -202,20 +202,20 @@ class Driver(Table):
     def harmonic(
         cls, target: Target, amplitude: float, omega: float, *, phase: float = 0.0, offset: float = 0.0, **more: Any
     ) -> "Driver":
-        """Oscillation u = offset + amplitude sin(omega t + phase), omega in rad/s; target as for `speed`."""
+        """Oscillation u = offset + amplitude sin(omega t + phase), omega in rad/s; target as for `at_speed`."""
         motion = Harmonic(amplitude=amplitude, omega=omega, phase=phase, offset=offset)
         return cls(motion=motion, **_target(target, more))
 
     @classmethod
     def polynomial(cls, target: Target, coefficients_of_t: Sequence[float], **more: Any) -> "Driver":
-        """Polynomial u = c_0 + c_1 t + c_2 t^2 + ...; target as for `speed`."""
+        """Polynomial u = c_0 + c_1 t + c_2 t^2 + ...; target as for `at_speed`."""
         return cls(motion=Polynomial(coefficients=tuple(coefficients_of_t)), **_target(target, more))
 
     @classmethod
     def table(
         cls, target: Target, points: Sequence[tuple[float, float]], *, beyond: Beyond | None = None, **more: Any
     ) -> "Driver":
-        """A cubic spline through points (t, u), and its ``beyond`` option; target as for `speed`."""
+        """A cubic spline through points (t, u), and its ``beyond`` option; target as for `at_speed`."""
         rows = tuple((float(t), float(u)) for t, u in points)
         return cls(motion=TimeTable(points=rows, beyond=beyond), **_target(target, more))
 
@@ -228,10 +228,10 @@ class Driver(Table):
         acceleration: Callable[[float], float],
         **more: Any,
     ) -> "Driver":
-        """Python functions of t: u, u' and u''; target as for `speed`.
+        """Python functions of t: u, u' and u''; target as for `at_speed`.
 
-        Both derivatives are required because difference quotients would reduce the order of the methods. Mistakes are
-        detected by comparison with difference quotients, at the start and at 64 times of a finished run.
+        Both derivatives are required because difference quotients would reduce the order of the methods. They are
+        compared with difference quotients at the start and at 64 times of a finished run.
         """
         motion = Function(function=u, rate=rate, acceleration=acceleration)
         return cls(motion=motion, **_target(target, more))

@@ -1,4 +1,4 @@
-"""Closures of bodies that turn about given axes only, which other closures and joints must see to."""
+"""Closures of bodies that rotate about given axes only, which other closures and joints must enforce."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from .rows import unit_axis
 
 
 class FixedAxisClosure(BetweenFrames):
-    """Its rows assume that the bodies turn about its axes only.
+    """A closure whose rows assume that the bodies rotate about its axes only.
 
     Attributes:
         axis: in the first frame.
@@ -20,19 +20,19 @@ class FixedAxisClosure(BetweenFrames):
 
     axis: Axis = Z
 
-    otherwise: ClassVar[str]
-    """Message about bodies that can turn about other axes."""
+    free_rotation_message: ClassVar[str]
+    """Message about bodies that can rotate about other axes."""
 
     @property
-    def assumes(self) -> bool:
+    def has_precondition(self) -> bool:
         return True
 
     def tilt(self, pair: Pair, relative: Array) -> float:
-        """Return the angle in rad by which the axis has turned between both frames, 0 if negligible; see `unfit`."""
+        """Return the angle in rad between the axis in both frames, 0 if negligible; see `violated_precondition`."""
         k = pair.Ra @ unit_axis(self.axis)
         sine = float(np.linalg.norm(np.cross(k, pair.Rb @ relative @ (pair.Ra.T @ k))))
         return float(np.arcsin(min(1.0, sine))) if sine > THREE_DIGITS else 0.0
 
-    def foreign_axes(self, pair: Pair) -> tuple[Array, str]:
+    def excluded_axes(self, pair: Pair) -> tuple[Array, str]:
         k = pair.Ra @ unit_axis(self.axis)
-        return np.eye(3) - np.outer(k, k), self.otherwise
+        return np.eye(3) - np.outer(k, k), self.free_rotation_message

@@ -1,4 +1,4 @@
-"""Closures that keep gaps and directions between two frames, as joints do."""
+"""Closures that constrain gaps and directions between two frames, as joints do."""
 
 from functools import lru_cache
 from typing import ClassVar, Self
@@ -14,27 +14,28 @@ class FrameJoint(BetweenFrames):
     """Rows between two frames that make certain gaps and products of axes vanish.
 
     Attributes:
-        gap: gaps between the origins that vanish: ``"all"``, ``"across"`` or ``"along"`` the axis, or none.
-        direction: directions that are kept: ``"axis"``, ``"frame"``, ``"cross"`` (axes stay perpendicular), or none.
+        gap: components of the gap between the origins that vanish: ``"all"``, ``"across"`` or ``"along"`` the axis, or
+            none.
+        direction: directions that coincide: ``"axis"``, ``"frame"``, or none; ``"cross"``: axes are perpendicular.
     """
 
     gap: ClassVar[str] = ""
     direction: ClassVar[str] = ""
 
     def axes(self) -> tuple[Vector, Vector]:
-        """The axis in the first frame, and the one in the second frame."""
+        """Return the axis in the first frame, and the one in the second frame."""
         return Z, Z
 
     def primitives(self) -> tuple[FrameRows, ...]:
         return between_frames(self.gap, self.direction, *self.axes())
 
-    def agreeing(self) -> tuple[Array, Array]:
+    def coinciding_axes(self) -> tuple[Array, Array]:
         if self.direction == "frame":
             return np.eye(3), np.eye(3)
         if self.direction == "axis":
             first, second = (unit_axis(x)[:, None] for x in self.axes())
             return first, second
-        return super().agreeing()
+        return super().coinciding_axes()
 
 
 class AxisJoint(FrameJoint):
@@ -50,7 +51,7 @@ class AxisJoint(FrameJoint):
         return self.axis, self.axis
 
     @classmethod
-    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "") -> Self:
+    def create(cls, a: str, b: str, axis: Axis = Z, name: str = "") -> Self:
         """Between frames a and b, with an axis of a."""
         return cls(frames=(a, b), axis=axis, name=name)
 
@@ -69,8 +70,8 @@ class TwoAxisJoint(AxisJoint):
         return self.axis, self.second_axis or self.axis
 
     @classmethod
-    def of(cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None) -> Self:
-        """Between frames a and b, with an axis of a and the corresponding one of b, the same when left out."""
+    def create(cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None) -> Self:
+        """Between frames a and b, with an axis of a and the corresponding axis of b, by default the same."""
         return cls(frames=(a, b), axis=axis, second_axis=second_axis, name=name)
 
 

@@ -1,4 +1,4 @@
-"""Dependent constraint rows: rank, and selection of well-conditioned independent rows."""
+"""Redundant constraint rows: rank, and selection of well-conditioned independent rows."""
 
 from functools import cache
 
@@ -11,17 +11,17 @@ from ...tolerances import BELOW_ROUNDING, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
 
 csr_array = lazy_import("scipy.sparse", "csr_array")
 reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mckee")
-WORST_CONDITIONING = 0.1
-GROWTH_TOLERANCE = 1e-2
+WORST_CONDITIONING = 0.1  # of the smallest pivot of the best selection: below, rows in use are replaced
+GROWTH_TOLERANCE = 1e-2  # of the largest pivot: a dependent row whose pivot exceeds it has become independent
 SMALLEST_PIVOT = SUM_ROUNDING  # of the largest, in the system of the rows in use: below, it is singular
-UNDERWAY = TRUNCATION  # like AMBIGUOUS_PIVOT, for a run that follows its branch with loops closed to its square
-MANY_ROWS = 32  # rows: above, sparse and band factors serve, and all are inspected only when triggered
-RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last selection: smaller triggers one
-# of the largest row: a dependent row with this much of a probe triggers a selection, too
+AMBIGUOUS_UNDERWAY = TRUNCATION  # AMBIGUOUS_PIVOT of a run that follows its branch, with loops closed to its square
+MANY_ROWS = 32  # rows: above, sparse and band factorizations are used, and all rows are inspected only when triggered
+RESELECTION_RATIO = 0.01  # of the best pivot ratio since the last selection: a smaller one triggers a selection
+# of the largest row: a dependent row with this component along a probe triggers a selection, too
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
 CONVERGED = BELOW_ROUNDING**2  # of a squared residual
-EXTRA_CG_ITERATIONS = 20  # the core also needs more than exact arithmetic
-FALLEN = 100.0  # of the ratio of pivots at the start: still small below this multiple
+EXTRA_CG_ITERATIONS = 20  # of the core: rounding requires more than exact arithmetic
+FALLEN = 100.0  # multiple of the pivot ratio at the start below which later ones may have fallen
 
 
 @cache
@@ -31,7 +31,7 @@ def random_probe(nv: int) -> np.ndarray:
 
 
 def elimination_order(columns: np.ndarray) -> np.ndarray:
-    """Return the position of each row in the elimination order, (ng,): as given, or in a narrower band.
+    """Return the position of each row in the elimination order, (ng,): as given, or with a smaller bandwidth.
 
     Many rows are ordered by reverse Cuthill-McKee: the compiled core uses a band solver.
 
@@ -41,14 +41,14 @@ def elimination_order(columns: np.ndarray) -> np.ndarray:
     given = np.arange(len(columns))
     if len(columns) <= MANY_ROWS:
         return given
-    linked = csr_array(columns.astype(int)) @ csr_array(columns.T.astype(int))
-    i, j = linked.nonzero()
-    other = reverse_cuthill_mckee(linked.tocsr(), symmetric_mode=True).argsort()
-    return min(given, other, key=lambda place: np.abs(place[i] - place[j]).max())
+    pattern = csr_array(columns.astype(int)) @ csr_array(columns.T.astype(int))
+    i, j = pattern.nonzero()
+    reordered = reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True).argsort()
+    return min(given, reordered, key=lambda position: np.abs(position[i] - position[j]).max())
 
 
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pivoted QR of B (nv, m): column order (m,) and |diag R| (min(nv, m),), decreasing."""
+    """Return the column order (m,) and |diag R| (min(nv, m),), decreasing, of the pivoted QR of B (nv, m)."""
     qr, order, *_ = dgeqp3(B)
     return order - 1, np.abs(qr.diagonal())
 
@@ -59,136 +59,136 @@ def rank(diagonal: np.ndarray) -> int:
 
 
 def rank_has_grown(diagonal: np.ndarray, r: int) -> bool:
-    """Return whether rows beyond the rank r became independent: their pivot exceeds a hundredth of the largest.
+    """Return whether rows beyond the rank r have become independent: their pivot exceeds a hundredth of the largest.
 
-    Smaller ones come from drift: rows that are dependent on 0 = g are only nearly so next to it.
+    Smaller pivots come from drift: rows that are dependent where 0 = g are only nearly dependent close to it.
     """
     return len(diagonal) > r and bool(diagonal[r] > GROWTH_TOLERANCE * diagonal[0])
 
 
 def geometric_rank(G: np.ndarray) -> int:
-    """Rank of the rows of G (ng, nv) for bodies of any mass: in G M^-1/2 light bodies next to heavy ones hide rows."""
+    """Return the rank of the rows of G (ng, nv) for any masses: in G M^-1/2 light bodies among heavy ones hide rows."""
     size = np.linalg.norm(G, axis=1)
-    kept = size > PIVOT_RANK * size.max(initial=0.0)
-    return rank(pivots((G[kept] / size[kept, None]).T)[1])
+    nonzero = size > PIVOT_RANK * size.max(initial=0.0)
+    return rank(pivots((G[nonzero] / size[nonzero, None]).T)[1])
 
 
-def fixed_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, beside: float) -> tuple[int, float]:
-    """Return the rank where loops are closed, and the ratio of pivots below which it will have fallen.
+def initial_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, ambiguous: float) -> tuple[int, float]:
+    """Return the rank of the closed mechanism, and the pivot ratio below which the rank has fallen.
 
     Args:
         B: scaled transposed constraint Jacobian M^{-1/2} G^T, (nv, ng).
         G: the Jacobian, (ng, nv).
         diagonal: pivots of B.
         t: time.
-        beside: pivot ratio below which the configuration is ambiguous, `AMBIGUOUS_PIVOT` or `UNDERWAY`.
+        ambiguous: pivot ratio below which the branch is ambiguous, `AMBIGUOUS_PIVOT` or `AMBIGUOUS_UNDERWAY`.
 
     Raises:
-        StepError: next to a singular configuration, where rounding would select the branch of the motion.
+        StepError: near a singular configuration, where rounding would select the branch of the motion.
     """
     r = rank(diagonal)
-    if r and (r < min(B.shape) or diagonal[r - 1] < beside * diagonal[0]):
+    if r and (r < min(B.shape) or diagonal[r - 1] < ambiguous * diagonal[0]):
         r = max(r, geometric_rank(G))
         sizes = pivots(G.T)[1]
-        if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < beside:
+        if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < ambiguous:
             raise StepError("rank", f"the run would begin next to a singular configuration, at t = {t:.17g}")
     return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * PIVOT_RANK) if r else 0.0
 
 
-def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
-    """Check that decreasing pivots still show the rank r.
+def require_rank(diagonal: np.ndarray, r: int, threshold: float, t: float) -> None:
+    """Require the rank r of decreasing pivots.
 
     Raises:
         StepError: if the rank has changed, at time t.
     """
-    now = int(np.count_nonzero(diagonal > floor * diagonal[:1]))
-    if now < r:
+    current = int(np.count_nonzero(diagonal > threshold * diagonal[:1]))
+    if current < r:
         raise StepError(
-            "rank", f"the rank of the closures falls from {r} to {now} at t = {t:.17g}: a singular configuration"
+            "rank", f"the rank of the closures falls from {r} to {current} at t = {t:.17g}: a singular configuration"
         )
     if rank_has_grown(diagonal, r):
         raise StepError(
             "rank",
             f"the rank of the closures rises above {r} at t = {t:.17g}: "
-            "the run began in a singular configuration, or rows that depended on others have drifted open",
+            "the run began in a singular configuration, or redundant rows have drifted open",
         )
 
 
-def choose(
+def select_rows(
     B: np.ndarray,
     rows: np.ndarray | None,
     r: int,
-    place: np.ndarray,
-    found: tuple[np.ndarray, np.ndarray] | None = None,
+    position: np.ndarray,
+    pivoting: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Choose r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use while well-conditioned.
+    """Return r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use if they are well-conditioned.
 
-    They are replaced when their smallest pivot falls below a tenth of that of the best choice.
+    Rows in use are replaced when their smallest pivot falls below a tenth of that of the best selection.
 
     Args:
         B: scaled transposed constraint Jacobian.
         rows: the rows in use, (r,), or None at the start.
         r: number of rows.
-        place: see `elimination_order`.
-        found: `pivots` of B, if already computed.
+        position: see `elimination_order`.
+        pivoting: `pivots` of B, if already computed.
 
     Returns:
-        Indices in the order of elimination, (r,).
+        Indices in elimination order, (r,).
     """
     if rows is not None and len(rows) in (0, B.shape[1]):
         return rows
-    order, best = found or pivots(B)
+    order, best = pivoting or pivots(B)
     if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
         return rows
-    return order[:r][place[order[:r]].argsort()]
+    return order[:r][position[order[:r]].argsort()]
 
 
 class SelectionTrigger:
-    """Decides whether to inspect all rows at the start of a step: always for few rows, rarely for many.
+    """Decides whether all rows are inspected at the start of a step: always if there are few, rarely if many.
 
-    The trigger is a pivot ratio of the rows in use that is much worse than since the last inspection, or a row not in
-    use that is no longer dependent on them.
+    Triggers are a pivot ratio of the rows in use that is much worse than the best one since the last inspection, and a
+    row not in use that is no longer dependent on those in use.
     """
 
     def __init__(self, ng: int) -> None:
-        self.many, self.best, self.estranged = ng > MANY_ROWS, 0.0, False
-        self.now = np.nan  # pivot ratio, smallest to largest, of the last solved system of rows in use
+        self.many, self.best_ratio, self.others_may_be_independent = ng > MANY_ROWS, 0.0, False
+        self.pivot_ratio = np.nan  # smallest to largest, of the last solved system of rows in use
 
     def probe(self, U: np.ndarray, G: np.ndarray, rows: np.ndarray) -> None:
-        """Check at the end of a step whether a null vector of the rows in use is one of all rows.
+        """Check at the end of a step whether a random null vector of the rows in use is one of all rows.
 
         Args:
             U: the Cholesky factor of M = U^T U, (nv, nv).
             G: all rows, (ng, nv).
-            rows: those in use, (r,).
+            rows: the rows in use, (r,).
         """
         if self.many and 0 < len(rows) < len(G):
             B, w = dgesv(U.T, G.T)[2], random_probe(len(U))
             used = B[:, rows]
             w = w - used @ dgesv(used.T @ used, used.T @ w)[2]
             rest = np.delete(B, rows, axis=1).T @ w
-            self.estranged |= bool((rest**2 > PROBE_TOLERANCE**2 * (used**2).sum(axis=0).max()).any())
+            self.others_may_be_independent |= bool((rest**2 > PROBE_TOLERANCE**2 * (used**2).sum(axis=0).max()).any())
 
-    def given(self) -> bool:
-        """Return whether to inspect the rows."""
-        now, self.now = self.now, np.nan
-        self.best = max(self.best, now)
-        if self.many and not self.estranged and now >= RESELECTION_RATIO * self.best:
+    def is_due(self) -> bool:
+        """Return whether to inspect all rows; resets the trigger if so."""
+        ratio, self.pivot_ratio = self.pivot_ratio, np.nan
+        self.best_ratio = max(self.best_ratio, ratio)
+        if self.many and not self.others_may_be_independent and ratio >= RESELECTION_RATIO * self.best_ratio:
             return False
-        self.best, self.estranged = 0.0, False
+        self.best_ratio, self.others_may_be_independent = 0.0, False
         return True
 
 
 def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """Return the multipliers of all rows, (ng,), of smallest norm, from those of the rows in use.
+    """Return the minimum-norm multipliers of all rows, (ng,), from those of the rows in use.
 
-    The others, G_D = C G_R, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1, give the null vectors (-C^T n, n) of G^T; the norm
-    is smallest where (1 + C C^T) n = C lam. Next to singular configurations `minimum_norm` computes it.
+    The other rows, G_D = C G_R, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1, yield the null vectors (-C^T n, n) of G^T; the
+    norm is smallest if (1 + C C^T) n = C lam. Near singular configurations `minimum_norm` computes the multipliers.
 
     Args:
         U: the Cholesky factor of M = U^T U, (nv, nv).
         G: all rows, (ng, nv).
-        rows: those in use, (r,).
+        rows: the rows in use, (r,).
         lam: their multipliers, (r,).
     """
     out = np.zeros(len(G))
@@ -209,10 +209,10 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
 
 
 def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
-    """Return multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
+    """Return the minimum-norm multipliers, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
 
-    The rank is not determined here: rows that are dependent on 0 = g are only nearly so next to it. In a singular
-    configuration, directions that vanish to rounding carry no force and are omitted.
+    The rank is not determined here: rows that are dependent where 0 = g are only nearly dependent close to it. In a
+    singular configuration, combinations of rows that vanish up to rounding are omitted.
     """
     left, sizes, right, _ = dgesdd(G, full_matrices=0)
     rank = min(rank, int(np.count_nonzero(sizes > SUM_ROUNDING * sizes[:1])))

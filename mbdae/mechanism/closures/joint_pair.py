@@ -17,7 +17,7 @@ class JointPair(Table):
     joints: tuple[str, str] | None = None
 
     @model_validator(mode="after")
-    def _two(self) -> "JointPair":
+    def _require_distinct_joints(self) -> "JointPair":
         if self.joints and self.joints[0] == self.joints[1]:
             raise ValueError(f"a {type(self).__name__.lower()} joins {self.joints[0]!r} with itself")
         return self
@@ -29,5 +29,5 @@ class JointPair(Table):
 
     @property
     def between(self) -> tuple[str, ...]:
-        """Names of its joints."""
+        """Names of the joints."""
         return (self.joint,) if self.joint else self.joints or ()

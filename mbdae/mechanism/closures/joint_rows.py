@@ -18,7 +18,7 @@ from ...tolerances import SOLUTION_ROUNDING
 from ..frames import find_joint
 from ..joints import subspace
 
-LARGEST_DENOMINATOR = 1000
+MAX_DENOMINATOR = 1000
 
 
 class JointRow:
@@ -84,7 +84,7 @@ class BoundJointRow:
         joints: of Pinocchio's model, (k,).
         columns: velocity indices of the connected joints, (1,) or (2,).
         polynomial: c_0, c_1, ...
-        period: g is known up to multiples of it; 0 where it is unique.
+        period: g is known up to multiples of it; 0 if it is unique.
 
     Raises:
         InputError: for joints of several coordinates.
@@ -122,7 +122,7 @@ class BoundJointRow:
         return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}
 
     def value(self) -> tuple[float, list[float]]:
-        """Return g, 0 where there is none, and the entries of G in the columns."""
+        """Return g, 0 for a velocity row, and the entries of G in the columns."""
         raise NotImplementedError
 
     def bias(self, v: Array) -> float:
@@ -162,9 +162,9 @@ class BoundCoordinateRow(BoundJointRow):
         return -self._curvature()[0] * float(v[self.columns[-1]]) ** 2
 
     def partials(self, v: Array, lam: float, K: Array, B: Array) -> None:
-        j, curve = self.columns[-1], self._curvature()[0]
-        K[j, j] -= lam * curve
-        B[j] -= curve * v[j]
+        j, second = self.columns[-1], self._curvature()[0]
+        K[j, j] -= lam * second
+        B[j] -= second * v[j]
 
     def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         j, (second, third) = self.columns[-1], self._curvature()
@@ -209,8 +209,8 @@ class BoundRatioRow(BoundJointRow):
     def bias_partials(self, v: Array, by_q: Array, by_v: Array) -> None:
         for k in self.settings:
             j = self.columns[1]
-            _, first, curve, _ = self._ratio()
-            by_q[k] -= curve * v[k] * v[j]
+            _, first, second, _ = self._ratio()
+            by_q[k] -= second * v[k] * v[j]
             by_v[j] -= first * v[k]
             by_v[k] -= first * v[j]
 
@@ -220,39 +220,40 @@ class BoundRatioRow(BoundJointRow):
 
 
 def coordinate(q: Array) -> float:
-    """Return the coordinate of a joint from its part of q: an angle in (-pi, pi] if it is unbounded."""
+    """Return the coordinate of a joint from its components of q: an angle in (-pi, pi] if it is unbounded."""
     return float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0]))
 
 
 def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float, float]:
     """Return a polynomial and its first three derivatives at x."""
-    p = first = curve = third = 0.0
+    p = first = second = third = 0.0
     for c in reversed(coefficients):
-        p, first, curve, third = p * x + c, first * x + p, curve * x + 2 * first, third * x + 3 * curve
-    return p, first, curve, third
+        p, first, second, third = p * x + c, first * x + p, second * x + 2 * first, third * x + 3 * second
+    return p, first, second, third
 
 
 def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> float:
-    """Return the period of q_i - p(q_j) where q_i, q_j or both are known up to full turns."""
-    turn = 2 * np.pi
+    """Return the period of q_i - p(q_j) if q_i, q_j or both are known up to full revolutions."""
+    revolution = 2 * np.pi
     if len(unbounded) == 1 or not unbounded[1]:
-        return turn if unbounded[0] else 0.0
+        return revolution if unbounded[0] else 0.0
     if any(coefficients[2:]):
         raise InputError(f"{name!r}: powers of an unbounded joint's angle are not defined; bound the joint")
-    return common_period([turn * abs(coefficients[1])] + ([turn] if unbounded[0] else []), name)
+    return common_period([revolution * abs(coefficients[1])] + ([revolution] if unbounded[0] else []), name)
 
 
-def common_period(shares: Sequence[float], name: str) -> float:
-    """Return the largest common divisor, 0 for none: a sum of angles is known up to its multiples."""
-    shares = [s for s in shares if s]
-    if not shares:
+def common_period(periods: Sequence[float], name: str) -> float:
+    """Return the greatest common divisor of some periods, 0 if there are none: the period of a sum of angles."""
+    periods = [p for p in periods if p]
+    if not periods:
         return 0.0
-    ratios = [Fraction(s / shares[-1]).limit_denominator(LARGEST_DENOMINATOR) for s in shares]
-    for share, ratio in zip(shares, ratios, strict=True):
-        if abs(float(ratio) * shares[-1] - share) > SOLUTION_ROUNDING * share:
+    last = periods[-1]
+    ratios = [Fraction(p / last).limit_denominator(MAX_DENOMINATOR) for p in periods]
+    for period, ratio in zip(periods, ratios, strict=True):
+        if abs(float(ratio) * last - period) > SOLUTION_ROUNDING * period:
             raise InputError(
-                f"{name!r}: the ratio {share / shares[-1]!r} of two unbounded joints is no fraction with a denominator "
-                f"up to {LARGEST_DENOMINATOR}: the angles do not tell how far it is kept; bound one joint"
+                f"{name!r}: the ratio {period / last!r} of two unbounded joints is no fraction with a denominator "
+                f"up to {MAX_DENOMINATOR}: the angles do not determine the error of the coupling; bound one joint"
             )
-    down = lcm(*(r.denominator for r in ratios))
-    return shares[-1] * gcd(*(int(r * down) for r in ratios)) / down
+    denominator = lcm(*(r.denominator for r in ratios))
+    return last * gcd(*(int(r * denominator) for r in ratios)) / denominator

@@ -1,4 +1,4 @@
-"""Velocity rows: the velocities of two bodies at a point are equal along lines through it.
+"""Rows along lines: the velocities of two bodies at a point are equal along lines through it.
 
     0 = w . (V_b - V_a) + ...,   w = [e; p x e],   w' = [e'; p' x e + p x e']
 
@@ -10,7 +10,7 @@ Source: J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972), ch
 """
 
 from copy import copy
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class Lines(NamedTuple):
 
     Attributes:
         e: directions, (3, m).
-        p: a point of all of them in m, (3, 1).
+        p: their common point in m, (3, 1).
         de: rates of e, (3, m).
         dp: rate of p in m/s, (3, 1).
     """
@@ -63,20 +63,20 @@ class LineRows(FrameRows):
 
     def partials(self, pair: Pair) -> tuple[Array, Array]:
         Da, Db = np.empty((2, self.m, 6, 6))
-        at = at_rest(pair)
+        moving, zero = at_rest(pair), np.zeros(6)
         for i, unit in enumerate(np.eye(6)):
-            at.Va, at.Vb = unit, at.zero
-            Da[:, :, i] = self.rate(at).T
-            at.Va, at.Vb = at.zero, unit
-            Db[:, :, i] = self.rate(at).T
+            moving.Va, moving.Vb = unit, zero
+            Da[:, :, i] = self.rate(moving).T
+            moving.Va, moving.Vb = zero, unit
+            Db[:, :, i] = self.rate(moving).T
         return Da, Db
 
 
-def at_rest(pair: Pair) -> Any:
-    """Return a pair at the same position, at rest."""
-    at: Any = copy(pair)
-    at.Va = at.Vb = at.zero = np.zeros(6)
-    return at
+def at_rest(pair: Pair) -> Pair:
+    """Return a pair with the same poses and zero velocities."""
+    out = copy(pair)
+    out.Va = out.Vb = np.zeros(6)
+    return out
 
 
 def unit(x: Array, dx: Array) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ DEGREE = 7  # of splines: their seventh derivative jumps, which does not affect 
 
 
 class LawDerivatives(NamedTuple):
-    """A function value and its first three derivatives at a point."""
+    """Value of a function and its first three derivatives."""
 
     y: float
     first: float
@@ -28,8 +28,8 @@ class LawTable(Table):
     """A smooth curve through points (x, y), x increasing: a spline of degree 7, with six continuous derivatives.
 
     Attributes:
-        points: pairs (x, y) in rad or m of both joints. Beyond its ends the curve continues as a straight line.
-        periodic: the first and the last point coincide on a curve that repeats; where their y differ, each period adds
+        points: pairs (x, y) in rad or m of both joints. Beyond its ends the curve is linear.
+        periodic: whether the curve repeats after the last point; if the first and the last y differ, each period adds
             the difference (indexing drives).
     """
 
@@ -39,39 +39,39 @@ class LawTable(Table):
 
     @field_validator("points")
     @classmethod
-    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+    def _require_increasing(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         return require_increasing(points)
 
     @model_validator(mode="after")
-    def _is_smooth(self) -> "LawTable":
+    def _require_finite(self) -> "LawTable":
         if not np.isfinite(self.polynomials.core_data()["a"]).all():
             raise ValueError("the numbers of points are too large or too close for a smooth curve")
         return self
 
     @cached_property
     def polynomials(self) -> PiecewisePolynomial:
-        """The polynomials of one period, or of all."""
+        """The polynomials of one period, or of the whole curve."""
         x, y = np.array(self.points, float).T
-        pieces = spline(x, y[:, None], periodic=self.periodic)[:, :, 0]
+        coefficients = spline(x, y[:, None], periodic=self.periodic)[:, :, 0]
+        inner = PiecewisePolynomial(x[:-1], coefficients)
         if self.periodic:
-            return PiecewisePolynomial(x[:-1], pieces)
-        ends = np.zeros((2, DEGREE + 1))
-        ends[0, -2:] = pieces[0, -2], pieces[0, -1]
-        last = PiecewisePolynomial(x[:-1], pieces)
-        ends[1, -2:] = last.at(x[-1], 1), last.at(x[-1])
-        ends[0, -1] -= (x[-1] - x[0]) * ends[0, -2]
-        return PiecewisePolynomial([2 * x[0] - x[-1], *x], [ends[0], *pieces, ends[1]])
+            return inner
+        lines = np.zeros((2, DEGREE + 1))  # before the first and after the last point
+        lines[0, -2:] = coefficients[0, -2], coefficients[0, -1]
+        lines[1, -2:] = inner.at(x[-1], 1), inner.at(x[-1])
+        lines[0, -1] -= (x[-1] - x[0]) * lines[0, -2]
+        return PiecewisePolynomial([2 * x[0] - x[-1], *x], [lines[0], *coefficients, lines[1]])
 
     def core_data(self) -> dict[str, Any]:
-        """Core data."""
+        """Return the core data."""
         return self.polynomials.core_data()
 
 
 Law = Annotated[Union[LawTable, Harmonic], Field(discriminator="kind")]  # noqa: UP007
 
 
-def fold_of(law: LawTable | Harmonic) -> tuple[float, float, float]:
-    """Start, length and rise of a period; length 0 without one."""
+def period_of(law: LawTable | Harmonic) -> tuple[float, float, float]:
+    """Return start, length and rise of a period; length 0 if the law is not periodic."""
     if isinstance(law, LawTable):
         (x0, y0), (x1, y1) = law.points[0], law.points[-1]
         return (x0, x1 - x0, y1 - y0) if law.periodic else (0.0, 0.0, 0.0)
@@ -80,28 +80,28 @@ def fold_of(law: LawTable | Harmonic) -> tuple[float, float, float]:
 
 def law_derivatives(law: LawTable | Harmonic, x: float) -> LawDerivatives:
     """Return f and its derivatives at x."""
-    start, length, rise = fold_of(law)
-    turns = floor((x - start) / length) if length else 0
-    u = x - turns * length
+    start, length, rise = period_of(law)
+    periods = floor((x - start) / length) if length else 0
+    u = x - periods * length
     if isinstance(law, LawTable):
-        return LawDerivatives(law.polynomials.at(u) + turns * rise, *(law.polynomials.at(u, k) for k in (1, 2, 3)))
+        return LawDerivatives(law.polynomials.at(u) + periods * rise, *(law.polynomials.at(u, k) for k in (1, 2, 3)))
     return LawDerivatives(law.at(u), law.at(u, 1), law.at(u, 2), -(law.omega**2) * law.at(u, 1))
 
 
 def spline(x: Array, y: Array, *, periodic: bool) -> Array:
-    """Polynomials between points x (n,) of a spline through y (n, m): (n - 1, 8, m), highest power first.
+    """Return the polynomials between points x (n,) of a spline through y (n, m): (n - 1, 8, m), highest power first.
 
     In the periodic case the last y may differ from the first by the rise per period. Otherwise y'' = y''' = y'''' = 0
     at the ends.
     """
-    grown = (y[-1] - y[0]) / (x[-1] - x[0]) if periodic else np.zeros(y.shape[1])
-    flat = y - np.outer(x - x[0], grown)
-    flat[-1] = flat[0] if periodic else flat[-1]
-    still = [(k, np.zeros(y.shape[1])) for k in (2, 3, 4)]
+    mean_rate = (y[-1] - y[0]) / (x[-1] - x[0]) if periodic else np.zeros(y.shape[1])
+    deviation = y - np.outer(x - x[0], mean_rate)
+    deviation[-1] = deviation[0] if periodic else deviation[-1]
+    natural = [(k, np.zeros(y.shape[1])) for k in (2, 3, 4)]
     from scipy.interpolate import make_interp_spline  # imported here since few mechanisms need it
 
-    curve = make_interp_spline(x, flat, k=DEGREE, bc_type="periodic" if periodic else (still, still))
+    curve = make_interp_spline(x, deviation, k=DEGREE, bc_type="periodic" if periodic else (natural, natural))
     out = np.stack([curve(x[:-1], k) / factorial(k) for k in range(DEGREE, -1, -1)], axis=1)
-    out[:, -2] += grown
-    out[:, -1] += np.outer(x[:-1] - x[0], grown)
+    out[:, -2] += mean_rate
+    out[:, -1] += np.outer(x[:-1] - x[0], mean_rate)
     return np.asarray(out)

@@ -1,6 +1,6 @@
-"""Preconditions of closures: assumptions of their rows about both frames that they do not enforce (`Closure.unfit`).
+"""Preconditions of closures on their frames, which their rows do not enforce: `Closure.violated_precondition`.
 
-They are checked at the start, for the motions that the other closures allow, and at the nodes of a run.
+They are checked at the start, also for the motions that the other closures allow, and at the nodes of a run.
 """
 
 from collections.abc import Iterator
@@ -20,68 +20,68 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
+def closures_with_preconditions(mech: "Mechanism") -> list[Closure]:
+    """Return the closures of a mechanism that have a precondition."""
+    return [c for c in mech.closures if c.has_precondition]
 
-def assuming(mech: "Mechanism") -> list[Closure]:
-    """Closures of a mechanism that have a precondition."""
-    return [c for c in mech.closures if c.assumes]
 
-
-def refuse_unfit(mech: "Mechanism", q: Array) -> None:
-    """Reject a configuration q (nq,) in which a closure's precondition does not hold.
+def require_preconditions(mech: "Mechanism", q: Array) -> None:
+    """Reject a configuration q (nq,) that violates a closure's precondition.
 
     Raises:
-        InputError: naming the closure, the expected and the actual value.
+        InputError: names the closure, the expected and the actual value.
     """
-    if not (found := assuming(mech)):
+    if not (closures := closures_with_preconditions(mech)):
         return
     system = mech.system()
     G = system.jacobian(q)
-    for closure, pair in _placed(system, found):
+    for closure, pair in _with_pairs(system, closures):
         if closure.within and not closure.within.depth(q[find_joint(mech.model, closure.within.joint).idx_q]) > 0:
             continue
-        if words := closure.unfit(pair, pair.Rb.T @ pair.Ra) or _free_rotation(mech, closure, pair, G):
-            raise InputError(f"closure {closure.name!r}: {words}")
+        message = closure.violated_precondition(pair, pair.Rb.T @ pair.Ra) or _free_rotation(mech, closure, pair, G)
+        if message:
+            raise InputError(f"closure {closure.name!r}: {message}")
 
 
 def lost_precondition(system: "Index2System", ts: Array, qs: Array) -> str:
-    """Return which precondition is lost at a node of a run, and since when; empty if none.
+    """Return which precondition a run violates, and from which time; empty if none.
 
     Args:
         system: a workspace; its kinematics are overwritten.
         ts: times in s, (n,).
         qs: configurations, (n, nq).
     """
-    found = [c for c in assuming(system.mechanism) if not c.within]
+    closures = [c for c in closures_with_preconditions(system.mechanism) if not c.within]
     first: dict[str, Array] = {}
-    for t, q in zip(ts, qs, strict=True) if found else ():
+    for t, q in zip(ts, qs, strict=True) if closures else ():
         pin.forwardKinematics(system.model, system.workspace, q)
-        for closure, pair in _placed(system, found):
+        for closure, pair in _with_pairs(system, closures):
             relative = first.setdefault(closure.name, pair.Rb.T @ pair.Ra)
-            if words := closure.unfit(pair, relative):
-                return f"closure {closure.name!r} does not hold from t = {t:.6g} s on: {words}"
+            if message := closure.violated_precondition(pair, relative):
+                return f"closure {closure.name!r} does not hold from t = {t:.6g} s on: {message}"
     return ""
 
 
 def _free_rotation(mech: "Mechanism", closure: Closure, pair: Pair, G: Array) -> str:
-    """Return a message if wheels can rotate about other axes than the closure's, given joints and positional closures.
+    """Return a message if joints and positional closures allow a rotation about an excluded axis.
 
-    Bodies that rotate about all axes are held by forces, which are unknown before the run.
+    Bodies that can rotate about all axes are guided by forces, which are unknown before the run.
     """
-    if not (foreign := closure.foreign_axes(pair)):
+    if not (excluded := closure.excluded_axes(pair)):
         return ""
-    kept = [i for c in mech.closures if not c.within for i in mech.rows_of(c.name) if mech.positional[i]]
-    size, free = np.linalg.svd(G[kept])[1:] if kept else (np.empty(0), np.eye(mech.nv))
+    rows = [i for c in mech.closures if not c.within for i in mech.rows_of(c.name) if mech.positional[i]]
+    size, free = np.linalg.svd(G[rows])[1:] if rows else (np.empty(0), np.eye(mech.nv))
     free = free[np.count_nonzero(size > RANK * max(size, default=0.0)) :]
-    turns = (pair.sign * pair._J)[3:] @ free.T
-    if not turns.size or np.linalg.matrix_rank(turns, RANK * np.abs(turns).max()) > 2:
+    rotations = (pair.sign * pair._J)[3:] @ free.T
+    if not rotations.size or np.linalg.matrix_rank(rotations, RANK * np.abs(rotations).max()) > 2:
         return ""
-    axes, words = foreign
-    return words if np.abs(axes @ turns).max() > THREE_DIGITS * np.abs(turns).max() else ""
+    axes, message = excluded
+    return message if np.abs(axes @ rotations).max() > THREE_DIGITS * np.abs(rotations).max() else ""
 
 
-def _placed(system: "Index2System", closures: list[Closure]) -> Iterator[tuple[Closure, Pair]]:
-    """Yield closures with their pairs of frames, located at current kinematics."""
+def _with_pairs(system: "Index2System", closures: list[Closure]) -> Iterator[tuple[Closure, Pair]]:
+    """Yield closures and their pairs of frames, with poses at current kinematics."""
     for closure in closures:
-        pair = system.constraints.frame_parts[closure.name].pair
+        pair = system.constraints.frame_rows[closure.name].pair
         pair.locate()
         yield closure, pair

@@ -3,7 +3,7 @@
     roller, pin    g = side (x - c).n - r at the nearest c, n the profile's normal in its plane;  along n through p_b
     flat face      g = n.(p_b - c), n the face's normal, c the profile's farthest point along it;  along n through c
 
-The g of neither changes when the contact moves along the profile, so both have the rates of the lines.
+A motion of the contact along the profile does not change g, so the rates are those of the lines.
 """
 
 from typing import Any
@@ -49,7 +49,7 @@ class Roller(LineRows):
 
 
 class FlatFace(LineRows):
-    """A flat face of b through its origin touches a profile of a; the normal of b (3,) points away from it."""
+    """A flat face of b through its origin touches a profile of a; its normal (3,) points away from the profile."""
 
     m, positional = 1, True
 

@@ -1,6 +1,6 @@
 """Primitive rows between two frames that make up closures and drivers.
 
-Between two frames a row is a scalar g(q) whose rate is the power of a wrench w on frame b and -w on frame a,
+A row between two frames is a scalar g(q) whose rate is the power of a wrench w on frame b and -w on frame a,
 
     d/dt g = w . (V_b - V_a),   G_row = sign * (w^T J),   gamma = dw/dt . (V_b - V_a) + w . (A_b - A_a),
 
@@ -28,7 +28,7 @@ class FrameRows:
     Attributes:
         m: number of rows.
         unit: of g: ``"m"``, or ``"rad"`` for quantities that approximate a small angle.
-        positional: whether there is a g; velocity rows have none, and the unit is that of their rate times s.
+        positional: whether there is a g; velocity rows have none, and their unit is that of G v times s.
     """
 
     m: int
@@ -36,7 +36,7 @@ class FrameRows:
     positional: ClassVar[bool] = True
 
     def core_data(self) -> list[dict[str, Any]]:
-        """Return the core data of each row, a kind and its numbers; nothing if the core does not support it."""
+        """Return the core data of each row, a kind and its parameters; empty if the core does not support it."""
         return []
 
     def residual(self, pair: Pair) -> np.ndarray:
@@ -54,7 +54,7 @@ class FrameRows:
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         """Return Da and Db, (m, 6, 6) each: dw = Da d_a + Db d_b for motions d (6,) of both anchors.
 
-        Where both anchors move together, so do the wrenches: (Da + Db) d = d x* w.
+        If both anchors move together, so do the wrenches: (Da + Db) d = d x* w.
         """
         raise NotImplementedError
 
@@ -122,8 +122,8 @@ class DotProduct2(FrameRows):
     def partials(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
         n = pair.Ra.dot(self.axes)
         Da = np.zeros((self.m, 6, 6))
-        Da[:, :3, 3:] = turn = -skews(n)
-        Da[:, 3:, 3:] = skew(pair.pb) @ turn
+        Da[:, :3, 3:] = minus_n = -skews(n)
+        Da[:, 3:, 3:] = skew(pair.pb) @ minus_n
         return Da, moved_line_partials(pair.pb, n)
 
 

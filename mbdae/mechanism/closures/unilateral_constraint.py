@@ -1,4 +1,4 @@
-"""Unilateral closures and joint stops: their rows are active while they carry load."""
+"""Unilateral closures and joint stops: their rows are active while they transmit a force."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ class UnilateralOptions(Table):
     """Options of unilateral rows.
 
     Attributes:
-        unilateral: the row pushes and does not pull (a rope pulls and does not push); it opens and closes.
-        restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 if left out.
-        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 if left out.
+        unilateral: whether the row only pushes (a rope only pulls); it opens and closes.
+        restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
+        rest: duration in s below which a flight between two impacts ends in rest; 1e-6 when left out.
     """
 
     unilateral: bool | None = None
@@ -23,7 +23,7 @@ class UnilateralOptions(Table):
     rest: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _one_sided(self) -> "UnilateralOptions":
+    def _check_options(self) -> "UnilateralOptions":
         if not self.unilateral and (self.restitution is not None or self.rest is not None):
             raise ValueError("restitution and rest belong to unilateral = true")
         return self
@@ -42,9 +42,9 @@ class Stop(JointPair, UnilateralOptions):
         coefficients: c_0, c_1, ... for ``joints``.
         lower: in rad or m; no lower stop when left out.
         upper: in rad or m; no upper stop when left out.
-        limits: use the limits of the source (URDF ``limit``, MJCF ``range``); without a joint, those of all joints that
-            have some.
-        restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 when left out.
+        limits: whether to use the limits of the source (URDF ``limit``, MJCF ``range``); without a joint, those of all
+            joints that have limits.
+        restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
         rest: duration in s below which a flight between two impacts ends in rest; 1e-6 when left out.
         unilateral: always true.
         name: by default the names of the joints and "stop".
@@ -76,7 +76,7 @@ class Stop(JointPair, UnilateralOptions):
     @model_validator(mode="after")
     def _check_limits(self) -> "Stop":
         if self.limits and (self.joints is not None or self.lower is not None or self.upper is not None):
-            raise ValueError("limits are those of joints in their files: no joints, lower or upper beside it")
+            raise ValueError("limits = true takes the limits from the source: give no joints, lower or upper")
         if not self.limits and not self.between:
             raise ValueError("a stop needs joint, joints or limits = true")
         if not self.limits and self.lower is None and self.upper is None:
@@ -87,7 +87,7 @@ class Stop(JointPair, UnilateralOptions):
 
     @property
     def one_sided_limits(self) -> tuple[tuple[float, float], ...]:
-        """Limits, and the side on which the joint moves: 1 above, -1 below."""
+        """Limits, and the side on which the joint moves: 1 above, -1 below the limit."""
         both = ((self.lower, 1.0), (self.upper, -1.0))
         return tuple((end, side) for end, side in both if end is not None)
 

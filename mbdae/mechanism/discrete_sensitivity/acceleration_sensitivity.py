@@ -44,14 +44,14 @@ class AccelerationSensitivity:
         """
         rows = np.array(self.system.in_use, int)
         K, D = friction_partials(self.system, q, v, lam[rows], rows)
-        return K, D, np.ascontiguousarray(self.parameters.of_friction(q, v, lam[rows], rows).T)
+        return K, D, np.ascontiguousarray(self.parameters.friction_partials(q, v, lam[rows], rows).T)
 
     def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
         """Return the partials of y', and of all multipliers if requested, on M v' = f + G^T lam, 0 = G v' + gamma."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, found = s.derivative(t, y)
         found = found[: s.ng]
-        (q, v), inner, vdot, rows = s.split(y), s.inner(y), F[nv : 2 * nv], np.array(s.in_use, int)
+        (q, v), inner, vdot, rows = s.split(y), s.element_states(y), F[nv : 2 * nv], np.array(s.in_use, int)
         G = s.jacobian(q)
         force = G.T @ found
         lam = np.linalg.lstsq(G[rows].T, force)[0] if len(rows) else np.empty(0)
@@ -61,9 +61,9 @@ class AccelerationSensitivity:
         f_t, _, gamma_t = time_partials(s, t, q, v, inner, whole)
         by_q, by_v = gamma_partials(s, q, v)
         by_q += s.constraints.partials(vdot, whole)[1]
-        Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
-        P = p.of_forces(t, q, v, inner, vdot, whole)
-        if s.sliding:
+        Q = p.row_partials(t, q, vdot)[0] - p.row_partials(t, q, np.zeros(nv))[0] + p.bias_partials(t, q, v)
+        P = p.force_partials(t, q, v, inner, vdot, whole)
+        if s.closure_friction:
             K, D, by_p = self.friction(q, v, whole)
             at, P = at._replace(K=at.K + K, D=at.D + D), P + by_p.T
         above = np.hstack([at.K, at.D, P, f_t[:, None]])
@@ -97,7 +97,7 @@ class AccelerationSensitivity:
         force[:, :nv] += s.constraints.partials(v, whole - found)[0]
         turned[:, :nv] = s.constraints.partials(y, found)[1]
         if self.k:
-            force[:, of] += p.of_forces(t, q, v, inner, still, whole)[:nv]
-            force[:, of] -= p.of_forces(t, q, v, inner, still, found)[:nv]
-            turned[:, of] = p.of_rows(t, q, y)[0] - p.of_rows(t, q, still)[0]
+            force[:, of] += p.force_partials(t, q, v, inner, still, whole)[:nv]
+            force[:, of] -= p.force_partials(t, q, v, inner, still, found)[:nv]
+            turned[:, of] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, still)[0]
         return inverse @ force + turned - left @ (left.T @ turned)

@@ -1,8 +1,8 @@
 """Exact derivatives of a mechanism's equations by its parameters: masses, placements, lengths, stiffnesses, ...
 
 A parameter is a direction in the components of a mechanism: ten inertial parameters dpi of a body, a motion xi of a
-joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The directions are found
-once, from mechanisms with other values. At a point
+joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The directions are
+computed once, from mechanisms with other values. At a point
 
     inertial parameters          d(M v' + nle) = Y dpi with the bodies' regressors Y
     placements and frames        columns of K, B, G and gamma_q of a frozen free joint there, times xi
@@ -37,7 +37,7 @@ from .placement_tree import PlacementTree
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-REACHED, NOTHING = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp|: a part that closures cannot follow; and rounding
+UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp|, not corrected by any motion; absolute, rounding
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
 
@@ -70,26 +70,27 @@ class Parameters:
         self.system = s = Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
-            near = partial(_moved, make, rest, name, value)
+            near = partial(_changed_mechanism, make, rest, name, value)
             self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
             if p.side:
                 end = f"parameter {name!r} = {value:.9g} is at the end of its range"
                 warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
             if along and (p.forces or p.specs):
                 self._choose_width(p, along, mode)
-        self.laws = [LawDifferences(p, s, p.near) for p in self.all]
-        self.rows = [RowDifferences(p, s, p.near) for p in self.all]
-        places = sorted({j for p in self.all for j in p.places})
+        self.laws = [LawDifferences(p, s, p.perturbed) for p in self.all]
+        self.rows = [RowDifferences(p, s, p.perturbed) for p in self.all]
+        places = sorted({j for p in self.all for j in p.placements})
         frames = sorted({i for p in self.all for i in p.frames})
-        self.opened = PlacementTree(mech, places, frames, s, native) if places or frames else None
+        self.placement_tree = PlacementTree(mech, places, frames, s, native) if places or frames else None
         self._found: dict[str, tuple[Any, Any]] = {}
-        self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
+        tree = self.placement_tree
+        self.motions = np.array([tree.motion(p) for p in self.all]).T if tree else np.empty((0, 0))
 
     def __len__(self) -> int:
         return len(self.all)
 
     def _choose_width(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
-        """Choose widths of differences of laws and rows that are accurate along a run: a frequency acts over time.
+        """Use a width of differences of laws and rows that is accurate along a run: a frequency acts over time.
 
         Raises:
             InputError: if no width is accurate.
@@ -99,7 +100,7 @@ class Parameters:
             kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
 
         def sampled(h: float) -> dict[int, Array]:
-            near, found = p.beside(h), []
+            near, found = p.perturbed_mechanisms(h), []
             laws, rows = LawDifferences(p, s, near), RowDifferences(p, s, near)
             for t, q, v, inner in along:
                 pin.forwardKinematics(s.model, s.workspace, q, v, np.zeros(s.nv))
@@ -113,15 +114,15 @@ class Parameters:
         held = converged_difference(sampled, p.h)
         if not held.discrepancy <= INTERPOLATION:
             raise InputError(f"parameter {p.name!r} has no derivative along this run: differences do not converge")
-        p.use(held.h)
+        p.use_width(held.h)
 
     def enter(self, mode: Mode) -> None:
-        """Enter another mode: its inactive rows are 0."""
+        """Enter another mode; partials of its inactive rows are 0."""
         if mode == self.system.mode:
             return
         self.system.enter(mode)
         for p, laws in zip(self.all, self.laws, strict=True):
-            for near in laws.near.values():
+            for near in laws.perturbed.values():
                 for i, (other, _) in zip(p.forces, near.bound, strict=False):
                     own = self.system.laws.bound[i][0]
                     if isinstance(own, KineticFrictionElement) and isinstance(other, KineticFrictionElement):
@@ -139,36 +140,36 @@ class Parameters:
         return self.once("workspace", (formulation, native), find)
 
     def once(self, name: str, key: Any, find: Callable[[], Any]) -> Any:
-        """Return a shared workspace or partials at a start: cached for the same key, or computed."""
+        """Return a cached value of this name if its key is the same; otherwise compute it."""
         if name not in self._found or self._found[name][0] != key:
             self._found[name] = key, find()
         return self._found[name][1]
 
-    def of_forces(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
+    def force_partials(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
         """Return d(f + G^T lam - M v', h, power)/dp with all else constant, (nv + ns + 1, k)."""
         system, nv = self.system, self.system.nv
         out = np.zeros((nv + len(s) + 1, len(self)))
         if not len(self):
             return out
-        if self.opened:
-            K = self.opened.torques(t, q, v, vdot, lam) @ self.motions
+        if self.placement_tree:
+            K = self.placement_tree.torques(t, q, v, vdot, lam) @ self.motions
             out[:nv] += K[:nv]
             out[-1] += K[-1]
         pin.forwardKinematics(system.model, system.workspace, q, v, vdot)
         J = pin.computeJointJacobians(system.model, system.workspace, q)
         for i, p in enumerate(self.all):
             out[:nv, i] -= self._inertial(p, J) + p.armature * vdot
-        if any(laws.near for laws in self.laws):
+        if any(laws.perturbed for laws in self.laws):
             pin.forwardKinematics(system.model, system.workspace, q, v, np.zeros(nv))
         for i, (laws, rows) in enumerate(zip(self.laws, self.rows, strict=True)):
             laws.add(out[:, i], t, q, v, s)
             rows.add_forces(out[:, i], t, lam)
         return out
 
-    def of_friction(self, q: Array, v: Array, lam: Array, rows: Array) -> Array:
-        """Return the partial derivatives of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
+    def friction_partials(self, q: Array, v: Array, lam: Array, rows: Array) -> Array:
+        """Return the partials of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
 
-        By differences of that friction alone, in perturbed mechanisms; lam (r,) of the rows in use.
+        They are differences of that friction alone, in perturbed mechanisms; lam (r,) are those of the rows in use.
         """
         out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
         for i, (p, near) in enumerate(zip(self.all, self.perturbed_systems, strict=True)):
@@ -181,52 +182,52 @@ class Parameters:
     @cached_property
     def perturbed_systems(self) -> list[dict[int, Index2System]]:
         """Workspaces of the perturbed mechanisms."""
-        return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
+        return [{k: Index2System(m) for k, m in p.perturbed.items()} for p in self.all]
 
     @cached_property
     def perturbed_friction(self) -> list[dict[int, ClosureFriction]]:
         """Closure friction with perturbed forces and closures, in the same workspace."""
         s, out = self.system, []
         for p in self.all:
-            near = p.near.items() if s.sliding.places and (p.forces or p.specs) else ()
+            near = p.perturbed.items() if s.closure_friction.interfaces and (p.forces or p.specs) else ()
             rows = {k: Constraints(s.model, s.workspace, m.constraints) for k, m in near}
             out.append({k: ClosureFriction(m.forces, m.closures, rows[k]) for k, m in near})
         return out
 
-    def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    def row_partials(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return Q = d(G v + g_t)/dp and dg/dp, (ng, k) each."""
         Q, g = np.zeros((2, self.system.ng, len(self)))
-        if self.opened:
-            B, G = self.opened.rows(t, q, v)
+        if self.placement_tree:
+            B, G = self.placement_tree.rows(t, q, v)
             Q, g = B @ self.motions, G @ self.motions
-        if any(rows.near for rows in self.rows):
+        if any(rows.perturbed for rows in self.rows):
             pin.computeJointJacobians(self.system.model, self.system.workspace, q)
             for i, rows in enumerate(self.rows):
                 rows.add_rates(Q[:, i], g[:, i], t, v)
-        Q[self.system.constraints.off] = g[self.system.constraints.off] = 0.0
+        Q[self.system.constraints.inactive] = g[self.system.constraints.inactive] = 0.0
         return Q, g
 
-    def of_bias(self, t: float, q: Array, v: Array) -> Array:
+    def bias_partials(self, t: float, q: Array, v: Array) -> Array:
         """Return d gamma/dp, (ng, k)."""
         out = np.zeros((self.system.ng, len(self)))
-        if self.opened:
-            out = self.opened.bias(q, v) @ self.motions
-        if any(rows.near for rows in self.rows):
+        if self.placement_tree:
+            out = self.placement_tree.bias(q, v) @ self.motions
+        if any(rows.perturbed for rows in self.rows):
             pin.forwardKinematics(self.system.model, self.system.workspace, q, v, np.zeros(self.system.nv))
             for i, rows in enumerate(self.rows):
                 rows.add_bias(out[:, i], t, v)
-        out[self.system.constraints.off] = 0.0
+        out[self.system.constraints.inactive] = 0.0
         return out
 
     def _inertial(self, p: Parameter, J: Array) -> Array:
-        """Derivative of M v' + nle, (nv,), without armature; velocities and accelerations stand."""
+        """Return the derivative of M v' + nle, (nv,), without armature; velocities and accelerations are current."""
         model, data, out = self.system.model, self.system.workspace, np.zeros(self.system.nv)
         for j in set(p.inertias) | (set(range(1, model.njoints)) if p.gravity.any() else set()):
-            place, wrench = data.oMi[j], np.zeros(6)
+            placement, wrench = data.oMi[j], np.zeros(6)
             if j in p.inertias:
-                a = data.a[j] - place.actInv(model.gravity)
-                wrench += place.act(pin.Force(pin.bodyRegressor(data.v[j], a) @ p.inertias[j])).vector
-            wrench -= (place.act(model.inertias[j]) * pin.Motion(p.gravity, np.zeros(3))).vector
+                a = data.a[j] - placement.actInv(model.gravity)
+                wrench += placement.act(pin.Force(pin.bodyRegressor(data.v[j], a) @ p.inertias[j])).vector
+            wrench -= (placement.act(model.inertias[j]) * pin.Motion(p.gravity, np.zeros(3))).vector
             out += support(model, j) * (wrench @ J.reshape(6, -1))
         return out
 
@@ -237,7 +238,7 @@ class Parameters:
             InputError: names the force.
         """
         self.system.inertia(t, q)
-        for laws in (self.system.laws, *(near for p in self.laws for near in p.near.values())):
+        for laws in (self.system.laws, *(near for p in self.laws for near in p.perturbed.values())):
             laws.require_directions()
 
     def require_consistent(self, t: float, q: Array) -> None:
@@ -246,15 +247,15 @@ class Parameters:
         Raises:
             InputError: names the parameter.
         """
-        kept = self.system.constraints.positional
-        g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1][kept], self.system.jacobian(q)[kept]
+        positional = self.system.constraints.positional
+        g, G = self.row_partials(t, q, np.zeros(self.system.nv))[1][positional], self.system.jacobian(q)[positional]
         for p, column in zip(self.all, g.T, strict=True):
-            left = column + G @ np.linalg.lstsq(G, -column, rcond=RANK)[0]
-            if np.abs(left).max(initial=0.0) > max(REACHED * np.abs(column).max(initial=0.0), NOTHING):
+            residual = column + G @ np.linalg.lstsq(G, -column, rcond=RANK)[0]
+            if np.abs(residual).max(initial=0.0) > max(UNREACHABLE * np.abs(column).max(initial=0.0), NEGLIGIBLE):
                 raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
 
 
-def _moved(make: Make, values: Mapping[str, float], name: str, value: float, by: float) -> "Mechanism":
+def _changed_mechanism(make: Make, values: Mapping[str, float], name: str, value: float, by: float) -> "Mechanism":
     """Return the mechanism with one parameter changed.
 
     Raises:
@@ -263,5 +264,5 @@ def _moved(make: Make, values: Mapping[str, float], name: str, value: float, by:
     try:
         return make({**values, name: value + by})
     except MbdaeError as e:
-        moved = f"parameter {name!r} = {value:.9g} cannot be moved by {by:+.3g} to find its derivative"
-        raise InputError(f"{moved}: {e}") from e
+        text = f"parameter {name!r} = {value:.9g} cannot be changed by {by:+.3g} to find its derivative"
+        raise InputError(f"{text}: {e}") from e

@@ -1,4 +1,4 @@
-"""Mechanism with frozen free joints that displace joints and frames."""
+"""Mechanism with frozen free joints, whose motions displace joints and frames."""
 
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class PlacementTree:
-    """The mechanism with frozen free joints before joints whose placement changes, and below displaced frames."""
+    """The mechanism with frozen free joints as parents of displaced joints and frames."""
 
     def __init__(
         self, mech: "Mechanism", places: list[int], frames: list[int], s: Index2System, native: ModuleType | None
@@ -62,7 +62,7 @@ class PlacementTree:
             self.system = other.system(native=None if other.switches else native)
         except NotCompiled:
             self.system = other.system()
-        self.system.constraints.off = np.empty(0, int)  # partials are those of all rows, in any mode
+        self.system.constraints.inactive = np.empty(0, int)  # partials are those of all rows, in any mode
         self.system.use_rows(tuple(range(self.system.ng)))
         self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
 
@@ -102,5 +102,5 @@ class PlacementTree:
 
     def motion(self, p: Parameter) -> Array:
         """Return the motion of the frozen joints by a parameter, (6 n,)."""
-        known = {"place": p.places, "frame": p.frames}
+        known = {"place": p.placements, "frame": p.frames}
         return np.concatenate([known[kind].get(i, np.zeros(6)) for kind, i in self.frozen])

@@ -1,7 +1,7 @@
 """Discrete sensitivity of a run between its steps: hidden constraint, projections, jumps, starts, energies.
 
-Variations are those of computed numbers, not of the continuous motion: dy (ny,) in the tangent at y, dp (k,) of k
-parameters. All maps are returned as matrices in (dy, dp). Steps are differentiated in the compiled core
+Variations are those of the computed numbers, not of the continuous motion: dy (ny,) in the tangent at y, dp (k,) of k
+parameters. Maps are matrices whose columns belong to (dy, dp). The compiled core differentiates steps
 (mbdae/native/sensitivity).
 """
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
     from ..formulations.compiled_systems import CompiledSystem
 
-SHORT = 3  # number of times the width of starts shrinks: the assembly tolerance must not dominate
+START_REDUCTIONS = 3  # of the difference width of starts: the assembly tolerance must not dominate
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are user functions
 
 
@@ -45,17 +45,17 @@ class PointSensitivity(AccelerationSensitivity):
 
     @property
     def n_carry(self) -> int:
-        """Length of the carry of methods with an explicit first stage: (v', s', w'), in the GGL form after a slip."""
+        """Length of the carry of methods with an explicit first stage: (v', s', w'), in GGL form after M^-1 G^T mu."""
         return self.ny - (0 if self.stabilised else self.system.nv)
 
-    def renewed(self, t: float, y: Array) -> Array:
-        """Return the partials of the carry restarted at y, (nc, ny + k); the slip is 0 there."""
+    def restarted_carry(self, t: float, y: Array) -> Array:
+        """Return the partials of the carry restarted at y, (nc, ny + k); there M^-1 G^T mu = 0."""
         out = np.zeros((self.n_carry, self.ny + self.k))
-        found = self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
-        out[self.n_carry - len(found) :] = found
+        rate = self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
+        out[self.n_carry - len(rate) :] = rate
         return out
 
-    def restored(self, t: float, y: Array) -> Array:
+    def projection(self, t: float, y: Array) -> Array:
         """Return the partials of `mbdae.system.System.restore` at y, (ny, ny + k): each Gauss-Newton step, and v."""
         return self._projected(t, y, True)[1]
 
@@ -64,7 +64,7 @@ class PointSensitivity(AccelerationSensitivity):
         return self._projected(t, y, False)[1]
 
     def _projected(self, t: float, y: Array, positions: bool) -> tuple[Array, Array]:
-        """Return the projected point, or that with v projected alone, and its partials.
+        """Return the projected point, with q and v or only v projected, and its partials.
 
         Raises:
             StepError: if the core cannot compute it.
@@ -74,23 +74,23 @@ class PointSensitivity(AccelerationSensitivity):
             raise StepError("singular", f"the projection at t = {t:.9g} s cannot be differentiated")
         return found[0], found[1].T
 
-    def jumped(self, t: float, y: Array) -> Array:
+    def jump(self, t: float, y: Array) -> Array:
         """Return the partials of `mbdae.system.System.jump` at y, (ny, ny + k), by differences of controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
             moved = numerical_jacobian(
-                lambda x: s.inner(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH
+                lambda x: s.element_states(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH
             )
             out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
-            if laws.near and len(laws.at):
-                (q, v), inner = s.split(y), s.inner(y)[laws.at]
-                found = {k: f.jump(t, q, v, inner) for k, f in laws.near.items()}
+            if laws.perturbed and len(laws.at):
+                (q, v), inner = s.split(y), s.element_states(y)[laws.at]
+                found = {k: f.jump(t, q, v, inner) for k, f in laws.perturbed.items()}
                 out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
         return out
 
     def initial_impact(self, t: float, y: Array) -> tuple[Array, Array]:
-        """Project v onto the rows of a mode at a start: the point, and its partials, including the impact work."""
+        """Return the point with v projected onto the rows of a mode at a start, and its partials, with impact work."""
         nq, nv = self.system.nq, self.system.nv
         at, out = self._projected(t, y, False)
         before, after = (self.energy(y[:nq], w[nq : nq + nv])[0] for w in (y, at))
@@ -106,27 +106,29 @@ class PointSensitivity(AccelerationSensitivity):
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(given)
         free_q, free_v = self._free_coordinates(mech.start_values.q), self._free_coordinates(mech.start_values.v, True)
-        off, s.constraints.off = s.constraints.off, inactive_rows(mech.switches, (0,) * len(mech.switches))
-        G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
-        s.constraints.off = off
+        inactive, all_open = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
+        s.constraints.inactive = all_open  # a start is assembled without unilateral rows
+        G, positional = s.jacobian(q), s.constraints.positional
+        s.constraints.inactive = inactive
         assembled = bool(s.ng and mech.start_values.assemble)
-        decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
+        determined = assembled and all(_determine_all(A) for A in (G[np.ix_(positional, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
-            if p.keeps_start or (decided and all(m.start_values == mech.start_values for m in p.first)):
+            if p.keeps_start or (determined and all(m.start_values == mech.start_values for m in p.first)):
                 continue  # or closures and fixed coordinates determine all
             try:
                 out[:, i] = self._start_quotient(p, t, base)
-            except AssemblyError as e:  # the parameter change is too large
-                if p.name.startswith("start.") or not decided:
-                    raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
+            except AssemblyError as e:  # the change of the parameter is too large
+                if p.name.startswith("start.") or not determined:
+                    raise InputError(f"the start cannot be assembled near this value of {p.name!r}: {e}") from None
         if not assembled:
             return out
-        g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
-        out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=PIVOT_RANK) @ (G @ out[:nv] + g)[kept]
+        g = self.parameters.row_partials(t, q, np.zeros(nv))[1]
+        residual = (G @ out[:nv] + g)[positional]
+        out[free_q] -= np.linalg.pinv(G[np.ix_(positional, free_q)], rcond=PIVOT_RANK) @ residual
         pin.computeJointJacobians(s.model, s.workspace, q)
-        B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
-        left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
-        out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=PIVOT_RANK) @ left
+        B, Q = s.constraints.partials(v, np.zeros(s.ng))[1], self.parameters.row_partials(t, q, v)[0]
+        residual = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
+        out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=PIVOT_RANK) @ residual
         return out
 
     def _free_coordinates(self, table: Mapping[str, Any], of_v: bool = False) -> Array:
@@ -145,11 +147,11 @@ class PointSensitivity(AccelerationSensitivity):
         s, mech = self.system, self.parameters.mech
         scales = np.concatenate([x * mech.coordinate_scales for x in (1.0, mech.characteristic_rate)])
         found = converged_difference(
-            lambda h: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},
-            p.width, np.append(ITERATION_ROUNDING * scales, np.zeros(s.ns + 1)), SHORT,
+            lambda h: {k: s.difference(base, m.point(t=t)) for k, m in p.perturbed_mechanisms(h).items()},
+            p.width, np.append(ITERATION_ROUNDING * scales, np.zeros(s.ns + 1)), START_REDUCTIONS,
         )  # fmt: skip
         if not found.discrepancy <= INTERPOLATION:
-            raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
+            raise InputError(f"the assembled start jumps with {p.name!r}: no derivative")
         return found.derivative
 
     def start_states(self) -> Array:
@@ -157,7 +159,7 @@ class PointSensitivity(AccelerationSensitivity):
         out = np.zeros((self.system.ns, self.k))
         for i, p in enumerate(self.parameters.all):
             if any(m.states != self.parameters.mech.states for m in p.first):
-                out[:, i] = p.quotient({k: np.array(list(m.states.values())) for k, m in p.near.items()})
+                out[:, i] = p.quotient({k: np.array(list(m.states.values())) for k, m in p.perturbed.items()})
         return out
 
     def energy(self, q: Array, v: Array) -> Array:
@@ -176,6 +178,6 @@ class PointSensitivity(AccelerationSensitivity):
         return out
 
 
-def _decide(G: Array) -> bool:
+def _determine_all(G: Array) -> bool:
     """Return whether the rows determine all free coordinates of a start."""
     return int(np.linalg.matrix_rank(G, PIVOT_RANK)) == G.shape[1] if G.size else not G.shape[1]

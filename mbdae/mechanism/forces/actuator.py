@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..callbacks import called, checked, function_name
+from ..callbacks import call_with_views, checked_value, function_name
 from .force import Array, CoreData, ForceElement, PythonForce, start_values
 from .python_law_partials import law_partials, law_time_partials
 
@@ -65,8 +65,8 @@ class ActuatorElement(ForceElement):
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]
-        tau = checked(called(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
-        return 0.0, tau, checked(called(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
+        tau = checked_value(call_with_views(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
+        return 0.0, tau, checked_value(call_with_views(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
 
     def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         return law_time_partials(lambda t: np.concatenate(self.evaluate(t, q, v, s)[1:]), t, v)

@@ -86,7 +86,7 @@ class ForceElement:
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which the law may jump; sign * inf if none."""
-        return sign * min((sign * s.jump(t, sign) for s in self.signals), default=inf)
+        return sign * min((sign * s.breakpoint(t, sign) for s in self.signals), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return s after a jump at time t, (ns,); kinematics need not be current."""

@@ -90,6 +90,6 @@ class CurveElement(JointElement):
         return float((self.integral(self.deflection(q)) - self.integral(0.0)).sum())
 
     def core_data(self) -> CoreData:
-        signals = [PiecewisePolynomial.of(x).core_data() for x in (self.c, self.integral)]
+        signals = [PiecewisePolynomial.from_ppoly(x).core_data() for x in (self.c, self.integral)]
         numbers = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
         return {"kind": "curve", **numbers, "signals": signals}

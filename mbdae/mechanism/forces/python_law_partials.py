@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..callbacks import called, checked
+from ..callbacks import call_with_views, checked_value
 from .force import Array
 
 WIDTH = 6e-6
@@ -49,8 +49,8 @@ def law_partials(
     tau = law(q, v, s)[:nv]
     if user_partials is not None:
         what = f"partials of {what}"
-        value = called(what, user_partials, t, q, v, *([s] if len(s) else []))
-        partials = checked(value, (n, nv + n), t, what)
+        value = call_with_views(what, user_partials, t, q, v, *([s] if len(s) else []))
+        partials = checked_value(value, (n, nv + n), t, what)
     else:
         columns = [(law(pin.integrate(model, q, e), v, s) - law(pin.integrate(model, q, -e), v, s)) / (2 * WIDTH)
                    for e in WIDTH * np.eye(nv)]  # fmt: skip

@@ -8,13 +8,14 @@ rejected steps evaluate it only once, and the state determines all of the follow
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import floor
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, StepError
 from ...tolerances import INPUT_DIGITS
-from ..callbacks import called, checked, function_name
+from ..callbacks import call_with_views, checked_value, function_name
 from ..frames import find_joints, joint_names
 from .force import Array, CoreData, Joints, PythonForce, start_values
 from .linear import LinearElement, Term
@@ -45,7 +46,7 @@ class Sampled(PythonForce):
         >>> hold = Sampled(lambda t, q, v: -5 * v, rate=100, name="brake")   # doctest: +SKIP
     """
 
-    function: Callable[..., Array | tuple[Array, Array]]
+    function: Callable[..., Any]
     rate: float
     joints: Joints = ()
     memory: Mapping[str, float] = field(default_factory=dict)
@@ -71,8 +72,8 @@ class Sampled(PythonForce):
     def _sample(self, t: float, q: Array, v: Array, x: Array) -> tuple[Array, Array]:
         what = f"controller {self.name!r}"
         if not self.memory:
-            return called(what, self.function, t, q, v), x
-        out = called(what, self.function, t, q, v, x)
+            return call_with_views(what, self.function, t, q, v), x
+        out = call_with_views(what, self.function, t, q, v, x)
         if not (isinstance(out, tuple) and len(out) == 2):
             raise StepError("force", f"{what} with a memory returns (tau, x_next), got {out!r:.80}, at t = {t:.17g}")
         return out
@@ -131,5 +132,5 @@ class SampledElement(LinearElement):
         tau, x = self.sample(t, q, v, s[self.m :].copy())
         what = f"controller {self.name!r}"
         return np.concatenate(
-            [checked(tau, (self.m,), t, what), checked(x, (len(s) - self.m,), t, f"{what}, its memory,")]
+            [checked_value(tau, (self.m,), t, what), checked_value(x, (len(s) - self.m,), t, f"{what}, its memory,")]
         )

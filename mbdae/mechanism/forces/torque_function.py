@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pinocchio as pin
 
-from ..callbacks import called, checked, function_name
+from ..callbacks import call_with_views, checked_value, function_name
 from .force import Array, CoreData, ForceElement
 from .python_law_partials import law_partials, law_time_partials
 
@@ -25,7 +25,7 @@ class TorqueElement(ForceElement):
         self.what = f"force {self.name!r}"
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:
-        return 0.0, checked(called(self.what, self.function, t, q, v), v.shape, t, self.what)
+        return 0.0, checked_value(call_with_views(self.what, self.function, t, q, v), v.shape, t, self.what)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         user_partials = getattr(self.function, "partials", None)

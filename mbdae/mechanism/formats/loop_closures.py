@@ -60,7 +60,7 @@ def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) ->
     found = next((file for file in candidates if file.is_file()), None)
     if found is None:
         return part
-    if not allowed.holds(found):
+    if not allowed.allows(found):
         raise access_error(FILE, found.resolve(), allowed.root)
     content: Any = yaml_table(read_text(found), FILE)
     try:

@@ -27,7 +27,7 @@ def read_source(source: Source, base: Path) -> ImportedModel:
     for option, reason in reader.rejected.items():
         if getattr(source, option):
             raise InputError(f"{option} {reason.format(path.name)}")
-    return reader.read(path, AllowedPaths.of(path, [base, *(base / p for p in source.packages)]), source)
+    return reader.read(path, AllowedPaths.from_model_file(path, [base, *(base / p for p in source.packages)]), source)
 
 
 def restored(record: Mapping[str, Any], meshes: Sequence[Path] | None = None) -> ImportedModel:

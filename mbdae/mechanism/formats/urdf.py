@@ -205,7 +205,7 @@ def _read(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
     r = Record.model_validate(record)
-    allowed = AllowedPaths.of_record(r.folder, r.packages, meshes)
+    allowed = AllowedPaths.from_record(r.folder, r.packages, meshes)
     return read_urdf(r.urdf, "URDF", allowed, r.free_flyer, kinds=r.kinds, lock=r.lock)
 
 

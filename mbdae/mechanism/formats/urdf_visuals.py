@@ -54,7 +54,7 @@ def _visuals(model: pin.Model, tree: ET.Element, allowed: AllowedPaths) -> pin.G
         if size[1] == size[2] == MARKER:
             path, g.meshScale = meshes[round(size[0] - MARKER)]
             g.meshPath, g.geometry = str(path), placeholder(path, g.meshScale)
-            g.meshTexturePath = str(allowed.companions(path))
+            g.meshTexturePath = str(allowed.companion_folder(path))
     return visuals
 
 

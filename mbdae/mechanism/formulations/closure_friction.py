@@ -1,18 +1,18 @@
 """Friction proportional to constraint forces: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, for each friction interface k.
 
-e_k (nv,) is the generalised direction of a slip at speed e_k . v; d_k is its sense, between -1 and 1. A stage, or a
-point of the hidden constraint, solves
+e_k (nv,) is the generalised direction of the slip, e_k . v its speed, d_k its regularised sign, between -1 and 1. A
+stage, or a point of the hidden constraint, solves
 
     M v' = f + G^T lam + sum_k e_k T_k,   Ghat v' = rhs,   T_k = -mu_k r_k |F_k(lam)| d_k
 
-v' and lam are affine in T, with coefficients from the factors of one solve; the remaining small system for T is solved
-by Newton's method. The solution is unique if det(1 - dT/dT) > 0 throughout; otherwise friction jams (Painleve paradox).
+v' and lam are affine in T, with coefficients from one factorization; the remaining small system T = F(T) is solved by
+Newton's method. The solution is unique if det(1 - dF/dT) > 0 everywhere; otherwise friction jams (Painleve paradox).
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), chapter 5; E. Hairer, C. Lubich,
 M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
 from ..closures.kinds.rolling import RollingClosure
 from ..forces.coulomb_friction import CoulombFriction
-from .friction_interface import TURNS, FrictionInterface, unit_direction
+from .friction_interface import ROTATIONAL, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
     from .index2 import Index2System
@@ -34,7 +34,7 @@ ITERATIONS = 50
 
 
 class ClosureFriction:
-    """Friction interfaces of a workspace whose friction depends on multipliers.
+    """Friction interfaces of a workspace, whose friction depends on multipliers.
 
     Args:
         forces: force elements of the mechanism.
@@ -42,7 +42,10 @@ class ClosureFriction:
         constraints: rows of the mechanism in the workspace.
 
     Attributes:
-        still: speed in m/s below which a slip has no direction.
+        min_slip_speed: speed in m/s below which a slip has no direction.
+        active: 1 for interfaces that slide, (k,), shared with the core.
+        slip_directions: slip directions along no-slip rows, (k, 2), shared with the core; ``directions`` are views of
+            the components in use.
 
     Raises:
         UnknownNameError: for a closure that does not exist.
@@ -50,48 +53,49 @@ class ClosureFriction:
     """
 
     def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
-        named, self.constraints, self.still = {c.name: c for c in closures}, constraints, STILL
-        self.places: list[FrictionInterface] = []
+        named, self.constraints, self.min_slip_speed = {c.name: c for c in closures}, constraints, STILL
+        self.interfaces: list[FrictionInterface] = []
         for force in forces:
             if isinstance(force, CoulombFriction):
                 if force.closure not in named:
                     raise UnknownNameError("closure", force.closure, named)
                 closure = named[force.closure]
-                _refuse(force, closure)
-                pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
-                rows = slice(start, start + closure.carried)
-                self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
-        self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
-        self.active = np.array([not p.force.sticks for p in self.places], np.uint8)  # sticking does not slide
-        self.slip_directions = np.tile([1.0, 0.0], (len(self.places), 1))
-        self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.slip_directions, self.places, strict=True)]
+                _require_supported(force, closure)
+                pair, start = constraints.frame_rows[closure.name].pair, constraints.spans[closure.name].start
+                rows, no_slip = slice(start, start + closure.load_rows), slice(start + 1, start + closure.m)
+                self.interfaces.append(FrictionInterface(force, closure, pair, rows, no_slip))
+        self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.interfaces])
+        self.active = np.array([not p.force.sticks for p in self.interfaces], np.uint8)
+        self.slip_directions = np.tile([1.0, 0.0], (len(self.interfaces), 1))
+        sizes = [p.no_slip_rows.stop - p.no_slip_rows.start for p in self.interfaces]
+        self.directions = [x[:n] for x, n in zip(self.slip_directions, sizes, strict=True)]
 
     def __bool__(self) -> bool:
         return bool(self.active.any())
 
     @property
     def can_stick(self) -> bool:
-        """Return whether any interface can stick instead of sliding."""
-        return any(active and place.force.sticks for active, place in zip(self.active, self.places, strict=True))
+        """Whether any sliding interface can stick."""
+        return any(active and p.force.sticks for active, p in zip(self.active, self.interfaces, strict=True))
 
     def core_data(self) -> list[dict[str, Any]]:
-        """Return the core data of the interfaces; `active` and `headings` are shared with the core."""
-        return [place.core_data() for place in self.places]
+        """Return the core data of the interfaces; `active` and `slip_directions` are shared with the core."""
+        return [p.core_data() for p in self.interfaces]
 
-    def slips(self, v: Array) -> tuple[Array, Array, Array]:
+    def slip_terms(self, v: Array) -> tuple[Array, Array, Array]:
         """Return e (k, nv), e . v (k,) and the factors -mu r d (k,). Kinematics and G must be current."""
-        W, k = self.constraints.W, len(self.places)
+        W, k = self.constraints.W, len(self.interfaces)
         e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
-        for i, p in enumerate(self.places):
+        for i, p in enumerate(self.interfaces):
             if p.force.sticks and self.active[i]:
-                (e[i], speed[i]), d[i] = p.along_grip(v, W, self.heading[i], self.still), 1.0
+                (e[i], speed[i]), d[i] = p.sliding_direction(v, W, self.directions[i], self.min_slip_speed), 1.0
             elif self.active[i]:
                 e[i], speed[i] = p.slip(v, W[:, p.rows])
                 d[i] = np.tanh(speed[i] / p.force.width)
         return e, speed, -self.coefficient * d
 
     def minimum_norm_map(self, rows: Array) -> Array:
-        """Return the matrix (ng, r) from multipliers in use to those of all rows. Kinematics and G must be current."""
+        """Return the map (ng, r) from the multipliers in use to those of all rows. Kinematics must be current."""
         ng, r = self.constraints.ng, len(rows)
         if r == ng:
             return np.eye(ng)[:, rows]
@@ -100,7 +104,7 @@ class ClosureFriction:
 
     def regularised_interfaces(self, name: str) -> list[int]:
         """Return the indices of a closure's interfaces with regularised friction, which is not a multiplier."""
-        return [k for k, p in enumerate(self.places) if p.closure.name == name and not p.force.sticks]
+        return [k for k, p in enumerate(self.interfaces) if p.closure.name == name and not p.force.sticks]
 
     def wrench(self, name: str, v: Array, lam: Array) -> Array:
         """Return the regularised friction wrench of a closure on its second frame, at the world's origin, (6,).
@@ -112,80 +116,84 @@ class ClosureFriction:
         """
         out = np.zeros(6)
         for k in self.regularised_interfaces(name):
-            place = self.places[k]
-            A = place.slip_wrenches(self.constraints.W[:, place.rows])
-            slip, F = A @ place.pair.relative(v), lam[place.rows]
-            load = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / place.force.width)
-            out -= load * (A.T @ unit_direction(slip))
+            p = self.interfaces[k]
+            A = p.slip_wrenches(self.constraints.W[:, p.rows])
+            slip, F = A @ p.pair.relative(v), lam[p.rows]
+            friction = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / p.force.width)
+            out -= friction * (A.T @ unit_direction(slip))
         return out
 
     def update_slip_directions(self, v: Array) -> bool:
-        """Update the slip directions of sliding interfaces; False if one of them is at rest. W must be current."""
+        """Update the slip directions of sliding interfaces; return False if one is at rest. W must be current."""
         moving = True
         for k in np.flatnonzero(self.active):
-            if (place := self.places[k]).force.sticks:
-                slip = self.constraints.W[:, place.grip].T @ place.pair.relative(v)
+            if (p := self.interfaces[k]).force.sticks:
+                slip = self.constraints.W[:, p.no_slip_rows].T @ p.pair.relative(v)
                 size = float(np.sqrt(slip @ slip))
-                moving &= size > self.still
-                self.heading[k][:] = slip / size if size > self.still else self.heading[k]
+                moving &= size > self.min_slip_speed
+                self.directions[k][:] = slip / size if size > self.min_slip_speed else self.directions[k]
         return moving
 
-    def filled(self, v: Array, lam: Array) -> Array:
+    def with_sliding_friction(self, v: Array, lam: Array) -> Array:
         """Return multipliers with -mu |F| d in the inactive no-slip rows of sliding interfaces, (ng,)."""
         out = lam.copy()
         for k in np.flatnonzero(self.active):
-            if (place := self.places[k]).force.sticks:
-                along, F = place.along(v, self.constraints.W, self.heading[k], self.still), lam[place.rows]
-                out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
+            if (p := self.interfaces[k]).force.sticks:
+                direction = p.slip_direction(v, self.constraints.W, self.directions[k], self.min_slip_speed)
+                F = lam[p.rows]
+                out[p.no_slip_rows] = -self.coefficient[k] * np.sqrt(F @ F) * direction
         return out
 
     def reject(self, what: str) -> None:
-        """Raise for an analysis that does not support forces that depend on multipliers.
+        """Raise if there is friction: an analysis does not support forces that depend on multipliers.
 
         Raises:
-            InputError: naming the first friction.
+            InputError: names the first closure with friction.
         """
-        if self.places:
-            raise InputError(f"{what} does not know coulomb_friction, of closure {self.places[0].closure.name!r}")
+        if self.interfaces:
+            name = self.interfaces[0].closure.name
+            raise InputError(f"{what} does not support coulomb_friction, of closure {name!r}")
 
-    def carried(self, lam: Array) -> tuple[Array, Array]:
+    def normal_forces(self, lam: Array) -> tuple[Array, Array]:
         """Return |F| (k,) and its partial derivatives (k, ng) for multipliers of all rows, (ng,)."""
-        size, gradient = np.zeros(len(self.places)), np.zeros((len(self.places), len(lam)))
-        for k, place in enumerate(self.places):
-            F = lam[place.rows]
+        size, gradient = np.zeros(len(self.interfaces)), np.zeros((len(self.interfaces), len(lam)))
+        for k, p in enumerate(self.interfaces):
+            F = lam[p.rows]
             size[k] = np.sqrt(F @ F)
-            gradient[k, place.rows] = F / (size[k] + TINY)
+            gradient[k, p.rows] = F / (size[k] + TINY)
         return size, gradient
 
     def solve(self, t: float, factor: Array, lam: Array, responses: Array) -> Array:
         """Return T (k,).
 
-        t: time, for messages.
-        factor: -mu r d, (k,).
-        lam: multipliers of all rows without friction, (ng,).
-        responses: changes of these multipliers per unit of each T, (k, ng).
+        Args:
+            t: time, for messages.
+            factor: -mu r d, (k,).
+            lam: multipliers of all rows without friction, (ng,).
+            responses: changes of these multipliers per unit of each T, (k, ng).
 
         Raises:
-            StepError: where friction jams.
+            StepError: if friction jams.
         """
         T, last = np.zeros(len(factor)), np.inf
         for _ in range(ITERATIONS):
-            size, gradient = self.carried(lam + T @ responses)
+            size, gradient = self.normal_forces(lam + T @ responses)
             partials = np.eye(len(T)) - factor[:, None] * (gradient @ responses.T)
             if not np.linalg.det(partials) > 0 or not (partials.diagonal() > 0).all():
-                self._wedges(t, partials)
-            move = np.linalg.solve(partials, factor * size - T)
-            T, change = T + move, float(np.abs(move).max())
+                self._raise_jammed(t, partials)
+            dT = np.linalg.solve(partials, factor * size - T)
+            T, change = T + dT, float(np.abs(dT).max())
             size_T = np.abs(T).max()
             if change <= ROUNDING * size_T or (change >= 0.5 * last and change <= SOLUTION_ROUNDING * size_T):
                 return T
             last = change
-        names = ", ".join(repr(p.closure.name) for p, active in zip(self.places, self.active, strict=True) if active)
-        raise StepError("friction", f"closures {names}: no friction was found that fits its own load at t = {t:.17g}")
+        active = (p for p, active in zip(self.interfaces, self.active, strict=True) if active)
+        names = ", ".join(repr(p.closure.name) for p in active)
+        raise StepError("friction", f"closures {names}: the iteration for friction does not converge at t = {t:.17g}")
 
-    def _wedges(self, t: float, partials: Array) -> None:
-        name = self.places[int(partials.diagonal().argmin())].closure.name
-        text = f"friction wedges closure {name!r} at t = {t:.17g}: with so much of it there is no motion, or several"
+    def _raise_jammed(self, t: float, partials: Array) -> None:
+        name = self.interfaces[int(partials.diagonal().argmin())].closure.name
+        text = f"friction jams closure {name!r} at t = {t:.17g}: it is so large that there is no motion, or several"
         raise StepError("friction", text)
 
 
@@ -200,7 +208,7 @@ def solve_with_friction(
     rhs: Array,
     slips: tuple[Array, Array, Array],
 ) -> tuple[Array, Array, float]:
-    """Solve a stage with friction (see the module): v' (nv,), lam (r,) of the rows in use, and the friction power in W.
+    """Return v' (nv,), lam (r,) of the rows in use, and the friction power in W, of a stage with friction.
 
     Args:
         s: the system.
@@ -214,31 +222,31 @@ def solve_with_friction(
         slips: result of `ClosureFriction.slips` at the stage.
     """
     e, speed, factor = slips
-    vdot, lam = s.saddle(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)
-    whole: Callable[[Array], Array] = lambda x: s.all_multipliers(U, G, rows, x)  # noqa: E731
-    T = s.sliding.solve(t, factor, whole(lam[0]), np.array([whole(x) for x in lam[1:]]))
+    vdot, lam = s.solve_saddle_point(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)
+    all_lam = [s.all_multipliers(U, G, rows, x) for x in lam]
+    T = s.closure_friction.solve(t, factor, all_lam[0], np.array(all_lam[1:]))
     return vdot[0] + T @ vdot[1:], lam[0] + T @ lam[1:], float(T @ speed)
 
 
-def _refuse(force: CoulombFriction, closure: Closure) -> None:
+def _require_supported(force: CoulombFriction, closure: Closure) -> None:
     rolling = closure if isinstance(closure, RollingClosure) else None
     if not closure.friction or (rolling and rolling.contact is False):
         known = ", ".join(kind for kind, c in kinds_of(Closure).items() if c.friction)
-        raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is another")
+        raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is of another kind")
     _require_valid_grip(force, closure, rolling.tangents if rolling else ())
-    turns = closure.friction in TURNS
-    if (force.radius is None) == turns:
-        belongs = "needs the radius of its bearing" if turns else "slides: radius does not belong to it"
-        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")
+    rotates = closure.friction in ROTATIONAL
+    if (force.radius is None) == rotates:
+        expected = "needs the radius of its bearing" if rotates else "slides: radius does not belong to it"
+        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {expected}")
 
 
 def _require_valid_grip(force: CoulombFriction, closure: Closure, grips: Sequence[object]) -> None:
-    """Require a law of friction that the no-slip rows of a closure can follow."""
+    """Require a friction law that applies to the no-slip rows of a closure."""
     if grips and not force.sticks:
         how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
-    if grips and closure.opens and (len(grips) > 1 or force.static is not None):
-        how = "exact = true without static, and grip along one line: 'longitudinal', 'lateral' or an angle"
-        raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
+    if grips and closure.is_unilateral and (len(grips) > 1 or force.static is not None):
+        how = "exact = true without static, and grip in one direction: 'longitudinal', 'lateral' or an angle"
+        raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which is unilateral, needs {how}")
     if force.sticks and not grips:
         raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")

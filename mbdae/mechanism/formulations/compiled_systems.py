@@ -1,7 +1,7 @@
 """Formulations computed by the compiled core: the functions of the Python systems, and whole steps.
 
-The Python system is the specification. Where the core cannot compute a point (a singular system, a value that is
-not finite, a force law that raises an error), it falls back to Python, which raises the error with its message.
+The Python system is the specification. If the core cannot compute a point (a singular system, a value that is not
+finite, a force law that raises an error), it falls back to Python, which raises the error with its message.
 """
 
 from collections.abc import Callable
@@ -47,25 +47,26 @@ class CompiledSystem(Index2System):
         m = self.manifold
         pairs, rows, drivers = constraints_of(self.constraints)
         law_pairs, laws = laws_of(self.laws)
-        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
+        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.block_starts, strict=True)]
         angles = m.angular.astype(int).tolist()
         self.native = native
-        lists = self.place.tolist(), random_probe(self.nv).tolist()
-        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, angles, m.angles, *lists
+        row_data = self.elimination_order.tolist(), random_probe(self.nv).tolist()
+        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, angles, m.angles, *row_data
         form = self.formulation, *self.baumgarte
         try:
             self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), m.flat, *tables, *form)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.sample(samplers_of(self.laws))
-        self.core.slide(self.sliding.core_data(), self.sliding.active, self.sliding.slip_directions)
+        friction = self.closure_friction
+        self.core.slide(friction.core_data(), friction.active, friction.slip_directions)
         self._deactivate_rows()
         self._expanded = False
 
     def reset(self) -> None:
         """See `Index2System.reset`."""
         super().reset()
-        self._begun = False
+        self._rank_known = False
         self._method: tuple[Any, Any] = (None, None)
         if hasattr(self, "core"):
             self.core.reset()
@@ -94,37 +95,37 @@ class CompiledSystem(Index2System):
             self.core.expand(self.inertial.model)
             self._expanded = True
 
-    def begin(self, t: float, y: Array) -> None:
+    def determine_rank(self, t: float, y: Array) -> None:
         """Determine the rank and the rows in use at a point, unless they are known."""
-        if not self._begun:
+        if not self._rank_known:
             self.derivative(t, y)
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first call, which determines the rank, is computed in Python."""
-        found = self.core.derivative(t, y) if self._begun else None
-        self.after()
-        if found is not None:
-            return found
-        self.before_python()
-        found = super().derivative(t, y, near)
-        self.after_python()
-        return found
+        result = self.core.derivative(t, y) if self._rank_known else None
+        self.take_core_record()
+        if result is not None:
+            return result
+        self.rows_from_core()
+        result = super().derivative(t, y, near)
+        self.rows_to_core()
+        return result
 
     def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
-        """See `mbdae.system.System`; None where the core cannot take the step."""
-        self.begin(t, state.y)
-        a, carry = self.method(method), self.carried(state)
-        implicit = (controlled,) if isinstance(a, self.native.Radau) else ()
-        found = self.core.step(a, t, h, state.y, carry, state.compensation, *implicit)
-        self.after()
-        if found is None:
-            self.before_python()
+        """See `mbdae.system.System`; None if the core cannot take the step."""
+        self.determine_rank(t, state.y)
+        compiled, carry = self.method(method), self.core_carry(state)
+        implicit = (controlled,) if isinstance(compiled, self.native.Radau) else ()
+        result = self.core.step(compiled, t, h, state.y, carry, state.compensation, *implicit)
+        self.take_core_record()
+        if result is None:
+            self.rows_from_core()
             return None
-        y, carry, low, z, errors = found
-        return Step(State(y, carry, low), z, errors)
+        y, carry, compensation, z, errors = result
+        return Step(State(y, carry, compensation), z, errors)
 
-    def carried(self, state: State) -> Any:
-        """Return the core's data carried from step to step; None within a step taken in Python."""
+    def core_carry(self, state: State) -> Any:
+        """Return the carry of the core; None if the state has one of Python."""
         return state.carry if isinstance(state.carry, np.ndarray | self.native.StageMemory) else None
 
     def advance(self, method: Any, run: "Run") -> None:
@@ -132,38 +133,38 @@ class CompiledSystem(Index2System):
         try:
             self.core.advance(self.method(method), run)
         finally:
-            self.after()
+            self.take_core_record()
             if run.changes:
                 self.rows = np.array(self.core.rows, int)
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
         """See `mbdae.system.System`."""
         if len(t):
-            self.begin(float(t[0]), y[0])
+            self.determine_rank(float(t[0]), y[0])
         F, lam = self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
-        left = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
-        F[left], lam[left] = super().derivatives(t[left], y[left], near[left])
+        failed = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
+        F[failed], lam[failed] = super().derivatives(t[failed], y[failed], near[failed])
         return F, lam
 
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
         """See `Index2System.residuals`."""
         g, rates, energies = self.core.residuals(np.ascontiguousarray(t), np.ascontiguousarray(y))
-        left = np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)
-        if left.any():
-            g[left], rates[left], energies[left] = super().residuals(t[left], y[left])
+        failed = np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)
+        if failed.any():
+            g[failed], rates[failed], energies[failed] = super().residuals(t[failed], y[failed])
         return g, rates, energies
 
     def partials(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> EquationPartials:
         """See `Index2System.partials`."""
         self.expand()
-        if self.sliding or not np.array_equal(rows, self.core.rows):
+        if self.closure_friction or not np.array_equal(rows, self.core.rows):
             return super().partials(t, q, u, vdot, lam, rows)
-        whole = np.zeros(self.ng)
-        whole[rows] = lam
-        found = self.core.partials(t, q, u, vdot, whole)
-        if found is None:
+        all_lam = np.zeros(self.ng)
+        all_lam[rows] = lam
+        result = self.core.partials(t, q, u, vdot, all_lam)
+        if result is None:
             return super().partials(t, q, u, vdot, lam, rows)
-        M, K, D, G, B, g_t = found
+        M, K, D, G, B, g_t = result
         E, nv = np.eye(len(u)), self.nv
         E[:nv, :nv] = M
         L = np.vstack([G.T, np.zeros((len(u) - nv - 1, len(G))), -g_t])
@@ -172,16 +173,16 @@ class CompiledSystem(Index2System):
     def rate_partials(self, t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
         """See `Index2System.rate_partials`."""
         u = np.concatenate([v, np.zeros(self.ns + 1)])
-        found = self.partials(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
-        return found.G, found.B
+        partials = self.partials(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
+        return partials.G, partials.B
 
     def pivot_ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`."""
-        found = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
-        return super().pivot_ratio(t, y) if found is None else found
+        ratio = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
+        return super().pivot_ratio(t, y) if ratio is None else ratio
 
-    def after(self) -> None:
-        """Take over the core's counts and extremes."""
+    def take_core_record(self) -> None:
+        """Add the core's counts to those of the system, and update its extremes."""
         *counts, least, g, rate, speed = self.core.take_record()
         for name, n in zip(COUNTS, counts, strict=True):
             if n:
@@ -191,26 +192,26 @@ class CompiledSystem(Index2System):
         self.largest_rate = max(self.largest_rate, rate)
         self.largest_speed = max(self.largest_speed, speed)
 
-    def before_python(self) -> None:
-        """Pass the core's rows in use to Python."""
-        if self._begun and not self.held:
+    def rows_from_core(self) -> None:
+        """Use the core's rows in use in Python."""
+        if self._rank_known and not self.rows_frozen:
             self.rows = np.array(self.core.rows, int)
         self._last_q = np.full(self.nq, np.nan)
 
-    def after_python(self) -> None:
-        """Pass Python's rows in use to the core."""
+    def rows_to_core(self) -> None:
+        """Use Python's rows in use in the core."""
         rows = [] if self.rows is None else self.rows.tolist()
-        self.core.use(rows, len(rows), self.floor, self.held)
-        self._begun = True
+        self.core.use(rows, len(rows), self.rank_threshold, self.rows_frozen)
+        self._rank_known = True
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
         """See `Index2System.restore`."""
-        found = self.core.restore(t, y) if self._begun and not tight else None
-        self.after()
-        return super().restore(t, y, tight) if found is None else found
+        projected = self.core.restore(t, y) if self._rank_known and not tight else None
+        self.take_core_record()
+        return super().restore(t, y, tight) if projected is None else projected
 
     def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
-        """See `Index2System.every_row`."""
+        """See `Index2System.rows_of_all_modes`."""
         return self.core.every(t, y)
 
     def enter(self, mode: Mode) -> None:
@@ -221,33 +222,33 @@ class CompiledSystem(Index2System):
             for k, (law, _) in enumerate(self.laws.acting):
                 if isinstance(law, KineticFrictionElement):
                     self.core.change_law(k, law.core_data()["a"])
-            self._begun = False
+            self._rank_known = False
 
     def _deactivate_rows(self) -> None:
-        off = self.constraints.off
+        inactive = self.constraints.inactive
         if len(self.mechanism.switches):
-            self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
-            self.core.slowest_slip(self.sliding.still)
+            self.core.leave_out([k in inactive for k in range(self.ng)], self.sticks)
+            self.core.slowest_slip(self.closure_friction.min_slip_speed)
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         """See `mbdae.system.System`."""
         super().use_rows(rows, held)
-        self.after_python()
+        self.rows_to_core()
 
     def update_independent_rows(self, t: float, state: State) -> State:
         """See `mbdae.system.System`."""
-        if self._begun and self.held and (state.carry is None or self.carried(state) is not None):
-            found = self.core.update_independent_rows(t, state.y, state.carry)
-            self.after()
-            if found is not None:
-                changed, y, carry = found
+        if self._rank_known and self.rows_frozen and (state.carry is None or self.core_carry(state) is not None):
+            result = self.core.update_independent_rows(t, state.y, state.carry)
+            self.take_core_record()
+            if result is not None:
+                changed, y, carry = result
                 if changed:
                     self.rows = np.array(self.core.rows, int)
                     return State(y, carry, state.compensation)
                 return state
-        self.before_python()
+        self.rows_from_core()
         state = super().update_independent_rows(t, state)
-        self.after_python()
+        self.rows_to_core()
         return state
 
 
@@ -259,9 +260,9 @@ class CompiledIndex1(Index1System, CompiledSystem):
     """`Index1System` in the compiled core."""
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """See `Index1System.rate`; `update_independent_rows` takes over its counters after the step."""
-        found = self.core.rate(t, y) if self._begun else None
-        return super().rate(t, y) if found is None else found
+        """See `Index1System.rate`; `update_independent_rows` adds the core's counts after the step."""
+        result = self.core.rate(t, y) if self._rank_known else None
+        return super().rate(t, y) if result is None else result
 
 
 COMPILED: dict[str, Callable[..., CompiledSystem]] = {

@@ -17,13 +17,15 @@ if TYPE_CHECKING:
     from ..._native import Tolerances
     from ..mechanism import Mechanism
 
-Plain = dict[str, Any]
-RESTAGES = 20  # iterations of stages that a derivative of a run computes again
+CoreData = dict[str, Any]
+FrameData = tuple[int, list[float], list[float]]  # joint, R, p
+FramePair = tuple[FrameData, FrameData]
+RESTAGES = 20  # iterations of a stage that a derivative of a run recomputes
 
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
-    """Return all thresholds of points and steps; those of step-size control belong to the run."""
-    limits: Tolerances = native.Tolerances(
+    """Return all tolerances of points and steps; those of step-size control belong to the run."""
+    tolerances: Tolerances = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
         series_end=tol.BELOW_ROUNDING,
@@ -40,7 +42,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         spare=independent_rows.EXTRA_CG_ITERATIONS,
         truncation=tol.TRUNCATION,
         rounding=tol.SUM_ROUNDING,
-        falling=projection.FALLING,
+        falling=projection.MAX_REMAINING,
         open=projection.OPEN,
         stalled=projection.STALLED,
         kept=tol.VISIBLE,
@@ -54,7 +56,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         halted=tol.SEARCH_TOLERANCE,
         gaping=tol.SAME_STATE,
         still=tol.STILL,
-        turned=friction_interface.TURNED,
+        turned=friction_interface.MIN_COSINE,
         loading=closure_friction.ITERATIONS,
         loaded=tol.ROUNDING,
         settled=tol.SOLUTION_ROUNDING,
@@ -62,25 +64,25 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         restages=RESTAGES,
         restaged=tol.SOLUTION_ROUNDING,
     )
-    return limits
+    return tolerances
 
 
-def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:
+def constraints_of(constraints: Constraints) -> tuple[list[FramePair], list[CoreData], list[CoreData]]:
     """Return pairs of frames, rows and drivers.
 
     Raises:
         NotCompiled: for rows that the core does not support.
     """
-    pairs: list[Any] = []
-    rows: list[Plain] = [{}] * constraints.ng
-    for pair, kinds in constraints.frame_parts.values():
+    pairs: list[FramePair] = []
+    rows: list[CoreData] = [{}] * constraints.ng
+    for pair, kinds in constraints.frame_rows.values():
         for s, r, _ in kinds:
-            rows[s] = found = [{"pair": len(pairs), **numbers} for numbers in r.core_data()]
-            if len(found) != r.m:
+            rows[s] = data = [{"pair": len(pairs), **row} for row in r.core_data()]
+            if len(data) != r.m:
                 raise NotCompiled(f"rows of kind {type(r).__name__}")
         pairs.append((_frame(pair.a), _frame(pair.b)))
-    for part in constraints.joint_parts:
-        rows[part.at] = part.core_data()
+    for row in constraints.joint_rows:
+        rows[row.at] = row.core_data()
     drivers = [
         {"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.core_data()}
         for at, d in constraints.driven
@@ -88,29 +90,29 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
     return pairs, rows, drivers
 
 
-def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
+def _frame(a: Anchor) -> FrameData:
     return a.joint, a.R.ravel().tolist(), a.p.tolist()
 
 
-def samplers_of(laws: ForceElements) -> list[Plain]:
-    """Return the sampled controllers."""
+def samplers_of(laws: ForceElements) -> list[CoreData]:
+    """Return the core data of the sampled controllers."""
     sampled = [(law, at) for law, at in laws.bound if isinstance(law, SampledElement)]
     return [{**law.sampler(), "state": at.start, "states": at.stop - at.start} for law, at in sampled]
 
 
-def laws_of(laws: ForceElements) -> tuple[list[Any], list[Plain]]:
+def laws_of(laws: ForceElements) -> tuple[list[FramePair], list[CoreData]]:
     """Return pairs of frames and force laws.
 
     Raises:
         NotCompiled: for a law that the core does not support.
     """
-    pairs: list[Any] = []
-    out: list[Plain] = []
-    for law, part in laws.acting:
-        numbers = law.core_data()
-        pair: Pair | None = numbers.pop("frames", None)
+    pairs: list[FramePair] = []
+    out: list[CoreData] = []
+    for law, states in laws.acting:
+        data = law.core_data()
+        pair: Pair | None = data.pop("frames", None)
         if pair is not None:
-            numbers["pair"] = len(pairs)
+            data["pair"] = len(pairs)
             pairs.append((_frame(pair.a), _frame(pair.b)))
-        out.append({**numbers, "state": part.start, "states": part.stop - part.start})
+        out.append({**data, "state": states.start, "states": states.stop - states.start})
     return pairs, out

@@ -1,9 +1,8 @@
 """Exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
-The inertial part M v' + nle comes from Pinocchio on the expanded tree; rows and laws provide their own partial
-derivatives: see `mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials` and the modules of closures and
-forces. User functions in Python without partial derivatives are differentiated by central differences of that
-function alone.
+Those of M v' + nle come from Pinocchio on the expanded tree; rows and laws provide theirs: see
+`mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials` and the modules of closures and forces. A Python
+function of the user without partial derivatives is differentiated alone, by central differences.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -47,17 +46,17 @@ def equation_partials(
     M, by_q, by_v = s.inertial.partials(q, v, vdot)
     pin.computeJointJacobians(s.model, s.workspace, q)
     laws, G = s.laws.partials(t, q, v, u[nv:-1]), s.jacobian()[rows]
-    whole = np.zeros(s.ng)
-    whole[rows] = lam
-    of_rows, B = s.constraints.partials(v, whole)
+    all_lam = np.zeros(s.ng)
+    all_lam[rows] = lam
+    rows_by_q, B = s.constraints.partials(v, all_lam)
     E, K, D = np.eye(n), laws[:, :nv], np.zeros((n, n))
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
-    K[:nv] += of_rows - by_q
+    K[:nv] += rows_by_q - by_q
     D[:nv, :nv] -= by_v
-    if s.sliding:  # its partial derivatives by q and v are neglected: Newton's iteration corrects for them
-        e, speed, factor = s.sliding.slips(v)
-        all_rows = s.sliding.minimum_norm_map(rows)
-        by_lam = factor[:, None] * (s.sliding.carried(all_rows @ lam)[1] @ all_rows)
+    if s.closure_friction:  # its partial derivatives by q and v are neglected: Newton's iteration corrects for them
+        e, speed, factor = s.closure_friction.slip_terms(v)
+        to_all = s.closure_friction.minimum_norm_map(rows)
+        by_lam = factor[:, None] * (s.closure_friction.normal_forces(to_all @ lam)[1] @ to_all)
         L = np.vstack([G.T + e.T @ by_lam, np.zeros((n - nv - 1, len(G))), speed @ by_lam - s.g_t(t)[rows]])
         return EquationPartials(E, K, D, L, G, B[rows])
     L = np.vstack([G.T, np.zeros((n - nv - 1, len(G))), -s.g_t(t)[rows]])
@@ -77,11 +76,11 @@ def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]
 
 
 def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
-    """Return the partials of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
+    """Return the time partials of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each."""
     pin.computeJointJacobians(s.model, s.workspace, q)
-    out, (_, _, bend) = s.laws.time_partials(t, q, v, states), s.constraints.motion(t)
-    out[-1] += lam @ bend
+    out, (_, _, second) = s.laws.time_partials(t, q, v, states), s.constraints.motion(t)
+    out[-1] += lam @ second
     third = np.zeros(s.ng)
     for at, driver in s.constraints.driven:
         third[at] = driver.third(t)
-    return out, -bend, -third
+    return out, -second, -third

@@ -2,11 +2,11 @@
 
     0 = f(t, q, v, s) + G^T lam,   0 = h(t, q, v, s),   0 = g(t, q),   v constant
 
-In coordinates y of the free directions, q (+) Z y, with the multipliers of least norm,
+In coordinates y of the null space, q (+) Z y, with minimum-norm multipliers,
 
     rho = Z^T f,   H = -Z^T K Z,   K = d(f + G^T lam)/dq - S h_s^+ h_q
 
-States that h determines (currents) follow the configuration. An integrator, for which h_s is singular, adds a
+States that h determines (currents) are functions of the configuration. An integrator, for which h_s is singular, adds a
 condition on the configuration, 0 = h, like the row of a closure; its state is the multiplier.
 """
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 GRAVITY = "gravity"
-STATE_ITERATIONS = 20  # iterations for states
+STATE_ITERATIONS = 20
 
 
 class ForceBalance(NamedTuple):
@@ -41,7 +41,7 @@ class ForceBalance(NamedTuple):
         q: configuration, (nq,).
         s: states, (ns,).
         f: forces, (nv,).
-        load: scaled part of the forces, (nv,).
+        load: scaled forces, (nv,).
         rho: Z^T f, (k,).
         H: -d rho/dy, (k, k).
         lam: multipliers of closures and drivers, (ng,).
@@ -76,8 +76,8 @@ class Statics:
     Args:
         mech: the mechanism.
         t: time in s.
-        v: constant speeds, (nv,), in locked coordinates.
-        held: velocity indices of the locked coordinates.
+        v: constant velocities of locked coordinates, (nv,).
+        locked: velocity indices of the locked coordinates.
         loads: names of scaled forces, or ``"gravity"``.
 
     Raises:
@@ -85,8 +85,8 @@ class Statics:
         InputError: for a sampled controller, which has no equilibrium.
     """
 
-    def __init__(self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()) -> None:
-        self.mech, self.t, self.v, self.held = mech, t, v, held
+    def __init__(self, mech: "Mechanism", t: float, v: Array, locked: Array, loads: Sequence[str] = ()) -> None:
+        self.mech, self.t, self.v, self.locked = mech, t, v, locked
         self.system = s = mech.system()
         if mech.switches:
             names = ", ".join(dict.fromkeys(switch.name for switch in mech.switches))
@@ -97,40 +97,40 @@ class Statics:
         for name in loads:
             if name not in (*s.laws.names, GRAVITY):
                 raise UnknownNameError("force", name, (*s.laws.names, GRAVITY))
-        self.weighs = GRAVITY in loads
+        self.scales_gravity = GRAVITY in loads
         self.loads = ForceElements([law for law, _ in s.laws.bound if law.name in loads], s.model)
         if self.loads.ns:
-            raise InputError(f"a load has no states of its own, got {', '.join(self.loads.states())}")
-        self.rows = np.eye(s.nv)[held]
-        self.sizes, self.units = TermSizes(s, v), np.append(mech.row_scales, mech.coordinate_scales[held])
+            raise InputError(f"a load must not have states, got {', '.join(self.loads.states())}")
+        self.rows = np.eye(s.nv)[locked]
+        self.sizes, self.units = TermSizes(s, v), np.append(mech.row_scales, mech.coordinate_scales[locked])
         self.factor = 1.0
 
     def point(self, q: Array, s: Array) -> ForceBalance:
-        """Return the balance at a configuration that is closed, states near s."""
+        """Return the balance at a closed configuration, with states near s."""
         system = self.system
         s, U, f, load, free, G, R = self._loaded(q, s)
         lam = free.multipliers(f)
         K, S, hq, hs = self.partials(q, s, lam[: system.ng])
         terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
         if len(s):
-            follow = partial_inverse(hs, EPS * self.sizes.states(hs))
-            K, terms = K - S @ follow @ hq, terms + np.abs(S) @ np.abs(follow) @ np.abs(hq)
+            hs_inv = partial_inverse(hs, EPS * self.sizes.states(hs))
+            K, terms = K - S @ hs_inv @ hq, terms + np.abs(S) @ np.abs(hs_inv) @ np.abs(hq)
         size = float(np.linalg.norm(np.linalg.solve(U.T, f)))
         if len(R):
             mu = lam[len(lam) - len(R) :]
-            along = null_space(hs, EPS * self.sizes.states(hs)).vectors
-            s = s + along @ np.linalg.lstsq(S @ along, R.T @ mu)[0]
-        m = system.ng + len(self.held)
+            integrators = null_space(hs, EPS * self.sizes.states(hs)).vectors
+            s = s + integrators @ np.linalg.lstsq(S @ integrators, R.T @ mu)[0]
+        m = system.ng + len(self.locked)
         rho, H = free.Z.T @ f, -free.Z.T @ K @ free.Z
         return ForceBalance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
 
-    def unbalanced(self, q: Array, s: Array) -> tuple[Array, NullSpace]:
-        """Return rho = Z^T f (k,) at a configuration, states near s, and the free motions, without any derivative."""
+    def residual_forces(self, q: Array, s: Array) -> tuple[Array, NullSpace]:
+        """Return rho = Z^T f (k,) at a configuration, states near s, and the null space; no derivatives."""
         _, _, f, _, free, *_ = self._loaded(q, s)
         return free.Z.T @ f, free
 
     def _loaded(self, q: Array, s: Array) -> tuple[Array, Array, Array, Array, NullSpace, Array, Array]:
-        """Return s, U of M = U^T U, f, the load, the free motions, G and the rows of integrators at a configuration."""
+        """Return s, U of M = U^T U, f, the load, the null space, G and the rows of integrators at a configuration."""
         s = self.states(q, s)
         U = self.system.inertia(self.t, q)
         f, load = self.system.force(self.t, q, self.v, s)[0], self.load(q)
@@ -139,8 +139,8 @@ class Statics:
     def free(self, U: Array, q: Array, s: Array) -> tuple[NullSpace, Array, Array]:
         """Return the null space at q, G, and the integrator rows among its constraints; J must be current."""
         G, R = self.system.jacobian(), self.integrator_conditions(q, s)[1]
-        asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
-        units = np.append(self.units, np.where(asked > 0, asked, 1.0))
+        size = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
+        units = np.append(self.units, np.where(size > 0, size, 1.0))
         return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), G, R
 
     def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
@@ -168,10 +168,10 @@ class Statics:
         return close_loops(self.system, self.t, q, more)
 
     def load(self, q: Array) -> Array:
-        """Return the scaled forces, (nv,); kinematics must be current at q, and velocities."""
+        """Return the scaled forces, (nv,); positions and velocities must be current."""
         s = self.system
         out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
-        if self.weighs:
+        if self.scales_gravity:
             out = out - pin.rnea(s.model, s.workspace, q, np.zeros(s.nv), np.zeros(s.nv))
         return out
 
@@ -186,17 +186,17 @@ class Statics:
         """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns)."""
         system, nv = self.system, self.system.nv
         u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
-        found = equation_partials(system, self.t, q, u, np.zeros(nv), lam, rows)
-        K = found.K[:nv].copy()
+        partials = equation_partials(system, self.t, q, u, np.zeros(nv), lam, rows)
+        K = partials.K[:nv].copy()
         if self.factor != 1.0:
             more = self.loads.partials(self.t, q, self.v, np.empty(0))[:nv, :nv]
-            if self.weighs:
+            if self.scales_gravity:
                 more = more - system.inertial.partials(q, np.zeros(nv), np.zeros(nv))[1]
             K += (self.factor - 1.0) * more
-        return K, found.D[:nv, nv:-1], found.K[nv:-1], found.D[nv:-1, nv:-1]
+        return K, partials.D[:nv, nv:-1], partials.K[nv:-1], partials.D[nv:-1, nv:-1]
 
     def states(self, q: Array, s: Array) -> Array:
-        """Return the states (ns,) with h = 0, as far as h determines them."""
+        """Return the states (ns,) with h = 0; those that h does not determine remain as they are."""
         if not len(s):
             return s
         for _ in range(STATE_ITERATIONS):
@@ -225,7 +225,7 @@ class Statics:
 
 
 def partial_inverse(A: Array, e: Array) -> Array:
-    """Return X (n, n) with A X A = A (n, n), known to e (n, n): A^-1 on pivot rows and columns, 0 elsewhere."""
+    """Return X (n, n) with A X A = A, A (n, n) known to e (n, n): A^-1 on pivot rows and columns, 0 elsewhere."""
     null, out = null_space(A, e), np.zeros_like(A)
     rows, columns = null.rows[: len(null.others)], null.others
     out[np.ix_(columns, rows)] = np.linalg.inv(A[np.ix_(rows, columns)])

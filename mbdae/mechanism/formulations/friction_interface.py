@@ -13,70 +13,70 @@ from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
 
-TURNS = ("turns", "bears")  # friction torques, in a bearing with a radius
-TURNED = 0.7  # cosine: a slip that rotates further within one step has no reliable direction
+ROTATIONAL = ("turns", "bears")  # friction torques, in a bearing with a radius
+MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable
 
 
 class FrictionInterface(NamedTuple):
     """Friction interface between two bodies.
 
     Attributes:
-        force: friction as given by the user.
+        force: the friction force of the mechanism.
         closure: closure whose reaction causes the friction.
         pair: frames of the closure.
         rows: rows whose multipliers make up F.
-        grip: no-slip rows that may slide.
+        no_slip_rows: no-slip rows that may slide.
     """
 
     force: CoulombFriction
     closure: Closure
     pair: Pair
     rows: slice
-    grip: slice
+    no_slip_rows: slice
 
-    def along(self, v: Array, W: Array, heading: Array, still: float) -> Array:
-        """Return the slip direction (m,) along inactive no-slip rows; updates heading.
+    def slip_direction(self, v: Array, W: Array, last: Array, min_speed: float) -> Array:
+        """Return the slip direction (m,) along inactive no-slip rows, and update the last direction.
 
-        Through zero slip the direction is continued: a mode ends there.
+        If the slip passes zero the direction is continued: the mode ends there.
         """
-        slip = W[:, self.grip].T @ self.pair.relative(v)
+        slip = W[:, self.no_slip_rows].T @ self.pair.relative(v)
         size = float(np.sqrt(slip @ slip))
-        if size <= still:
-            return heading
-        along = slip / size
-        ahead = float(along @ heading)
-        if ahead < 0:
-            along = -along
-        if abs(ahead) > TURNED:
-            heading[:] = along
-        return along
+        if size <= min_speed:
+            return last
+        direction = slip / size
+        cosine = float(direction @ last)
+        if cosine < 0:
+            direction = -direction
+        if abs(cosine) > MIN_COSINE:
+            last[:] = direction
+        return direction
 
-    def along_grip(self, v: Array, W: Array, heading: Array, still: float) -> tuple[Array, float]:
-        """Return e (nv,) and e . v of a sliding no-slip contact, see `along`."""
-        e = self.pair.torque(W[:, self.grip] @ self.along(v, W, heading, still))
+    def sliding_direction(self, v: Array, W: Array, last: Array, min_speed: float) -> tuple[Array, float]:
+        """Return e (nv,) and e . v of a sliding contact with no-slip rows, see `slip_direction`."""
+        e = self.pair.torque(W[:, self.no_slip_rows] @ self.slip_direction(v, W, last, min_speed))
         return e, float(e @ v)
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:
-        """Return e (nv,) and e . v where kinematics are current; w (6, m) are the wrenches of the rows."""
-        S = self.lever(w)
+        """Return e (nv,) and e . v at current kinematics; w (6, m) are the wrenches of the rows."""
+        S = self.slip_jacobian(w)
         slip = S @ v
         e = S[0] if len(S) == 1 else S.T @ unit_direction(slip)
         return e, float(e @ v)
 
-    def lever(self, w: Array) -> Array:
-        """Return S (m, nv), slip = S v, where kinematics are current: m = 1 along an axis, otherwise 3."""
+    def slip_jacobian(self, w: Array) -> Array:
+        """Return S (m, nv), slip = S v, at current kinematics: m = 1 along an axis, otherwise 3."""
         return np.array([self.pair.torque(x) for x in self.slip_wrenches(w)])
 
     def slip_wrenches(self, w: Array) -> Array:
         """Return wrenches A (m, 6) on the second frame, S = A J, from those of the rows, w (6, r)."""
         pair, friction = self.pair, self.closure.friction
         if friction == "touches":
-            n, p = w[:3, 0], self.point()
-            ways = np.eye(3) - np.outer(n, n)
+            n, p = w[:3, 0], self.contact_point()
+            e = np.eye(3) - np.outer(n, n)
         else:
-            ways, p = np.eye(3) if friction == "bears" else (pair.Ra @ self.axis)[None], pair.pb
-        parts = (np.zeros(ways.shape), ways) if friction in TURNS else (ways, cross(p[:, None], ways.T).T)
-        return np.concatenate(parts, axis=1)
+            e, p = np.eye(3) if friction == "bears" else (pair.Ra @ self.axis)[None], pair.pb
+        blocks = (np.zeros(e.shape), e) if friction in ROTATIONAL else (e, cross(p[:, None], e.T).T)
+        return np.concatenate(blocks, axis=1)
 
     def core_data(self) -> dict[str, Any]:
         """Return the core data of the interface."""
@@ -85,7 +85,7 @@ class FrictionInterface(NamedTuple):
             "kind": "grips" if force.sticks else self.closure.friction,
             "row": self.rows.start,
             "carried": self.rows.stop - self.rows.start,
-            "grip": list(range(self.grip.start, self.grip.stop)) if force.sticks else [],
+            "grip": list(range(self.no_slip_rows.start, self.no_slip_rows.stop)) if force.sticks else [],
             "axis": self.axis.tolist(),
             "coefficient": force.coefficient * (force.radius or 1.0),
             "width": force.width,
@@ -93,15 +93,15 @@ class FrictionInterface(NamedTuple):
 
     @property
     def axis(self) -> Array:
-        """Unit axis of the closure in the first frame, (3,); z where it has none."""
+        """Unit axis of the closure in the first frame, (3,); z if it has none."""
         return unit_axis(getattr(self.closure, "axis", None) or Z)
 
-    def point(self) -> Array:
-        """Contact point of the bodies, (3,)."""
+    def contact_point(self) -> Array:
+        """Return the contact point of the bodies, (3,)."""
         first = self.closure.primitives()[0]
         return first.lines(at_rest(self.pair)).p[:, 0] if isinstance(first, ContactHeightRow) else self.pair.pb
 
 
 def unit_direction(x: Array) -> Array:
-    """Unit vector along x; 0 for a zero vector."""
+    """Return the unit vector along x; 0 for a zero vector."""
     return x / (np.sqrt(x @ x) + TINY)

@@ -2,8 +2,8 @@
 
     q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
-G_p are the rows that have a g: velocity-only rows have no mu. On the exact solution mu = 0. Source: Gear, Gupta,
-Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
+G_p are the rows that have a g: velocity rows have no mu. On the exact solution mu = 0. Source: Gear, Gupta, Leimkuhler,
+J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
 """
 
 from types import ModuleType
@@ -20,7 +20,7 @@ from ..closures.closure_error import largest_error
 from .implicit_stage import Linearized, padded
 from .index2 import Index2System
 from .index2_step import Index2Chart
-from .projection import contradicting_positions, project_velocity, refuse_contradictions
+from .projection import contradicting_positions, project_velocity, require_compatible_velocities
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -31,8 +31,8 @@ ITERATIONS = 12
 class GGLSystem(Index2System):
     """`mbdae.system.System` of a mechanism with both levels enforced: z = (lam, mu), (2 ng,), mu = 0 for velocity rows.
 
-    mu belongs to the rows in use, or to independent ones among those that have a g if the two differ. While the rank is
-    constant, 0 = g on these rows describes the same configurations as on all rows; the others are monitored.
+    mu belongs to the rows in use or, if there are velocity rows, to independent rows among those that have a g. While
+    the rank is constant, 0 = g on these rows describes the same configurations as on all rows; the others are checked.
     """
 
     formulation = "ggl"
@@ -40,56 +40,56 @@ class GGLSystem(Index2System):
     def __init__(self, mechanism: "Mechanism", **core: ModuleType) -> None:
         super().__init__(mechanism, **core)
         self.nz = 2 * self.ng
-        self.slip = np.zeros(self.nv)  # M^-1 G^T mu at the last stage
-        self.positions = np.flatnonzero(mechanism.positional)
-        self.free: int | None = None  # rank of the rows that have a g
+        self.velocity_correction = np.zeros(self.nv)  # M^-1 G^T mu at the last stage
+        self.positional_rows = np.flatnonzero(mechanism.positional)
+        self.position_rank: int | None = None  # rank of the rows that have a g
 
     def chart(self, t: float, y: Array) -> "GGLChart":
         rows = super().chart(t, y).rows
-        return GGLChart(self, t, y, rows, self.independent_positions(t, y, rows))
+        return GGLChart(self, t, y, rows, self.independent_position_rows(t, y, rows))
 
-    def independent_positions(self, t: float, y: Array, rows: Array) -> Array:
-        """Independent rows among those that have a g, (k,): the rows in use if all have one."""
-        if len(self.positions) == self.ng:
+    def independent_position_rows(self, t: float, y: Array, rows: Array) -> Array:
+        """Return independent rows among those that have a g, (k,): the rows in use if all have one."""
+        if len(self.positional_rows) == self.ng:
             return rows
         U, G = self.point(t, self.split(y)[0])
-        order, diagonal = independent_rows.pivots(dgesv(U.T, G[self.positions].T)[2])
-        if self.free is None:
-            self.free = independent_rows.rank(diagonal)
-        return np.sort(self.positions[order[: self.free]])
+        order, diagonal = independent_rows.pivots(dgesv(U.T, G[self.positional_rows].T)[2])
+        if self.position_rank is None:
+            self.position_rank = independent_rows.rank(diagonal)
+        return np.sort(self.positional_rows[order[: self.position_rank]])
 
-    def all_shifts(self, U: Array, G: Array, kept: Array, mu: Array) -> Array:
-        """Return mu of all rows, (ng,), from those of the independent ones."""
+    def all_position_multipliers(self, U: Array, G: Array, rows: Array, mu: Array) -> Array:
+        """Return mu of all rows, (ng,), from those of the independent ones, (k,)."""
         out = np.zeros(self.ng)
-        if len(kept) == len(self.positions):
-            out[kept] = mu
+        if len(rows) == len(self.positional_rows):
+            out[rows] = mu
         else:
-            within = np.searchsorted(self.positions, kept)
-            out[self.positions] = independent_rows.all_multipliers(U, G[self.positions], within, mu)
+            within = np.searchsorted(self.positional_rows, rows)
+            out[self.positional_rows] = independent_rows.all_multipliers(U, G[self.positional_rows], within, mu)
         return out
 
     def update_independent_rows(self, t: float, state: State) -> State:
-        """See `Index2System`; drivers are checked against all velocity rows, which no projection does here.
+        """See `Index2System`; also checks drivers against all velocity rows, since there is no projection.
 
         Raises:
-            StepError: if speeds contradict each other.
+            StepError: if velocities contradict each other.
         """
         state = super().update_independent_rows(t, state)
         if self.driven:
             q, v = self.split(state.y)
             U, G = self.point(t, q)
-            refuse_contradictions(self, t, G, project_velocity(self, t, U, G, v))
+            require_compatible_velocities(self, t, G, project_velocity(self, t, U, G, v))
         return state
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0), (2 ng,), from the hidden constraint."""
         F, lam = super().derivative(t, y)
-        self.slip = np.zeros(self.nv)
+        self.velocity_correction = np.zeros(self.nv)
         return F, np.concatenate([lam, np.zeros(self.ng)])
 
     def carry(self, F: Array, z: Array) -> Array:
-        """Keep (M^-1 G^T mu, v', w')."""
-        return np.concatenate([self.slip, F[self.nv :]])
+        """Return (M^-1 G^T mu, v', w')."""
+        return np.concatenate([self.velocity_correction, F[self.nv :]])
 
 
 class GGLChart(Index2Chart):
@@ -97,13 +97,13 @@ class GGLChart(Index2Chart):
 
     system: GGLSystem
 
-    def __init__(self, system: GGLSystem, t: float, y: Array, rows: Array, kept: Array) -> None:
+    def __init__(self, system: GGLSystem, t: float, y: Array, rows: Array, position_rows: Array) -> None:
         super().__init__(system, t, y, rows)
-        self.kept = kept
+        self.position_rows = position_rows
 
     @property
     def unknowns(self) -> tuple[int, ...]:
-        return (*super().unknowns, *self.kept.tolist())
+        return (*super().unknowns, *self.position_rows.tolist())
 
     def first(self, carry: Array) -> tuple[Array, Array]:
         """Return the first stage of a method that carries it: x' = v + (G^T mu) and v', from `carry` (nv + nv,)."""
@@ -113,81 +113,84 @@ class GGLChart(Index2Chart):
     def solve_stage(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
-        """Solve for mu in 0 = g(that, q_n (+) (xhat + factor x')) by Newton's method: x' (nv,), and G (r, nv) there.
+        """Return x' (nv,), and G (r, nv) where the stage satisfies 0 = g(that, q_n (+) (xhat + factor x')).
+
+        Newton's method solves for mu.
 
         Raises:
             StepError: if it does not converge, or a row that is not in use is violated.
         """
         s, m = self.system, self.system.manifold
-        self.mu, self._x = np.zeros(len(self.kept)), x
-        if not len(self.kept):
+        self.mu, self._x = np.zeros(len(self.position_rows)), x
+        if not len(self.position_rows):
             return super().solve_stage(that, x, v, xhat, factor, U, G)
-        self._slips = slips = dpotrs(U, G[self.kept].T)[0]
-        B, dx = m.tangent(x, slips), m.tangent(x, v)
+        self._MinvGT_p = MinvGT = dpotrs(U, G[self.position_rows].T)[0]
+        B, dx = m.tangent(x, MinvGT), m.tangent(x, v)
         mech = s.mechanism
         last, scale = np.inf, 1 + np.abs(self.q / mech.q_scales).max()
         for _ in range(ITERATIONS):
             xhat_i = xhat + factor * dx
             g, Ghat = s.closures(m.integrate(self.q, xhat_i), that)
-            _, _, dmu, info = dgesv(factor * Ghat[self.kept] @ m.velocity(xhat_i, B), -g[self.kept])
+            _, _, dmu, info = dgesv(factor * Ghat[self.position_rows] @ m.velocity(xhat_i, B), -g[self.position_rows])
             size = abs(factor) * np.abs(B @ dmu / mech.coordinate_scales).max()
             if info or not np.isfinite(size):
                 break
             if size <= ROUNDING * scale or (size > 0.5 * last and size <= SEARCH_TOLERANCE * scale):
-                self._watch(that, g, m.integrate(self.q, xhat_i))
-                s.slip = slips @ self.mu
+                self._require_closed(that, g, m.integrate(self.q, xhat_i))
+                s.velocity_correction = MinvGT @ self.mu
                 return dx, Ghat[self.rows]
             self.mu, dx, last = self.mu + dmu, dx + B @ dmu, size
         raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {that:.17g}")
 
-    def _watch(self, t: float, g: Array, q: Array) -> None:
+    def _require_closed(self, t: float, g: Array, q: Array) -> None:
         mech = self.system.mechanism
         if np.abs(g / mech.row_scales).max(initial=0.0) > SAME_STATE:
             gap = largest_error(mech, g)
             names = contradicting_positions(self.system, t, q)
-            why = f"{names} contradict each other" if names else "other rows keep it no more"
-            raise StepError("rank", f"{gap.says('opens')} at t = {t:.17g}: {why}")
+            why = f"{names} contradict each other" if names else "the rows in use no longer enforce it"
+            raise StepError("rank", f"{gap.message('opens')} at t = {t:.17g}: {why}")
 
     def start(self) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""
         F, lam = super().start()
-        return F, np.concatenate([lam, np.zeros(len(self.kept))])
+        return F, np.concatenate([lam, np.zeros(len(self.position_rows))])
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return J(x) (v + M^-1 G^T mu) - x' followed by the rest, (2 nv + 1,), and (-G v, -g), (r + k,)."""
+        """Return J(x) (v + M^-1 G^T mu) - x' and the other residuals, (2 nv + 1,), and (-G v, -g), (r + k,)."""
         s, nv, r = self.system, self.system.nv, len(self.rows)
         rest, c = super().residual(t, x, dx, z[:r])
         U = s.inertia(t, s.manifold.integrate(self.q, x[:nv]))
         g, G = s.closures(None, t)
-        rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.kept])[0])
-        return rest, np.concatenate([c, -g[self.kept]])
+        rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.position_rows])[0])
+        return rest, np.concatenate([c, -g[self.position_rows]])
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Return the partial derivatives at (x, x', z)."""
-        found = LinearizedGGL(*super().linearize(x, dx, z[: len(self.rows)]))
-        found.kept = self.system.jacobian()[self.kept]
-        return found
+        out = LinearizedGGL(*super().linearize(x, dx, z[: len(self.rows)]))
+        out.G_p = self.system.jacobian()[self.position_rows]
+        return out
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y, and (lam, mu) of all rows, (2 ng,)."""
+        """Return y and (lam, mu) of all rows, (2 ng,)."""
         s, r = self.system, len(self.rows)
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
-        self._watch(t, g, s.split(y)[0])
-        return y, np.concatenate([lam, s.all_shifts(s._last[0], G, self.kept, z[r:])])
+        self._require_closed(t, g, s.split(y)[0])
+        return y, np.concatenate([lam, s.all_position_multipliers(s._last[0], G, self.position_rows, z[r:])])
 
     def all_multipliers(self, z: Array) -> Array:
         """Multipliers (lam, mu) of all rows at the last stage's configuration, (2 ng,)."""
         s = self.system
-        return np.concatenate([super().all_multipliers(z), s.all_shifts(*s._last, self.kept, self.mu)])
+        mu = s.all_position_multipliers(*s._last, self.position_rows, self.mu)
+        return np.concatenate([super().all_multipliers(z), mu])
 
     def project(self, e: Array) -> Array:
         """Project positions and velocities in the mass metric on G x = 0, G v = 0 at the last stage's configuration."""
         s, m, nv = self.system, self.system.manifold, self.system.nv
         e = super().project(e)
-        if len(self.kept):
-            G, slips = s._last[1][self.kept], self._slips
-            normal = slips @ np.linalg.solve(G @ slips, G @ m.velocity(self._x, e[:nv]))
+        if len(self.position_rows):
+            G, MinvGT = s._last[1][self.position_rows], self._MinvGT_p
+            normal = MinvGT @ np.linalg.solve(G @ MinvGT, G @ m.velocity(self._x, e[:nv]))
             e[:nv] -= m.tangent(self._x, normal)
         return e
 
@@ -195,7 +198,7 @@ class GGLChart(Index2Chart):
 class LinearizedGGL(Linearized):
     """Partial derivatives of the GGL form at mu = 0, with x' = J(x) (v + N mu), N = M^-1 P^T, and additionally 0 = g.
 
-    P are the independent position rows of G, (k, nv).
+    P = G_p are the independent position rows of G, (k, nv).
 
     With the letters of `mbdae.mechanism.formulations.implicit_stage`, and m = h times an eigenvalue of the method's
     matrix,
@@ -205,12 +208,12 @@ class LinearizedGGL(Linearized):
         [ m P S J                0     P S J N  ] [dmu ]
     """
 
-    kept: Array
+    G_p: Array
 
     def factorize(self, mu: complex) -> Solver:
         """Factorize the matrix, (n + r + k, n + r + k), n = nv + ns + 1, real or complex."""
         S, KS, BS, upper = self.stage_blocks(mu)
-        G, P, (J, _) = self.partials.G, self.kept, self.tangent_map
+        G, P, (J, _) = self.partials.G, self.G_p, self.tangent_map
         n, nv, r = len(upper), len(J), len(G)
         PS, JN = P @ S, J @ np.linalg.solve(self.partials.E[:nv, :nv], P.T)
         back = self.block_solver(

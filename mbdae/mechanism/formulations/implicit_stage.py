@@ -1,4 +1,4 @@
-"""Residuals of implicit stages of a mechanism, and the linear systems of a simplified Newton iteration.
+"""Residuals of implicit stages of a mechanism, and the linear systems of simplified Newton iterations.
 
 In the coordinates (x, v, s, w) of a step, q = q_n (+) x, the residual of an implicit stage is
 
@@ -6,8 +6,8 @@ In the coordinates (x, v, s, w) of a step, q = q_n (+) x, the residual of an imp
 
 with r independent rows of G.
 
-After linearisation, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated; a system of size
-nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros it is, for vector spaces,
+In the linearised equations, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated; a system of
+size nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros it is, for vector spaces,
 
     [ E - mu D - mu^2 K   -L ] [du' ]       K = d(f + G^T lam - M v', h, power)/dq,  D = d(f, h, power)/du,
     [ G + mu B             0 ] [dlam]       L = d(G^T lam, 0, -g_t lam)/dlam,        B = d(G v)/dq
@@ -58,15 +58,15 @@ class ImplicitStages:
         return F, lam
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return the first four lines of the module's first equation, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
+        """Return the first four residuals of the module, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
         s, nv = self.system, self.system.nv
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         pin.computeJointJacobians(s.model, s.workspace, q)
         G = s.closures()[1][self.rows]
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
-        if s.sliding:
-            e, speed, factor = s.sliding.slips(v)
-            T = factor * s.sliding.carried(s.sliding.minimum_norm_map(self.rows) @ z)[0]
+        if s.closure_friction:
+            e, speed, factor = s.closure_friction.slip_terms(v)
+            T = factor * s.closure_friction.normal_forces(s.closure_friction.minimum_norm_map(self.rows) @ z)[0]
             tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
         inertial = pin.rnea(s.model, s.workspace, q, v, dx[nv : 2 * nv])
         rate = s.manifold.tangent(x[:nv], v)
@@ -85,23 +85,23 @@ class ImplicitStages:
         return Linearized(local, _tangent_map(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y and the multipliers of all rows, (ng,); the next step starts from this mass matrix and G.
+        """Return y and the multipliers of all rows, (ng,); the next step reuses the mass matrix and G.
 
-        The error that the iteration leaves in z is |G - G_0| times its last change, much larger than in x and x'. One
-        linear solve removes it: M^-1/2 (f + G^T z - M v') is minimised. Where bodies rotate far within a step, some
-        directions that only rounding excites converge slowly: the velocities in x are projected onto 0 = G v + g_t.
+        The remaining iteration error of z is |G - G_0| times its last change, much larger than those of x and x'. One
+        linear solve removes it: it minimises |M^-1/2 (f + G^T z - M v')|. If bodies rotate far within a step,
+        components that rounding excites converge slowly: the velocities in x are projected onto 0 = G v + g_t.
         """
         s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
         q, _ = s.split(y)
         U, G = s.inertia(t, q), s.closures()[1]
         s._last_q, s._last = q, (U, G)
-        left, miss = ImplicitStages.residual(self, t, x, dx, z)
+        residual, minus_rate = ImplicitStages.residual(self, t, x, dx, z)
         used = G[self.rows]
-        X = dpotrs(U, np.column_stack([used.T, left[nv : 2 * nv]]))[0]
-        found = np.linalg.solve(used @ X[:, :-1], np.column_stack([used @ X[:, -1], miss]))
-        x[nv : 2 * nv] += X[:, :-1] @ found[:, 1]
+        X = dpotrs(U, np.column_stack([used.T, residual[nv : 2 * nv]]))[0]
+        corrections = np.linalg.solve(used @ X[:, :-1], np.column_stack([used @ X[:, -1], minus_rate]))
+        x[nv : 2 * nv] += X[:, :-1] @ corrections[:, 1]
         y = s.add(self.y, x)
-        return y, s.all_multipliers(U, G, self.rows, z - found[:, 0])
+        return y, s.all_multipliers(U, G, self.rows, z - corrections[:, 0])
 
 
 def _tangent_map(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:
@@ -137,8 +137,8 @@ class Linearized(NamedTuple):
 
     def stage_blocks(self, mu: complex) -> tuple[Array, Array, Array, Array]:
         """Return S, mu K S, B S and the upper left block of the module's matrix."""
-        J, turn = self.tangent_map
-        S = np.linalg.inv((np.eye(len(J)) - mu * turn) @ J)
+        J, dJv = self.tangent_map
+        S = np.linalg.inv((np.eye(len(J)) - mu * dJv) @ J)
         KS = mu * (self.partials.K @ S)
         upper = self.partials.E - mu * self.partials.D
         upper[:, : len(J)] -= mu * (KS @ J)

@@ -59,12 +59,12 @@ class Index1System(Index2System):
         return Index1Chart(self, t, y, super().chart(t, y).rows)
 
     def update_independent_rows(self, t: float, state: State) -> State:
-        """Choose the rows in use; v is not projected: it misses all rows by its drift."""
+        """Select the rows in use; v is not projected: its drift violates all rows."""
         super().update_independent_rows(t, state)
         return state
 
     def normal(self, y: Array) -> Array:
-        """Return the point of raw coordinates, with quaternions and circles normalised."""
+        """Return the point of raw coordinates with normalised quaternions and (cos, sin) pairs."""
         if self.manifold.flat:
             return y
         return np.concatenate([pin.normalize(self.model, y[: self.nq]), y[self.nq :]])

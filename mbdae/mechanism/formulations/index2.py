@@ -44,13 +44,13 @@ class Index2System(PinocchioData, RunVariables, System):
         self.ns = self.laws.ns
         self.ny = 2 * self.nv + self.ns + 1
         self.driven = bool(mechanism.drivers)
-        self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
+        self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # with drivers, the work, too
         self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
-        self.constraints.off = inactive_rows(mechanism.switches, self.mode)
-        self.sticks = False  # joints stick in the mode
-        self.sliding = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
-        self.place = independent_rows.elimination_order(self.constraints.columns)
+        self.constraints.inactive = inactive_rows(mechanism.switches, self.mode)
+        self.sticks = False  # whether joints stick in the mode
+        self.closure_friction = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
+        self.elimination_order = independent_rows.elimination_order(self.constraints.columns)
         self._last = (np.empty(0), np.empty(0))  # U and G at the last point
         self.reset()
 
@@ -73,7 +73,7 @@ class Index2System(PinocchioData, RunVariables, System):
             pin.computeJointJacobians(self.model, self.workspace, q)
 
     def g_t(self, t: float) -> Array:
-        """Return g_t over all rows, (ng,); zero for closures, minus the speed of drivers."""
+        """Return g_t over all rows, (ng,); zero for closures, -u' for drivers."""
         return -self.constraints.motion(t)[1]
 
     def residual(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
@@ -115,7 +115,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return self.laws.torque(t, q, v, s)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""
+        """Return the kinetic energy (armature included) and the potential energy of gravity and springs, in J."""
         pin.crba(self.model, self.workspace, q, pin.Convention.WORLD)
         kinetic = float(v @ (np.triu(self._M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(self._M) * v))
         gravity = float(pin.computePotentialEnergy(self.model, self.workspace, q))
@@ -127,10 +127,10 @@ class Index2System(PinocchioData, RunVariables, System):
         return () if self.rows is None else tuple(self.rows.tolist())
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
-        self.rows, self.rank, self.held = np.array(rows, int), len(rows), held
+        self.rows, self.rank, self.rows_frozen = np.array(rows, int), len(rows), held
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
-        """Return U and G at q, with kinematics current there; reuses the last stage if it ended here."""
+        """Return U and G at q, and make kinematics current; reuses those of the last stage at the same q."""
         if self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
             pin.computeJointJacobians(self.model, self.workspace, q)
             return self._last
@@ -138,7 +138,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return U, self.jacobian()
 
     def all_multipliers(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
-        """Multipliers of all rows, (ng,), from those in use: of minimum norm for redundant rows."""
+        """Return the minimum-norm multipliers of all rows, (ng,), from those of the rows in use, (r,)."""
         if len(rows) == self.ng:
             return lam[rows.argsort()]
         return independent_rows.all_multipliers(U, G, rows, lam)
@@ -146,35 +146,36 @@ class Index2System(PinocchioData, RunVariables, System):
     def new_workspace(self) -> "Index2System":
         """See `mbdae.system.System`; always in index-2 form."""
         out = self.mechanism.workspaces.acquire(native=self.native)
-        out.beside = self.beside
+        out.ambiguous_pivot = self.ambiguous_pivot
         out.enter(self.mode)
         return out
 
     def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
-        """Return g and G v + g_t over all rows in any mode, (ng,) each; None where Python computes them."""
+        """Return g and G v + g_t over all rows, active or not, (ng,) each; None if Python must compute them."""
         return None
 
     def enter(self, mode: Mode) -> None:
-        """Enter another mode; determine rank and rows again."""
+        """Enter another mode; the rank and the rows in use are determined again."""
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches
-        self.constraints.off, self.sticks = inactive_rows(switches, mode), False
+        self.constraints.inactive, self.sticks = inactive_rows(switches, mode), False
         for switch, state in zip(switches, mode, strict=True):
             switch.enter(self, state)
-        self.rank, self.rows, self.held, self.reason = None, None, False, independent_rows.SelectionTrigger(self.ng)
+        self.rank, self.rows, self.rows_frozen = None, None, False
+        self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
         self.least_pivot_ratio = 1.0
         self._last_q = np.full(self.nq, np.nan)
 
     def order_of(self, tableau: Any) -> int:
-        return tableau.order if self.sliding.places else tableau.order_linear
+        return tableau.order if self.closure_friction.interfaces else tableau.order_linear
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q (nq,) and v (nv,)."""
         return y[: self.nq], y[self.nq : self.nq + self.nv]
 
-    def inner(self, y: Array) -> Array:
-        """Return the states s of forces, the part of y between v and the work."""
+    def element_states(self, y: Array) -> Array:
+        """Return the states s of force elements, (ns,)."""
         return y[self.nq + self.nv : -1]
 
     def breakpoint(self, t: float, sign: float) -> float:
@@ -184,11 +185,11 @@ class Index2System(PinocchioData, RunVariables, System):
     def jump(self, t: float, y: Array) -> Array:
         """See `mbdae.system.System`: the states of sampled controllers jump."""
         q, v = self.split(y)
-        return np.concatenate([q, v, self.laws.jump(t, q, v, self.inner(y)), y[-1:]])
+        return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
 
     def chart(self, t: float, y: Array) -> "Index2Chart":
         q, _ = self.split(y)
-        rows = self.rows if self.held else None
+        rows = self.rows if self.rows_frozen else None
         if rows is None:
             rows = self.choose_rows(t, *self.point(t, q)) if self.ng else np.empty(0, int)
         return Index2Chart(self, t, y, rows)
@@ -196,10 +197,10 @@ class Index2System(PinocchioData, RunVariables, System):
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
         q, v = self.split(y)
-        U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.inner(y))
+        U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.element_states(y))
         G = self.jacobian()
         rows = self.choose_rows(t, U, G)
-        Gr, slips = G[rows], self.sliding.slips(v) if self.sliding else None
+        Gr, slips = G[rows], self.closure_friction.slip_terms(v) if self.closure_friction else None
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
         vdot, lam = self.solve(t, U, G, rows, Gr, f, rhs, rates, slips)
         rates[-1] -= lam @ self.g_t(t)[rows]
@@ -219,15 +220,17 @@ class Index2System(PinocchioData, RunVariables, System):
     ) -> tuple[Array, Array]:
         """Solve for v' (nv,) and lam (r,), with friction proportional to lam, whose power is added to the rates."""
         if slips is None:
-            return self.saddle(t, U, G.take(rows, 0), Ghat, f, rhs)
+            return self.solve_saddle_point(t, U, G.take(rows, 0), Ghat, f, rhs)
         vdot, lam, power = solve_with_friction(self, t, U, G, rows, Ghat, f, rhs, slips)
         rates[-1] += power
         return vdot, lam
 
-    def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
+    def solve_saddle_point(
+        self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array
+    ) -> tuple[Array, Array]:
         """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T.
 
-        For several f, (k, nv), all but the first belong to rhs = 0: v' (k, nv), lam (k, r).
+        With several f, (k, nv), rhs is 0 for all but the first; then v' is (k, nv), lam (k, r).
         """
         self.counts.solves += 1
         r, F = len(rhs), f if f.ndim > 1 else f[None]
@@ -243,21 +246,21 @@ class Index2System(PinocchioData, RunVariables, System):
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
-        self.reason.now = ratio = pivot[i] / largest
+        self.selection_trigger.pivot_ratio = ratio = pivot[i] / largest
         self.least_pivot_ratio = min(self.least_pivot_ratio, ratio)
         if info or not ratio > independent_rows.SMALLEST_PIVOT:
             name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         vdot = X[r] + lam.dot(X[:r]) if f.ndim == 1 else X[r:] + lam.T.dot(X[:r])
         if self.sticks:  # iterative refinement removes rounding
-            left = -Ghat.dot(vdot.T)
-            np.atleast_2d(left.T)[0] += rhs
-            more = dgetrs(lu, piv, left)[0]
-            vdot, lam = vdot + more.T.dot(X[:r]), lam + more
+            residual = -Ghat.dot(vdot.T)
+            np.atleast_2d(residual.T)[0] += rhs
+            dlam = dgetrs(lu, piv, residual)[0]
+            vdot, lam = vdot + dlam.T.dot(X[:r]), lam + dlam
         return vdot, lam.T
 
     def carry(self, F: Array, z: Array) -> Array:
-        """Keep (v', s', w'): not lam, because rows may be re-chosen."""
+        """Return (v', s', w'); without lam, since the rows in use may change."""
         return F[self.nv :].copy()
 
     def add(self, y: Array, x: Array) -> Array:

@@ -18,19 +18,19 @@ class Index2Chart(ImplicitStages):
     def __init__(self, system: "Index2System", t: float, y: Array, rows: Array) -> None:
         self.system, self.t, self.y, self.rows = system, t, y, rows
         self.q, self.v = system.split(y)
-        self.s = system.inner(y)
+        self.s = system.element_states(y)
 
     def first(self, carry: Array) -> tuple[Array, Array]:
         """Return the first stage of a method that carries it: x' = v and v' = `carry` (nv,)."""
         return np.concatenate([self.v, carry]), np.empty(0)
 
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """Solve one saddle-point system, with G at two configurations (Hairer, Wanner II, (VII.6.8))."""
+        """Solve a saddle-point system with G at two configurations (Hairer, Wanner II, (VII.6.8))."""
         s, m, nv = self.system, self.system.manifold, self.system.nv
         q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
         G = s.jacobian()
-        slips = s.sliding.slips(v) if s.sliding else None
+        slips = s.closure_friction.slip_terms(v) if s.closure_friction else None
         dx, Ghat = self.solve_stage(that, x[:nv], v, xhat[:nv], factor, U, G)
         rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
         if s.driven:
@@ -44,27 +44,27 @@ class Index2Chart(ImplicitStages):
     def solve_stage(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
-        """Return x' = J(x) v (nv,) and G (r, nv) where the stage constraint is satisfied: q_n (+) (xhat + factor x').
+        """Return x' = J(x) v (nv,), and G (r, nv) at q_n (+) (xhat + factor x'), where the stage constraint applies.
 
-        U and G over all rows belong to the stage itself.
+        U and G over all rows are those of the stage.
         """
         m = self.system.manifold
         dx = m.tangent(x, v)
         return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
 
     def all_multipliers(self, z: Array) -> Array:
-        """Multipliers of all rows at the last stage's configuration."""
+        """Return the multipliers of all rows at the configuration of the last stage."""
         s = self.system
-        s.reason.probe(*s._last, self.rows)
+        s.selection_trigger.probe(*s._last, self.rows)
         return s.all_multipliers(*s._last, self.rows, z)
 
     def point(self, x: Array) -> Array:
         """Return the state at tangent coordinates x of the step's start, whose rotations must be small."""
-        self.system.manifold.within(x[: self.system.nv])
+        self.system.manifold.require_small_rotations(x[: self.system.nv])
         return self.system.add(self.y, x)
 
     def project(self, e: Array) -> Array:
-        """Project the velocity part in the mass metric on G v = 0 at the last stage's configuration."""
+        """Project the velocities in e in the mass metric onto G v = 0 at the configuration of the last stage."""
         s, nv = self.system, self.system.nv
         if len(self.rows):
             e = e.copy()

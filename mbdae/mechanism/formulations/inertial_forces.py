@@ -1,4 +1,4 @@
-"""M v' + nle and its exact derivatives, on the expanded tree."""
+"""Inertial forces M v' + nle and their exact derivatives, on the expanded tree."""
 
 from functools import cached_property
 
@@ -10,12 +10,12 @@ from ..expanded_tree import expand
 from ..frames import motion_cross, wrench_matrix
 from ..pinocchio_data import make_data
 
-LARGEST = 100
-"""Degrees of freedom for which Pinocchio's derivatives are taken: their workspace holds nv^3 numbers, 40 MB then."""
+MAX_PINOCCHIO_NV = 100
+"""Degrees of freedom up to which Pinocchio's derivatives are used: their workspace has nv^3 numbers, up to 40 MB."""
 
 
 class InertialForces:
-    """M v' + nle of a model, in a separate workspace that is created when derivatives are first requested."""
+    """M v' + nle of a model, in a separate workspace that is created on first use."""
 
     def __init__(self, model: pin.Model) -> None:
         self.compact = model
@@ -28,17 +28,17 @@ class InertialForces:
     @cached_property
     def data(self) -> pin.Data:
         """Workspace of the expanded tree."""
-        return self.model.createData() if self.model.nv <= LARGEST else make_data(self.model)
+        return self.model.createData() if self.model.nv <= MAX_PINOCCHIO_NV else make_data(self.model)
 
     def partials(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
         """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; live views."""
-        if self.model.nv > LARGEST:
+        if self.model.nv > MAX_PINOCCHIO_NV:
             return self._by_composites(q, v, vdot)
         pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
         return self.data.M, self.data.dtau_dq, self.data.dtau_dv
 
     def _by_composites(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
-        """The same with O(nv^2) memory, from composite bodies, by the formulas that Pinocchio uses.
+        """Return the same with O(nv^2) memory, from composite bodies, by Pinocchio's formulas.
 
         Source: Carpentier, Mansard, Robotics: Science and Systems (2018).
         """
@@ -49,8 +49,8 @@ class InertialForces:
         F, V, A = np.zeros((3, model.njoints, 6))
         A[0] = -gravity.vector
         for j in range(1, model.njoints):
-            place, inertia = data.oMi[j], data.oMi[j].act(model.inertias[j])
-            velocity, acceleration = place.act(data.v[j]), place.act(data.a[j]) - gravity
+            placement, inertia = data.oMi[j], data.oMi[j].act(model.inertias[j])
+            velocity, acceleration = placement.act(data.v[j]), placement.act(data.a[j]) - gravity
             momentum = inertia * velocity
             Y[j], V[j], A[j] = inertia.matrix(), velocity.vector, acceleration.vector
             B[j] = inertia.variation(velocity) + wrench_matrix(momentum.vector)
@@ -60,22 +60,22 @@ class InertialForces:
                 sums[model.parents[j]] += sums[j]
         joint = np.repeat(np.arange(model.njoints), model.nvs)
         parent = np.array(model.parents)[joint]
-        own, before = V[joint].T, V[parent].T
-        dV = motion_cross(before, J)
-        dA = motion_cross(A[parent].T, J) + motion_cross(before, dV)
-        dA_v = motion_cross(own, J) + dV
+        V_joint, V_parent = V[joint].T, V[parent].T
+        dV = motion_cross(V_parent, J)
+        dA = motion_cross(A[parent].T, J) + motion_cross(V_parent, dV)
+        dA_v = motion_cross(V_joint, J) + dV
 
         def times(X: Array, columns: Array) -> Array:
             return np.matmul(X[joint], columns.T[:, :, None])[:, :, 0].T
 
         YJ, BTJ = times(Y, J), times(B.transpose(0, 2, 1), J)
-        turned = times(np.array([wrench_matrix(wrench) for wrench in F]), J)
-        above, below = self.order, self.order & ~self.order.T  # m <= k, m < k
-        dq = above * J.T.dot(times(B, dV) + times(Y, dA)) + below * J.T.dot(turned)
-        dq += (below * (dA.T.dot(YJ) + dV.T.dot(BTJ))).T
-        dv = above * J.T.dot(times(B, J) + times(Y, dA_v)) + (below * (dA_v.T.dot(YJ) + J.T.dot(BTJ))).T
-        half = J.T.dot(YJ)
-        return above * half + (below * half).T + np.diag(model.armature), dq, dv
+        FJ = times(np.array([wrench_matrix(wrench) for wrench in F]), J)
+        before, strictly_before = self.order, self.order & ~self.order.T  # m <= k, m < k
+        dq = before * J.T.dot(times(B, dV) + times(Y, dA)) + strictly_before * J.T.dot(FJ)
+        dq += (strictly_before * (dA.T.dot(YJ) + dV.T.dot(BTJ))).T
+        dv = before * J.T.dot(times(B, J) + times(Y, dA_v)) + (strictly_before * (dA_v.T.dot(YJ) + J.T.dot(BTJ))).T
+        JYJ = J.T.dot(YJ)
+        return before * JYJ + (strictly_before * JYJ).T + np.diag(model.armature), dq, dv
 
     @cached_property
     def order(self) -> Array:

@@ -11,8 +11,8 @@ from ...system import Array
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-PLAIN_ORDER = 4  # of v, from q, v and v' at both ends
-TAIL_ORDER = 3  # of s, from s and s' at both ends
+VELOCITY_ORDER = 4  # of v, from q, v and v' at both ends
+STATE_ORDER = 3  # of s, from s and s' at both ends
 WORK_NODES = 2
 
 
@@ -27,9 +27,9 @@ def interpolant(
     """Return theta -> y on t + theta h, theta in [0, 1].
 
     In the chart q = q_n (+) x, x(theta) interpolates x, x' = J v and x'' = J v' + J' v at both ends: a quintic, order 5
-    in q and 4 in v. For higher orders, accelerations from the hidden constraint are added inside the step. Both q and v
-    are continuous; G v = 0 holds to the order. Actuator states s and work w start as cubics, order 3, and use their
-    rates at the same points; without actuator states, the work uses the power at two separate points.
+    in q and 4 in v. For higher orders, accelerations from the hidden constraint inside the step are added. Both q and v
+    are continuous, and satisfy G v = 0 to the order. States s and work w are cubics, order 3, to which their rates at
+    the same points are added; without states, the work uses the power at two separate points.
 
     Args:
         system: workspace for accelerations and forces.
@@ -64,12 +64,12 @@ def interpolant(
         (h * F0[:nv], h * c1),
         (h * h * F0[nv : 2 * nv], h * h * second(x1, c1, F1[:nv], F1[nv : 2 * nv])),
     ]
-    own = [(y0[nq + nv :], y1[nq + nv :]), (h * F0[2 * nv :], h * F1[2 * nv :])]
-    sweeps = max(0, order - (TAIL_ORDER if system.ns else PLAIN_ORDER))
-    c, tail = fit(data, np.empty((0, nv))), fit(own, np.empty((0, system.ns + 1)))
+    tail_data = [(y0[nq + nv :], y1[nq + nv :]), (h * F0[2 * nv :], h * F1[2 * nv :])]
+    sweeps = max(0, order - (STATE_ORDER if system.ns else VELOCITY_ORDER))
+    c, tail = fit(data, np.empty((0, nv))), fit(tail_data, np.empty((0, system.ns + 1)))
     for _ in range(sweeps):
         inner = [rate(theta, c, tail) for theta in nodes(sweeps)]
-        c, tail = fit(data, np.array([a for a, _ in inner])), fit(own, np.array([b for _, b in inner]))
+        c, tail = fit(data, np.array([a for a, _ in inner])), fit(tail_data, np.array([b for _, b in inner]))
     tails = [tail] if system.ns else []
 
     def power(theta: float) -> Array:
@@ -78,19 +78,19 @@ def interpolant(
 
     def at(theta: float) -> Array:
         if not tails:
-            tails.append(fit(own, np.array([power(s) for s in nodes(WORK_NODES)])))
+            tails.append(fit(tail_data, np.array([power(s) for s in nodes(WORK_NODES)])))
         _, _, q, v = state(theta, c)
         return np.concatenate([q, v, powers(theta, len(tails[0]) - 1) @ tails[0]])
 
     return at
 
 
-def samples_at_once(system: "Index2System", order: int) -> bool:
-    """Return whether `sampled` applies: coordinates in a vector space, no actuator states, no refinement."""
-    return system.manifold.flat and not system.ns and order <= PLAIN_ORDER
+def can_sample_at_once(system: "Index2System", order: int) -> bool:
+    """Return whether `sample_at_once` applies: coordinates in a vector space, no states of forces, no higher order."""
+    return system.manifold.flat and not system.ns and order <= VELOCITY_ORDER
 
 
-def sampled(
+def sample_at_once(
     system: "Index2System",
     t: Array,
     h: Array,
@@ -99,7 +99,7 @@ def sampled(
     which: Array,
     theta: Array,
 ) -> Array:
-    """Return y (k, ny) at k points of n steps at once, equal to `interpolant` where `samples_at_once`.
+    """Return y (k, ny) at k points of n steps, equal to those of `interpolant` if `can_sample_at_once`.
 
     Args:
         system: workspace for forces.
@@ -108,7 +108,7 @@ def sampled(
         ends: y at both ends of each step, (n, ny).
         rates: tangent rates there, (n, 2 nv + 1).
         which: step index of each point, (k,).
-        theta: position of each point in its step, (k,).
+        theta: position of each point in its step, 0 to 1, (k,).
     """
     nv, size = system.nv, h[:, None]
     (y0, y1), (F0, F1) = ends, rates
@@ -133,8 +133,8 @@ def sampled(
 
 
 def _power(system: "Index2System", t: float, q: Array, v: Array) -> Array:
-    """Power of non-conservative forces, (1,), of a system without actuator states."""
-    if system.driven or system.sliding:  # their power depends on lam
+    """Return the power of non-conservative forces, (1,), of a system without states of forces."""
+    if system.driven or system.closure_friction:  # their power depends on lam
         return system.derivative(t, np.concatenate([q, v, [0.0]]))[0][-1:]
     system.inertia(t, q)
     return system.force(t, q, v, np.empty(0))[1]

@@ -1,4 +1,4 @@
-"""rad or characteristic length of the coordinates.
+"""Linearised equations of motion at an equilibrium or a steady motion.
 
 At a point with v constant along the motion, with position rows G_p and all rows G,
 
@@ -6,8 +6,8 @@ At a point with v constant along the motion, with position rows G_p and all rows
     y' = Z_p^T M ((W - ad Z_p) y + Z u),    dq' = dv - ad_v dq on quaternion and planar joints
     u' = Z^T ((K Z_p + D W) y + D Z u + S ds),    ds' = (h_q Z_p + h_v W) y + h_v Z u + h_s ds
 
-If all rows have positions, u is as long as y; velocity rows (rolling) leave more y than u. K contains d(G^T lam)/dq,
-with the multipliers of the motion.
+If all rows are positional, u is as long as y; with velocity rows (rolling) y is longer than u. K contains
+d(G^T lam)/dq with the multipliers of the motion.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from .equilibrium_equations import ForceBalance, Statics
 
 
-
 class LinearMotion(NamedTuple):
     """Perturbation equations z' = A z, z = (y, u, ds), around a point.
 
@@ -33,7 +32,7 @@ class LinearMotion(NamedTuple):
         A: (n, n).
         positions: Z_p, (nv, k).
         speeds: Z, (nv, m).
-        follow: W, (nv, k).
+        velocity_map: W, (nv, k).
         free: null space of all rows.
         damping: Z^T D Z, (m, m).
         stiffness: -Z^T (K Z_p + D W), (m, k).
@@ -46,17 +45,17 @@ class LinearMotion(NamedTuple):
     A: Array
     positions: Array
     speeds: Array
-    follow: Array
+    velocity_map: Array
     free: NullSpace
     damping: Array
     stiffness: Array
     noise: Array
 
     def state(self, dq: Array, dv: Array, ds: Array) -> Array:
-        """Return z (n,) of small changes that satisfy the rows; dq and dv (nv,), ds (ns,)."""
+        """Return z (n,) of perturbations that satisfy the rows; dq and dv (nv,), ds (ns,)."""
         U = self.free.U
         y = (U @ self.positions).T @ (U @ dq)
-        u = (U @ self.speeds).T @ (U @ (dv - self.follow @ y))
+        u = (U @ self.speeds).T @ (U @ (dv - self.velocity_map @ y))
         return np.concatenate([y, u, ds])
 
     @property
@@ -64,7 +63,7 @@ class LinearMotion(NamedTuple):
         """Matrix of (dq, dv, ds) over z, (2 nv + ns, n)."""
         (nv, k), m, ns = self.positions.shape, self.speeds.shape[1], len(self.s)
         out = np.zeros((2 * nv + ns, k + m + ns))
-        out[:nv, :k], out[nv : 2 * nv, :k] = self.positions, self.follow
+        out[:nv, :k], out[nv : 2 * nv, :k] = self.positions, self.velocity_map
         out[nv : 2 * nv, k : k + m], out[2 * nv :, k + m :] = self.speeds, np.eye(ns)
         return out
 
@@ -73,27 +72,24 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     """Linearize at an equilibrium or a steady motion.
 
     Raises:
-        InputError: if the point is not a steady motion, naming the joint that accelerates.
+        InputError: for friction that depends on multipliers.
     """
     system, v, nv = statics.system, statics.v, statics.system.nv
-    system.sliding.reject("a linearization")
+    system.closure_friction.reject("a linearization")
     lam = here.lam
     u = np.concatenate([v, here.s, [0.0]])
     partials = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))
     M, K, D = partials.E[:nv, :nv], partials.K[:nv], partials.D[:nv, :nv]
     S, hq = partials.D[:nv, nv:-1], partials.K[nv:-1]
     hv, hs = partials.D[nv:-1, :nv], partials.D[nv:-1, nv:-1]
-    kept, units = np.vstack([partials.G, statics.rows]), statics.units
+    G, units = np.vstack([partials.G, statics.rows]), statics.units
     positional = np.concatenate([system.constraints.positional, np.ones(len(statics.rows), bool)])
-    free = constraint_null_space(here.free.U, kept, units, statics.sizes.l)
-    Z = free.Z
-    Zp = (
-        Z
-        if positional.all()
-        else constraint_null_space(here.free.U, kept[positional], units[positional], statics.sizes.l).Z
-    )
+    free = constraint_null_space(here.free.U, G, units, statics.sizes.l)
+    Z = Zp = free.Z
+    if not positional.all():
+        Zp = constraint_null_space(here.free.U, G[positional], units[positional], statics.sizes.l).Z
     B = np.vstack([partials.B, np.zeros((len(statics.rows), nv))])
-    W = -free.smallest(B @ Zp) if len(kept) else np.zeros((nv, Zp.shape[1]))
+    W = -free.smallest(B @ Zp) if len(G) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
     for _, at, ad_of, _ in system.manifold.blocks:
         ad[at, at] = ad_of(v[at])
@@ -116,35 +112,35 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     return LinearMotion(here.q, v, here.s, A, Zp, Z, W, free, -damping, -stiffness, noise)
 
 
-def refuse_unsteady(statics: "Statics", here: "ForceBalance") -> None:
-    """Raise for a point that is neither an equilibrium nor a steady motion.
+def require_steady(statics: "Statics", here: "ForceBalance") -> None:
+    """Require an equilibrium or a steady motion.
 
-    The residuals of forces, speeds and rates are compared with their summed terms, and with the changes of these terms
-    by
+    The residuals of forces, velocities and rates are compared with the sizes of their terms, and with the changes of
+    these terms by 1 rad or characteristic length of the coordinates.
 
     Raises:
-        InputError: naming the joint that accelerates.
+        InputError: names the joint that accelerates.
     """
     system, v, sizes = statics.system, statics.v, statics.sizes
     G = system.jacobian(here.q)
     free = constraint_null_space(here.free.U, np.vstack([G, statics.rows]), statics.units, sizes.l)
-    z, pull = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(here.q, here.s))
+    z, residual = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(here.q, here.s))
     if v.any():
         g_t, units = system.g_t(statics.t), statics.units[: len(G)]
         if (np.abs(G @ v + g_t) > VISIBLE * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
-            raise InputError("these speeds do not fit the closures: give those of a steady motion")
+            raise InputError("these velocities do not satisfy the closures: give those of a steady motion")
         loops = constraint_null_space(here.free.U, G, units, sizes.l)
-        pull = pull - loops.smallest(system.gamma(here.q, v, statics.t))
-    most = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
-    if (np.abs(pull) > VISIBLE * most).any():
-        worst = int((np.abs(pull) / sizes.l).argmax())
-        name, size = system.mechanism.coordinate_joint(worst), abs(pull[worst])
+        residual = residual - loops.smallest(system.gamma(here.q, v, statics.t))
+    terms = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
+    if (np.abs(residual) > VISIBLE * terms).any():
+        worst = int((np.abs(residual) / sizes.l).argmax())
+        name, size = system.mechanism.coordinate_joint(worst), abs(residual[worst])
         raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
     K, _, hq, hs = statics.partials(here.q, here.s, here.lam)
     if (np.abs(free.Z.T @ K @ v) > VISIBLE * sizes.speed * (z.T @ (here.terms @ sizes.l))).any() or (
         np.abs(hq @ v) > VISIBLE * sizes.speed * (np.abs(hq) @ sizes.l)
     ).any():
-        raise InputError("these speeds are not steady: the forces change along the motion")
+        raise InputError("these velocities are not steady: the forces change along the motion")
     change = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(here.s)
     if (np.abs(statics.rates(here.q, here.s)[0]) > VISIBLE * change).any():
         raise InputError("this is no equilibrium: states of controllers or motors change")

@@ -2,9 +2,9 @@
 
     M = U^T U,   R^-1 G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
 
-R = diag(row scales) makes the rank independent of units. Statics and modes move along Z and close the loops again by
-Gauss-Newton steps of least size in the coordinates: in the mass metric a light body would take the whole correction,
-even where it cannot close the loop.
+R = diag(row scales) makes the rank independent of units. Statics and modes move along Z and then close the loops by
+Gauss-Newton steps of smallest norm in the coordinates: in the mass metric a light body would take the whole correction,
+even if it cannot close the loop.
 """
 
 from collections.abc import Callable
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 ITERATIONS = 20
-FALLING = 0.5  # of a residual: a full correction that leaves more of it is rounding, or overshoots
-SHARES = (1.0, 0.5, 0.25, 0.125)  # of corrections
+MAX_REMAINING = 0.5  # of a residual after a full correction: a larger one is rounding, or the step overshoots
+STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # of corrections
 Rows = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""
 
@@ -35,8 +35,8 @@ class NullSpace(NamedTuple):
     Attributes:
         U: Cholesky factor of M = U^T U, (nv, nv).
         P, S, V: of R^-1 G U^-1 = P diag(S) V^T, truncated to the rank, (m, r), (r,), (nv, r).
-        Z: free directions, (nv, k), G Z = 0, Z^T M Z = 1.
-        dependent: orthonormal lam that cause no force, G^T lam = 0, (m, m - r).
+        Z: basis of the null space, (nv, k), G Z = 0, Z^T M Z = 1.
+        dependent: orthonormal multipliers without a force, G^T lam = 0, (m, m - r).
         scale: unit scales of the rows, (m,).
     """
 
@@ -54,17 +54,17 @@ class NullSpace(NamedTuple):
         return float(self.S[-1] / self.S[0]) if len(self.S) else 1.0
 
     def multipliers(self, f: Array) -> Array:
-        """Return lam (m,) of least norm such that f + G^T lam = M Z x, inertial forces of free directions."""
+        """Return the minimum-norm lam (m,) with f + G^T lam = M Z x: inertial forces along the null space."""
         lam = -(self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)) / self.scale
         return lam - self.dependent @ (self.dependent.T @ lam)
 
     def smallest(self, r: Array) -> Array:
-        """Return x (nv, ...) of least |U x| with G x = r (m, ...), in the least-squares sense of R^-1 r."""
+        """Return the x (nv, ...) of smallest |U x| with G x = r (m, ...), in the least-squares sense of R^-1 r."""
         return dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
 
 
 def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) -> NullSpace:
-    """Split the velocity space into directions constrained by rows and their null space.
+    """Return the null space of constraint rows, and the factors of their pseudoinverse.
 
     Args:
         U: Cholesky factor of M = U^T U, (nv, nv).
@@ -79,7 +79,7 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     rows = G / scale[:, None]
     P, S, Vt = np.linalg.svd(dgesv(U.T, rows.T)[2].T)
     r = int((S[0] * RANK < S).sum())
-    if r < min(G.shape):  # light bodies next to heavy ones
+    if r < min(G.shape):  # light bodies among heavy ones
         r = max(r, independent_rows.geometric_rank(rows * coordinates))
     dependent = np.linalg.qr(P[:, r:] / scale[:, None])[0]
     return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
@@ -88,7 +88,8 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
 def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
     """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
 
-    Gauss-Newton steps of least size in rad and characteristic lengths; stops when a step no longer halves the residual.
+    Gauss-Newton steps have the smallest norm in rad and characteristic lengths, and stop when a step does not halve the
+    residual.
 
     Raises:
         StepError: if rows remain violated.
@@ -112,17 +113,17 @@ def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = 
         if not size or not np.isfinite(size):
             break
         x = constraint_null_space(one, G, np.ones(len(G)), length).smallest(-g)
-        for share in SHARES if size > CLOSED else SHARES[:1]:
-            nearer = system.manifold.integrate(q, share * x)
-            found = residual(nearer)
-            if np.linalg.norm(found[0]) < (1 - FALLING * share) * size:
+        for factor in STEP_FACTORS if size > CLOSED else STEP_FACTORS[:1]:
+            new_q = system.manifold.integrate(q, factor * x)
+            new = residual(new_q)
+            if np.linalg.norm(new[0]) < (1 - MAX_REMAINING * factor) * size:
                 break
         else:
             break
-        q, (g, G) = nearer, found
+        q, (g, G) = new_q, new
     if not np.linalg.norm(g) <= CLOSED:
         if len(g) > system.ng and np.linalg.norm(g[: system.ng]) <= CLOSED:
-            raise StepError("newton", "what controllers ask for cannot be reached")
+            raise StepError("newton", "the references of controllers cannot be reached")
         gap = largest_error(system.mechanism, g[: system.ng] * units)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     return q

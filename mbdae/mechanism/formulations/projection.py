@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 ITERATIONS = 10
-FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
-CONTRADICTED = 0.1  # of |g|: rows contradict each other if no correction to first order removes more
-OPEN, STALLED = CLOSED, CLOSED  # residuals above, with corrections above, are a failure
+MAX_REMAINING = 0.5  # of |g| after a correction: one that leaves more is rejected
+CONTRADICTION = 0.1  # of |g|: rows contradict each other if first-order corrections leave more
+OPEN, STALLED = CLOSED, CLOSED  # a larger residual, with a larger correction, is a failure
 
 
 def project_state(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
     """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, first in q and then in v, over all rows.
 
-    Velocity rows do not affect q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a
-    truncated pseudoinverse, M frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g| is
-    rejected: near singular configurations rounding in g causes large corrections. Lengths are compared in
-    characteristic lengths of the mechanism.
+    Velocity rows do not affect q. Gauss-Newton steps of smallest norm in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g
+    with a truncated pseudoinverse and constant M, are followed by v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does
+    not halve |g| is rejected: near singular configurations rounding in g causes large corrections. Lengths are compared
+    in characteristic lengths of the mechanism.
 
     The core takes x = -M^-1 G_R^T (G_R M^-1 G_R^T)^-1 g_R of the rows in use R, in linear time, while this halves |g|
-    over all rows: where the other rows depend on these, it is the same x.
+    over all rows: if the other rows depend on these, it is the same x.
 
     Args:
         system: a workspace.
@@ -39,7 +39,7 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
             sigma^2.
 
     Raises:
-        StepError: if the closures cannot be met from there, or ask for speeds that contradict each other.
+        StepError: if the closures cannot be satisfied, or require velocities that contradict each other.
 
     Source: Hairer, Wanner II, (VII.2.14), (VII.2.15).
     """
@@ -47,19 +47,19 @@ def project_state(system: "Index2System", t: float, y: Array, tight: bool = Fals
         return y
     q, v = system.split(y)
     U = system.inertia(t, q)
-    (*_, q), g, G, move = project_positions(system, t, q, U, tight)
+    (*_, q), g, G, size = project_positions(system, t, q, U, tight)
     system.counts.state_projections += 1
     mech = system.mechanism
-    if not np.linalg.norm(g / mech.row_scales) <= OPEN and not move <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
+    if not np.linalg.norm(g / mech.row_scales) <= OPEN and not size <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
         gap = largest_error(mech, g)
         text = f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}"
         if names := contradicting_positions(system, t, q):
             text += f", {names} contradict each other"
         raise StepError("newton", text)
     rate = G @ v + system.g_t(t)
-    if tight or speeds_felt(system, rate, v):
+    if tight or exceeds_rounding(system, rate, v):
         v = project_velocity(system, t, U, G, v)
-        refuse_contradictions(system, t, G, v)
+        require_compatible_velocities(system, t, G, v)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 
 
@@ -73,20 +73,20 @@ def project_positions(
             characteristic lengths.
     """
     g, G = system.closures(None, t)
-    path, move, kept, mech = [q], 0.0, system.constraints.positional, system.mechanism
+    path, size, positional, mech = [q], 0.0, system.constraints.positional, system.mechanism
     scales = mech.row_scales
     for _ in range(ITERATIONS):
         if not tight and not np.linalg.norm(g / scales) > SUM_ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
             break
-        x = _smallest(U, G[kept], g[kept], scales[kept])
-        move = float(np.abs(x / mech.coordinate_scales).max())
-        nearer = system.manifold.integrate(path[-1], -x)
-        residual = system.closures(nearer, t)
-        if not np.linalg.norm(residual[0] / scales) < FALLING * np.linalg.norm(g / scales):
+        x = _smallest(U, G[positional], g[positional], scales[positional])
+        size = float(np.abs(x / mech.coordinate_scales).max())
+        new_q = system.manifold.integrate(path[-1], -x)
+        new = system.closures(new_q, t)
+        if not np.linalg.norm(new[0] / scales) < MAX_REMAINING * np.linalg.norm(g / scales):
             break
-        path.append(nearer)
-        g, G = residual
-    return path, g, G, move
+        path.append(new_q)
+        g, G = new
+    return path, g, G, size
 
 
 def project_velocity(system: "Index2System", t: float, U: Array, G: Array, v: Array) -> Array:
@@ -97,19 +97,19 @@ def project_velocity(system: "Index2System", t: float, U: Array, G: Array, v: Ar
 def contradicting_positions(system: "Index2System", t: float, q: Array) -> str:
     """Return the names of the rows of a driven mechanism that no q nearby satisfies together; empty if there are none.
 
-    Where Gauss-Newton steps end, g has a component outside the range of G.
+    At the end of Gauss-Newton steps, g has a component outside the range of G.
     """
     if not system.driven:
         return ""
     U, scales = system.inertia(t, q), system.mechanism.row_scales
     _, g, G, _ = project_positions(system, t, q, U)
-    left = (g - G @ _smallest(U, G, g, scales)) / scales
-    if not np.linalg.norm(left) > max(OPEN, CONTRADICTED * float(np.linalg.norm(g / scales))):
+    residual = (g - G @ _smallest(U, G, g, scales)) / scales
+    if not np.linalg.norm(residual) > max(OPEN, CONTRADICTION * float(np.linalg.norm(g / scales))):
         return ""
-    return _names(system.mechanism, left, system.g_t(t))
+    return _names(system.mechanism, residual, system.g_t(t))
 
 
-def contradictions(system: "Index2System", t: float, y: Array) -> str:
+def contradicting_rows(system: "Index2System", t: float, y: Array) -> str:
     """Return the names of the rows that no q or v close to a point satisfy together; empty if there are none."""
     if not system.driven:
         return ""
@@ -118,63 +118,64 @@ def contradictions(system: "Index2System", t: float, y: Array) -> str:
     if names := contradicting_positions(system, t, q):
         return names
     (*_, q), _, G, _ = project_positions(system, t, q, U)
-    return _missed(system, t, G, project_velocity(system, t, U, G, v), system.g_t(t))[0]
+    return _violated(system, t, G, project_velocity(system, t, U, G, v), system.g_t(t))[0]
 
 
-def refuse_contradictions(system: "Index2System", t: float, G: Array, v: Array) -> None:
-    """See that v, (nv,), meets all rows of G v + g_t = 0, also those that depend on others.
+def require_compatible_velocities(system: "Index2System", t: float, G: Array, v: Array) -> None:
+    """Require that v, (nv,), satisfies all rows of G v + g_t = 0, also redundant ones.
 
-    Without g_t they have v = 0 in common; drivers may ask for what closures and other drivers do not admit.
+    Without g_t, v = 0 satisfies all rows; drivers may require velocities that closures and other drivers exclude.
 
     Raises:
-        StepError: naming the rows, those of drivers first.
+        StepError: names the rows, those of drivers first.
     """
     g_t = system.g_t(t)
     if g_t.any():
-        _refuse(system, t, G, v, g_t, "speeds")
+        _require_satisfied(system, t, G, v, g_t, "velocities")
 
 
-def refuse_contradicting_accelerations(system: "Index2System", t: float, y: Array) -> None:
-    """See that some v' meets all rows of G v' + gamma = 0 at y, also those that depend on others.
+def require_compatible_accelerations(system: "Index2System", t: float, y: Array) -> None:
+    """Require that a v' satisfies all rows of G v' + gamma = 0 at y, also redundant ones.
 
-    Drivers that part smoothly contradict each other first in their accelerations.
+    Drivers that diverge smoothly contradict each other first in their accelerations.
 
     Raises:
-        StepError: as `refuse_contradictions`.
+        StepError: see `require_compatible_velocities`.
     """
     if system.driven:
         q, v = system.split(y)
         U, G = system.inertia(t, q), system.jacobian()
         gamma = system.gamma(q, v, t)
-        _refuse(system, t, G, -_smallest(U, G, gamma, system.mechanism.row_scales), gamma, "accelerations")
+        vdot = -_smallest(U, G, gamma, system.mechanism.row_scales)
+        _require_satisfied(system, t, G, vdot, gamma, "accelerations")
 
 
-def _refuse(system: "Index2System", t: float, G: Array, x: Array, r: Array, what: str) -> None:
-    """Raise where G x + r, (ng,), is more than `VISIBLE` of its largest terms."""
-    names, size = _missed(system, t, G, x, r)
+def _require_satisfied(system: "Index2System", t: float, G: Array, x: Array, r: Array, what: str) -> None:
+    """Raise if G x + r, (ng,), is more than `VISIBLE` of its largest terms."""
+    names, size = _violated(system, t, G, x, r)
     if names:
-        missed = f"no {what} meet all of them, what is left is {size:.1g} of the largest"
-        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {missed}")
+        text = f"no {what} satisfy all of them, the residual is {size:.1g} of the largest"
+        raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {text}")
 
 
-def _missed(system: "Index2System", t: float, G: Array, x: Array, r: Array) -> tuple[str, float]:
-    """Return the names of the rows where G x + r != 0, empty within `VISIBLE`; its size, of its terms."""
+def _violated(system: "Index2System", t: float, G: Array, x: Array, r: Array) -> tuple[str, float]:
+    """Return the names of the rows where G x + r is not 0 within `VISIBLE`, and its size relative to its terms."""
     scales = system.mechanism.row_scales
-    left, terms = np.abs(G @ x + r) / scales, (np.abs(G) @ np.abs(x) + np.abs(r)) / scales
-    if left.max() <= VISIBLE * terms.max():
+    residual, terms = np.abs(G @ x + r) / scales, (np.abs(G) @ np.abs(x) + np.abs(r)) / scales
+    if residual.max() <= VISIBLE * terms.max():
         return "", 0.0
-    return _names(system.mechanism, left, system.g_t(t)), left.max() / terms.max()
+    return _names(system.mechanism, residual, system.g_t(t)), residual.max() / terms.max()
 
 
-def _names(mech: "Mechanism", left: Array, first: Array) -> str:
-    """The rows that take part in a residual of rows by their scales, (ng,), those where ``first`` is not 0 first."""
-    rows = np.flatnonzero(np.abs(left) > NEGLIGIBLE * np.abs(left).max())
+def _names(mech: "Mechanism", residual: Array, first: Array) -> str:
+    """Return the names of the rows with a scaled residual, (ng,); those where ``first`` is not 0 come first."""
+    rows = np.flatnonzero(np.abs(residual) > NEGLIGIBLE * np.abs(residual).max())
     rows = rows[np.argsort(first[rows] == 0, kind="stable")]
     return " and ".join(dict.fromkeys(repr(mech.row_names[int(i)]) for i in rows))
 
 
 def magnitude(system: "Index2System", y: Array) -> Array:
-    """See `mbdae.system.System`, (ny,): 1 rad or characteristic length, and the largest speed in these, are added."""
+    """See `mbdae.system.System`, (ny,): adds 1 rad or characteristic length, and the largest speed in these units."""
     out, scales, nv = system.size(y), system.mechanism.coordinate_scales, system.nv
     out[:nv] += scales
     out[nv : 2 * nv] += scales * _speed(system, system.split(y)[1])
@@ -182,17 +183,17 @@ def magnitude(system: "Index2System", y: Array) -> Array:
 
 
 def _speed(system: "Index2System", v: Array) -> float:
-    """The largest of v (nv,) in rad or characteristic lengths by time."""
+    """Return the largest of v (nv,) in rad/s or characteristic lengths per s."""
     return float(np.abs(v / system.mechanism.coordinate_scales).max(initial=0.0))
 
 
-def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
-    """Say whether G v + g_t, (ng,), is more than rounding; any value counts where joints stick."""
+def exceeds_rounding(system: "Index2System", rate: Array, v: Array) -> bool:
+    """Return whether G v + g_t, (ng,), exceeds rounding; always true if joints stick."""
     size = np.linalg.norm(rate / system.mechanism.row_scales)
     return system.sticks or bool(size > SUM_ROUNDING * _speed(system, v))
 
 
 def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:
-    """Return x (nv,) of least |U x| with G x = r (ng,), by truncated least squares with row scales."""
+    """Return the x (nv,) of smallest |U x| with G x = r (ng,), by truncated least squares with row scales."""
     B = dgesv(U.T, (G / scales[:, None]).T)[2]
     return dgesv(U, np.linalg.lstsq(B.T, r / scales, rcond=TRUNCATION)[0])[2]

@@ -14,51 +14,51 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 
-
 def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
-    """Return independent rows (r,) for a step or a point; the rank is fixed when first determined.
+    """Return independent rows (r,) for a step or a point; the first call determines the rank of the run.
 
-    The rows in use are kept while they are well-conditioned, and while they are frozen.
+    The rows in use remain while they are well-conditioned, and while they are frozen.
     """
     if not system.ng:
         return np.empty(0, int)
-    if system.rows is not None and (system.held or not system.reason.given()):
+    if system.rows is not None and (system.rows_frozen or not system.selection_trigger.is_due()):
         return system.rows
     B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
-    found = _, diagonal = independent_rows.pivots(B)
+    pivoting = _, diagonal = independent_rows.pivots(B)
     try:
         if system.rank is None:
-            system.rank, system.floor = independent_rows.fixed_rank(B, G, diagonal, t, system.beside)
-        independent_rows.confirm(diagonal, system.rank, system.floor, t)
+            initial = independent_rows.initial_rank(B, G, diagonal, t, system.ambiguous_pivot)
+            system.rank, system.rank_threshold = initial
+        independent_rows.require_rank(diagonal, system.rank, system.rank_threshold, t)
     except StepError as e:
         rank = system.rank or independent_rows.rank(diagonal)
         raise StepError(e.status, f"{e} ({_weakest(system, B, rank)})") from None
     if system.rank:
         system.least_pivot_ratio = min(system.least_pivot_ratio, (diagonal[system.rank - 1] / diagonal[0]) ** 2)
-    system.rows = independent_rows.choose(B, system.rows, system.rank, system.place, found)
+    system.rows = independent_rows.select_rows(B, system.rows, system.rank, system.elimination_order, pivoting)
     return system.rows
 
 
 def _weakest(system: "Index2System", B: Array, rank: int) -> str:
-    """Name the closures whose rows form the weakest of so many independent combinations."""
+    """Return the names of the closures whose rows form the combination with the smallest singular value."""
     combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2
     names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > NEGLIGIBLE * combination.max())]
     return ", ".join(dict.fromkeys(repr(name) for name in names))
 
 
 def update_independent_rows(system: "Index2System", t: float, state: State) -> State:
-    """Choose the rows of the next step, see `mbdae.system.System`, and project v onto new ones.
+    """Select the rows of the next step, see `mbdae.system.System`, and project v onto new ones.
 
-    Rows of loops with a violation |g| contradict each other by as much: a v that satisfies the old rows violates the
-    new ones, which a step would take for a local error.
+    If loops are violated by |g|, redundant rows contradict each other by the same amount: a v that satisfies the old
+    rows violates new ones, and a step would interpret this as a local error.
     """
     if not system.ng:
         return state
     q, v = system.split(state.y)
     U, G = system.point(t, q)
-    before, system.held = system.rows, False
+    before, system.rows_frozen = system.rows, False
     rows = system.choose_rows(t, U, G)
-    system.held = True
+    system.rows_frozen = True
     rate = G @ v + system.g_t(t)
     if before is not None and not np.array_equal(rows, before):
         B = dgesv(U.T, G[rows].T)[2]

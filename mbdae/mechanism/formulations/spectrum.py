@@ -1,16 +1,16 @@
 """Eigenvalues of a matrix whose entries are known up to rounding.
 
-A matrix A comes with e, |dA| <= e entry by entry: eps times the sizes of the summed terms. The linearised motion
-[0 1; -M^-1 K  -M^-1 D] has ones next to squares of frequencies, so no norm decides which of its entries are zero. Here
-an entry is zero if none of its digits is known, |a| <= 100 e, whatever the units and the other motions.
+The error bound e of a matrix A, |dA| <= e in each entry, is eps times the sizes of the summed terms. The linearised
+motion [0 1; -M^-1 K  -M^-1 D] contains ones and squares of frequencies, so no norm decides which of its entries are
+zero. Here an entry is zero if none of its digits is significant, |a| <= 100 e, whatever units and other motions are.
 
 The rank comes from elimination in the order of certainty, |a|/e, which is invariant under scaling of rows and columns,
-with a running error bound. Null vectors X = [1 on the free columns f; B on the others o] are deflated along unit
+with a running error bound. Null vectors X = [1 in the free columns f; B in the others o] are deflated along unit
 vectors,
 
     A <- A_oo - B A_fo,   e <- e_oo + |B| e_fo + eps |B| |A_fo|,
 
-repeatedly, since zeros form Jordan chains (rigid motions and their speeds). An orthonormal complement would mix the
+repeatedly, since zeros form Jordan chains (rigid motions and their velocities). An orthonormal complement would mix the
 largest frequencies into the smallest ones. Source of the bound: Wilkinson, Rounding Errors in Algebraic Processes
 (1963); of the eigenvalues' errors: Stewart, Sun, Matrix Perturbation Theory (1990), theorem IV.2.3.
 """
@@ -32,7 +32,7 @@ class Null(NamedTuple):
     Attributes:
         rows: in the order of their pivots, rows without pivot last.
         others: columns o with a pivot, (r,).
-        free: columns f without one, (n - r,).
+        free: columns f without a pivot, (n - r,).
         B: (r, n - r).
     """
 
@@ -102,35 +102,35 @@ def spectrum(A: Array, e: Array) -> Spectrum:
     """Return eigenvalues and eigenvectors of A (n, n), whose entries are known to e (n, n)."""
     n = len(A)
     rest, bound, at = A, np.maximum(e, EPS * np.abs(A)), np.arange(n)
-    lifts: list[tuple[Array, Null, Array]] = []  # deflated: the indices, the null space, and A_fo
+    deflated: list[tuple[Array, Null, Array]] = []  # indices, null space, A_fo
     while len(rest):
         null = null_space(rest, bound)
         o, f = null.others, null.free
         if not len(f):
             break
-        lifts.append((at, null, rest[np.ix_(f, o)]))
-        size, across = np.abs(null.B), rest[np.ix_(f, o)]
-        bound = bound[np.ix_(o, o)] + size @ bound[np.ix_(f, o)] + EPS * size @ np.abs(across)
-        rest, at = rest[np.ix_(o, o)] - null.B @ across, at[o]
+        deflated.append((at, null, rest[np.ix_(f, o)]))
+        size, A_fo = np.abs(null.B), rest[np.ix_(f, o)]
+        bound = bound[np.ix_(o, o)] + size @ bound[np.ix_(f, o)] + EPS * size @ np.abs(A_fo)
+        rest, at = rest[np.ix_(o, o)] - null.B @ A_fo, at[o]
     zeros = n - len(rest)
     values, vectors, noise = np.zeros(n, complex), np.zeros((n, n), complex), np.zeros(n)
     if zeros:
-        null = lifts[0][1]
+        null = deflated[0][1]
         vectors[:, : len(null.free)] = null.vectors
     if len(rest):
         values[zeros:], right, noise[zeros:] = _eigenvalues(rest, bound)
         vectors[np.ix_(at, np.arange(zeros, n))] = right
-        for places, null, across in reversed(lifts):
-            _lift(vectors[:, zeros:], values[zeros:], places, null, across)
+        for indices, null, A_fo in reversed(deflated):
+            _lift(vectors[:, zeros:], values[zeros:], indices, null, A_fo)
     return Spectrum(values, vectors, noise)
 
 
-def _lift(vectors: Array, values: Array, places: Array, null: Null, across: Array) -> None:
-    """Lift eigenvectors of a quotient by null vectors X: x + X c with c = A_fo x / lambda."""
-    x = vectors[places[null.others]]
-    c = across @ x / values
-    vectors[places[null.free]] = c
-    vectors[places[null.others]] = x + null.B @ c
+def _lift(vectors: Array, values: Array, indices: Array, null: Null, A_fo: Array) -> None:
+    """Lift eigenvectors of the deflated matrix by null vectors X: x + X c with c = A_fo x / lambda."""
+    x = vectors[indices[null.others]]
+    c = A_fo @ x / values
+    vectors[indices[null.free]] = c
+    vectors[indices[null.others]] = x + null.B @ c
 
 
 def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
@@ -156,7 +156,7 @@ class Curvature(NamedTuple):
     Attributes:
         values: eigenvalues of the scaled matrix, ascending, (k,).
         vectors: D^-1 times its eigenvectors, (k, k).
-        signs: -1, 0 where no digit is known, or 1, (k,).
+        signs: -1, 1, or 0 if no digit is significant, (k,).
     """
 
     values: Array
@@ -175,7 +175,7 @@ class Curvature(NamedTuple):
 
 
 def scale_of(e: Array) -> Array:
-    """Return d (k,), d_i^2 being the size of the terms of entry (i, i) of a matrix known to e (k, k); 1 if none."""
+    """Return d (k,), where d_i^2 is the size of the terms of entry (i, i) of a matrix known to e (k, k); 1 if 0."""
     size = np.sqrt(e.diagonal() / EPS)
     return np.where(size > 0, size, 1.0)
 

@@ -1,13 +1,13 @@
-"""Sizes of the terms that are summed in force derivatives; eps times the size is the rounding error of a sum.
+"""Sizes of the terms that are summed in derivatives of forces; eps times the size is the rounding error of a sum.
 
 With mu_i = sqrt(M_ii), coordinates in units of l_i (1 rad, or the mechanism's characteristic length), the stiffness of
 coordinate i is known to eps mu_i^2 rho_i, where rho_i in 1/s^2 is the largest of
 
     |K_ij| / (mu_i mu_j) over row and column i,   m_i / (mu_i l_i)^2,   |a_0| sqrt(m_c) / (mu_i l_i),  max (v_j / l_j)^2
 
-with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| that it carries. An
-entry K_ij is known to eps mu_i mu_j sqrt(rho_i rho_j), even if the sum is 0. The same holds for damping, with the speed
-in place of these.
+with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| of its subtree. An entry
+K_ij is known to eps mu_i mu_j sqrt(rho_i rho_j), even if the sum is 0. The same applies to damping, with the speed
+instead of these terms.
 """
 
 from typing import TYPE_CHECKING
@@ -23,11 +23,11 @@ DIFFERENCES = 2e5  # multiple of rounding: error of finite differences of Python
 
 
 class TermSizes:
-    """Sizes of the terms of a mechanism at constant speeds.
+    """Sizes of the terms of a mechanism at constant velocities.
 
     Args:
         system: a workspace.
-        v: speeds, (nv,).
+        v: velocities, (nv,).
 
     Attributes:
         l: unit scales of the coordinates, (nv,).
@@ -42,11 +42,10 @@ class TermSizes:
         self.joint = np.repeat(np.arange(len(self.starts)), list(model.nvs)[1:])
         masses = [sum(model.inertias[i].mass for i in tree) for tree in list(model.subtrees)[1:]]
         self.weight = (float(np.linalg.norm(model.gravity.linear)) * np.sqrt(masses))[self.joint]
-
         self.errors = [DIFFERENCES if law.differenced else 1.0 for law, _ in system.laws.acting]
 
     def forces(self, t: float, q: Array, s: Array) -> Array:
-        """Sum of the sizes of all laws, (nv,); kinematics must be current at q and v."""
+        """Return the sum of the sizes of all laws, (nv,); kinematics must be current at q and v."""
         out = np.zeros(len(self.v))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
             conservative, other, _ = law.evaluate(t, q, self.v, s[at])
@@ -54,7 +53,7 @@ class TermSizes:
         return out
 
     def partials(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
-        """Sums of the sizes of the laws' derivatives by q and v, (nv, nv) each, at current kinematics."""
+        """Return the sums of the sizes of the laws' derivatives by q and v, (nv, nv) each, at current kinematics."""
         nv = len(self.v)
         out = np.zeros((nv, 2 * nv))
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
@@ -62,7 +61,7 @@ class TermSizes:
         return out[:, :nv], out[:, nv:]
 
     def states(self, X: Array) -> Array:
-        """Sizes of the terms of partial derivatives X (ns, ...) of the state rates."""
+        """Return the sizes of the terms of partial derivatives X (ns, ...) of the state rates."""
         out = np.abs(X)
         for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
             if law.differenced:
@@ -79,16 +78,16 @@ class TermSizes:
         """
         moments = np.maximum.reduceat(forces * self.l, self.starts)[self.joint]
         floor = np.maximum(moments / (mu * self.l), self.weight) / (mu * self.l)
-        return raised(mu, K, np.maximum(floor, self.speed**2))
+        return at_least_implied(mu, K, np.maximum(floor, self.speed**2))
 
     def damping(self, mu: Array, D: Array) -> Array:
         """Return the sizes of the terms of D, (nv, nv), from the sizes of the partial derivatives."""
-        return raised(mu, D, np.full(len(mu), self.speed))
+        return at_least_implied(mu, D, np.full(len(mu), self.speed))
 
 
-def raised(mu: Array, X: Array, floor: Array) -> Array:
-    """Return sizes X (nv, nv), raised to the least size that row and column imply (see the module)."""
-    per = X / np.outer(mu, mu)
-    rates = np.maximum(floor, np.maximum(per.max(0, initial=0.0), per.max(1, initial=0.0)))
+def at_least_implied(mu: Array, X: Array, floor: Array) -> Array:
+    """Return sizes X (nv, nv), increased to the smallest size that row and column imply (see the module)."""
+    scaled = X / np.outer(mu, mu)
+    rates = np.maximum(floor, np.maximum(scaled.max(0, initial=0.0), scaled.max(1, initial=0.0)))
     root = mu * np.sqrt(rates)
     return np.maximum(X, np.outer(root, root))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class RunVariables:
-    """Mutable state of a workspace during a run: rows in use, running extremes and counts."""
+    """Mutable state of a workspace during a run: rows in use, extremes so far and counts."""
 
     ng: int
     nq: int
@@ -26,16 +26,16 @@ class RunVariables:
         """Return to the state of a new workspace, in the same mode."""
         self.counts = Counts()
         self.rank: int | None = None
-        self.beside = AMBIGUOUS_PIVOT  # pivot ratio below which no smooth interval begins
-        self.floor = 0.0  # smallest pivot ratio: below it, the rank has fallen
+        self.ambiguous_pivot = AMBIGUOUS_PIVOT  # pivot ratio below which the branch of a motion is ambiguous
+        self.rank_threshold = 0.0  # pivot ratio below which the rank has fallen
         self.rows: Array | None = None
-        self.held = False  # freezes the rows in use, except in `update_independent_rows`
-        self.reason = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio = 1.0  # smallest pivot ratio of G M^-1 G^T in any solve
+        self.rows_frozen = False  # freezes the rows in use, except in `update_independent_rows`
+        self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
+        self.least_pivot_ratio = 1.0  # of G M^-1 G^T, in all solves
         # |g| and |G v + g_t| over all rows, and |v|, at ends of steps; lengths in characteristic lengths
         self.largest_g = self.largest_rate = self.largest_speed = 0.0
         self.accuracy = 0.0
-        self._last_q = np.full(self.nq, np.nan)  # the point of the last stage
+        self._last_q = np.full(self.nq, np.nan)  # configuration of the last stage
 
 
 class WorkspacePool:

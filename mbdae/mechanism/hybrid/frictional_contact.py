@@ -81,7 +81,7 @@ class FrictionalContact(Unilateral):
     ) -> int:
         if not active:
             return OPEN
-        heading = point.system.sliding.heading[self.friction.friction_index]
+        heading = point.system.closure_friction.directions[self.friction.friction_index]
         if self.slips(point):
             heading[:] = self.friction.direction(point)
             return SLIDING

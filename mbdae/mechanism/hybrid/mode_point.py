@@ -90,7 +90,7 @@ class ModePoint:
     @cached_property
     def null_multipliers(self) -> Array:
         """Return a basis N (ng, k) of the null space of G^T in the mode, G^T N = 0."""
-        active = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
+        active = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.inactive)
         left, sizes, _ = np.linalg.svd(self.G[active])
         r = int(np.count_nonzero(sizes > PIVOT_RANK * sizes[:1]))
         out = np.zeros((self.system.ng, len(active) - r))

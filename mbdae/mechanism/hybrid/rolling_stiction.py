@@ -39,7 +39,7 @@ class RollingStiction(Switch):
     @classmethod
     def from_mechanism(cls, mechanism: "Mechanism") -> Sequence[Switch]:
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        unilateral = {c.name for c in mechanism.closures if c.opens}
+        unilateral = {c.name for c in mechanism.closures if c.is_unilateral}
         return [
             cls(f, mechanism.rows_of(f.closure), k)
             for k, f in enumerate(found)
@@ -79,7 +79,7 @@ class RollingStiction(Switch):
         if self.slips(point):
             slip = point.rate[self.no_slip]
             return slip / np.linalg.norm(slip)
-        return point.system.sliding.heading[self.friction_index]
+        return point.system.closure_friction.directions[self.friction_index]
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         if state == STICKING:
@@ -102,7 +102,7 @@ class RollingStiction(Switch):
     def _set_slip_direction(self, point: "ModePoint", lam: "Array") -> None:
         size = float(np.linalg.norm(lam[self.no_slip]))
         if size:
-            point.system.sliding.heading[self.friction_index][:] = -lam[self.no_slip] / size
+            point.system.closure_friction.directions[self.friction_index][:] = -lam[self.no_slip] / size
 
     def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
@@ -111,8 +111,8 @@ class RollingStiction(Switch):
             return STICKING
         if point.system.mode[self.index] == STICKING:
             self._set_slip_direction(point, point.lam)
-        point.system.sliding.heading[self.friction_index][:] = self.direction(point)
+        point.system.closure_friction.directions[self.friction_index][:] = self.direction(point)
         return SLIDING
 
     def enter(self, system: "Index2System", state: int) -> None:
-        system.sliding.active[self.friction_index] = state == SLIDING
+        system.closure_friction.active[self.friction_index] = state == SLIDING

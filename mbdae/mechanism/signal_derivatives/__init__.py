@@ -1,4 +1,4 @@
-"""Exact derivatives of signals with respect to the underlying motion, matching the values in `mbdae.mechanism`."""
+"""Exact derivatives of signals of a motion; their values are computed by `mbdae.mechanism`."""
 
 from .contacts import contact_derivatives, path_derivatives
 from .efforts import driver_power_derivatives, effort_derivatives

@@ -7,9 +7,9 @@ from ..effort_signals import named_laws
 from ..forces.bushing import BushingElement
 from ..forces.elements import ForceElements
 from ..forces.force import ForceElement, PairElement
-from ..frames import unit_gap
+from ..frames import point_velocities, unit_gap
 from ..manifold import inverse_jacobian, skew
-from .motion_tangent import MotionTangent, of_point
+from .motion_tangent import MotionTangent
 from .wrenches import law_wrench
 
 
@@ -19,28 +19,28 @@ def effort_derivatives(motion: MotionTangent) -> Array:
     out: list[Array] = []
     for law in named_laws(motion.mechanism, motion.system.laws).values():
         number = next(i for i, known in enumerate(bound) if known is law)
-        out += _between(motion, law, number) if isinstance(law, PairElement) else _along(motion, law, number)
-        out += _deflected(motion, law, number)
+        out += _frame_force(motion, law, number) if isinstance(law, PairElement) else _joint_force(motion, law, number)
+        out += _deflections(motion, law, number)
     return np.array(out).reshape(-1, len(motion.d.t))
 
 
 def driver_power_derivatives(motion: MotionTangent) -> Array:
     """Return the derivatives of the columns of `mbdae.mechanism.effort_signals.driver_powers`, (n, m)."""
     mech, constraints, parameters = motion.mechanism, motion.system.constraints, motion.parameters
-    _, rates, bends = constraints.motion(motion.t)
+    _, rates, accelerations = constraints.motion(motion.t)
     names, out = [c.name for c in mech.constraints], []
     for driver in mech.drivers:
         i = mech.rows_of(driver.name).start
-        lam, row = motion.lam[i], rates[i] * motion.d.lam[i] + motion.lam[i] * bends[i] * motion.d.t
+        lam, row = motion.lam[i], rates[i] * motion.d.lam[i] + motion.lam[i] * accelerations[i] * motion.d.t
         for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
             if names.index(driver.name) in p.specs:
-                near = {k: c.motion(motion.t)[1][c.spans[driver.name]] for k, c in changed.near.items()}
+                near = {k: c.motion(motion.t)[1][c.spans[driver.name]] for k, c in changed.perturbed.items()}
                 row = row + lam * p.quotient(near)[0] * dp
         out.append(row)
     return np.array(out).reshape(-1, len(motion.d.t))
 
 
-def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
+def _joint_force(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
     """Return the derivatives of a force along coordinates, and of its power."""
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
     at = motion.system.laws.bound[number][1]
@@ -54,14 +54,14 @@ def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]
     return [*dtau[law.acting_components(nv)], v @ dtau + tau @ d.v]
 
 
-def _between(motion: MotionTangent, law: PairElement, number: int) -> list[Array]:
+def _frame_force(motion: MotionTangent, law: PairElement, number: int) -> list[Array]:
     """Return the derivatives of a force between two frames, and of its power."""
     F, dF = law_wrench(motion, law, number)
     V, dV = motion.relative(law.pair)
     power = V @ dF + F @ dV
     if law.tension:
         return [-unit_gap(law.pair)[1] @ dF[:3], power]
-    p, dp = law.pair.pb, of_point(motion.pair(law.pair)[1], law.pair.pb)
+    p, dp = law.pair.pb, point_velocities(motion.pair(law.pair)[1], law.pair.pb)
     lever = np.cross(dp.T, F[:3]) + np.cross(p, dF[:3].T)
     out = []
     for value, change in ((F[:3], dF[:3]), (F[3:] - np.cross(p, F[:3]), dF[3:] - lever.T)):
@@ -69,8 +69,8 @@ def _between(motion: MotionTangent, law: PairElement, number: int) -> list[Array
     return [*out, power]
 
 
-def _deflected(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
-    """Return the derivatives of the deflections of its springs."""
+def _deflections(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
+    """Return the derivatives of the deflections of the springs of a force."""
     if not law.deflections:
         return []
     if isinstance(law, PairElement):
@@ -79,11 +79,11 @@ def _deflected(motion: MotionTangent, law: ForceElement, number: int) -> list[Ar
         Ra, pa, pb = law.pair.Ra, law.pair.pa, law.pair.pb
         if isinstance(law, BushingElement):
             theta = law.gap()[1]
-            turn = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T  # J_l(theta)^-1
-            gap = of_point(Xb, pb) - of_point(Xa, pa) - np.cross(Xa[3:].T, pb - pa).T
-            out = np.concatenate([Ra.T @ gap, turn @ (Ra.T @ (Xb - Xa)[3:])])
+            J_inv = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T  # J_l(theta)^-1
+            gap = point_velocities(Xb, pb) - point_velocities(Xa, pa) - np.cross(Xa[3:].T, pb - pa).T
+            out = np.concatenate([Ra.T @ gap, J_inv @ (Ra.T @ (Xb - Xa)[3:])])
         else:
-            out = (unit_gap(law.pair)[1] @ (of_point(Xb, pb) - of_point(Xa, pa)))[None]
+            out = (unit_gap(law.pair)[1] @ (point_velocities(Xb, pb) - point_velocities(Xa, pa)))[None]
     else:
         out = motion.d.q[[i for i, _ in law.deflections]]
     for i, near in motion.perturbed_laws(number):

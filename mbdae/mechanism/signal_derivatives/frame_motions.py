@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...system import Array
-from .motion_tangent import MotionTangent, of_point
+from ..frames import point_velocities
+from .motion_tangent import MotionTangent
 
 
 def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tuple[Array, Array]:
@@ -18,9 +19,9 @@ def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tup
     for i, name in enumerate(names):
         j, place, X = motion.frame(name)
         p, (V, A, dV, dA) = place.translation, (x[j] for x in (motion.V, motion.A, motion.dV, motion.dA))
-        dp, speed = of_point(X, p), V[:3] + np.cross(V[3:], p)
-        dspeed = of_point(dV, p) + np.cross(V[3:], dp.T).T
+        dp, speed = point_velocities(X, p), V[:3] + np.cross(V[3:], p)
+        dspeed = point_velocities(dV, p) + np.cross(V[3:], dp.T).T
         values[:, i] = p, speed, A[:3] + np.cross(A[3:], p) + np.cross(V[3:], speed)
         turned = np.cross(A[3:], dp.T) + np.cross(dV[3:].T, speed) + np.cross(V[3:], dspeed.T)
-        derivatives[:, i] = dp, dspeed, of_point(dA, p) + turned.T
+        derivatives[:, i] = dp, dspeed, point_velocities(dA, p) + turned.T
     return values, derivatives

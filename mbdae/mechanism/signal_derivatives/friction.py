@@ -15,22 +15,23 @@ import numpy as np
 from ...system import Array
 from ...tolerances import TINY
 from ..closures.contact import ContactHeightRow
-from ..discrete_sensitivity.friction_partials import shape
-from ..formulations.friction_interface import TURNS, FrictionInterface
-from .motion_tangent import MotionTangent, of_point
+from ..discrete_sensitivity.friction_partials import regularisation_factors
+from ..formulations.friction_interface import ROTATIONAL, FrictionInterface
+from ..frames import point_velocities
+from .motion_tangent import MotionTangent
 
 
 def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the regularised friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
-    sliding, parameters = motion.system.sliding, motion.parameters
+    sliding, parameters = motion.system.closure_friction, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
     for k in sliding.regularised_interfaces(name):
-        place = sliding.places[k]
-        (V, dV), A, dA = motion.relative(place.pair), *_ways(motion, place)
+        place = sliding.interfaces[k]
+        (V, dV), A, dA = motion.relative(place.pair), *_slip_wrench_tangents(motion, place)
         lam, dlam, c = motion.lam[place.rows], motion.d.lam[place.rows], -float(sliding.coefficient[k])
         slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
-        phi, psi = shape(float(np.sqrt(slip @ slip)), place.force.width)
+        phi, psi = regularisation_factors(float(np.sqrt(slip @ slip)), place.force.width)
         along = A.T @ slip
         F += c * size * phi * along
         dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)
@@ -45,24 +46,24 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     return F, dF
 
 
-def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
+def _slip_wrench_tangents(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
     """Return the wrenches A (m, 6) of `FrictionInterface.slip_wrenches`, and their derivatives, (m, 6, k)."""
     pair, friction = place.pair, place.closure.friction
     A, (Xa, Xb) = place.slip_wrenches(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
-    p, dp = pair.pb, of_point(Xb, pair.pb)
+    p, dp = pair.pb, point_velocities(Xb, pair.pb)
     if friction == "bears":
         return A, dA
     if friction == "touches":
         constraints = motion.system.constraints
-        (_, row, _), n = constraints.frame_parts[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
+        (_, row, _), n = constraints.frame_rows[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
         dn = np.add(*(D[0] @ X for D, X in zip(row.partials(pair), (Xa, Xb), strict=True)))[:3]
         de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
-        p, dp = place.point(), _touches(place, Xa, Xb, dp)
+        p, dp = place.contact_point(), _touches(place, Xa, Xb, dp)
     else:
         axis = pair.Ra @ place.axis
         de = np.cross(Xa[3:].T, axis).T[None]
-    if friction in TURNS:
+    if friction in ROTATIONAL:
         dA[:, 3:] = de
         return A, dA
     dA[:, :3] = de

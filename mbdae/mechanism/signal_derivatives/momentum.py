@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..frames import motion_cross
-from .motion_tangent import MotionTangent, of_point
+from ..frames import motion_cross, point_velocities
+from .motion_tangent import MotionTangent
 from .wrenches import wrench_cross
 
 
@@ -17,11 +17,11 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
     for j, Y in enumerate(motion.model.inertias):
         if not j:
             continue
-        place, X, V, dV = motion.places[j], motion.X[j], motion.V[j], motion.dV[j]
+        place, X, V, dV = motion.placements[j], motion.X[j], motion.V[j], motion.dV[j]
         inertia, c, own = place.act(Y), place.act(Y.lever), place.actInv(pin.Motion(V))
         momentum = (inertia * pin.Motion(V)).vector
         mass, first, h = mass + Y.mass, first + Y.mass * c, h + momentum
-        dfirst += Y.mass * of_point(X, c)
+        dfirst += Y.mass * point_velocities(X, c)
         dh += wrench_cross(X, momentum[:, None]) + inertia.matrix().dot(dV - motion_cross(X, V[:, None]))
         for p, dp in zip(motion.parameters.all, d.p, strict=True):
             if j in p.inertias:

@@ -1,4 +1,4 @@
-"""Tangent of a motion at a point in m directions at once: bodies, and frames fixed to them.
+"""Tangent of a motion at a point in m directions: bodies, and frames fixed to them.
 
 A direction changes (q, v, v'), the mechanism's parameters and time. It displaces body i, and frames fixed to it, by the
 motion X_i at the world's origin. With the columns J_i of its joint, w_i = J_i v_i, the parent body p, and the effect
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class TangentDirections(NamedTuple):
-    """Variations of the arguments of signals in m directions.
+    """Variations of the arguments of signals, in m directions.
 
     Attributes:
         q, v: in the tangent, and of v, (nv, m) each.
@@ -63,7 +63,7 @@ class MotionTangent:
         self.expanded = self.system.inertial.model
         self.data = make_data(self.expanded)
         counts = [len(factor_joints(joint)) for joint in list(self.model.joints)[1:]]
-        self.ends = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
+        self.last_joints = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
         """Evaluate at a point with directions d; `system` is at the same point, with accelerations for v' = 0."""
@@ -74,7 +74,7 @@ class MotionTangent:
         m = len(d.t)
         X, dV, dA = np.zeros((3, n, 6, m))
         V, A = np.zeros((2, n, 6))
-        firsts = {end + 1: j for j, end in enumerate(self.ends[:-1], 1)}
+        firsts = {end + 1: j for j, end in enumerate(self.last_joints[:-1], 1)}
         for i in range(1, n):
             p, at = model.parents[i], slice(model.idx_vs[i], model.idx_vs[i] + model.nvs[i])
             own = J[:, at]
@@ -82,20 +82,20 @@ class MotionTangent:
             X[i] = X[p] + own.dot(d.q[at])
             if i in firsts:
                 before = data.oMi[p] * model.jointPlacements[i]
-                X[i] += self.placement_motion(before, [x.places.get(firsts[i]) for x in self.parameters.all])
+                X[i] += self.placement_motion(before, [x.placements.get(firsts[i]) for x in self.parameters.all])
             V[i] = V[p] + w[:, 0]
             moved = motion_cross(X[i], w) + own.dot(d.v[at])
             dV[i] = dV[p] + moved
             A[i] = A[p] + a[:, 0] + motion_cross(V[i][:, None], w)[:, 0]
             dA[i] = dA[p] + motion_cross(X[i], a) + own.dot(d.vdot[at])
             dA[i] += motion_cross(dV[i], w) + motion_cross(V[i][:, None], moved)
-        self.X, self.V, self.A, self.dV, self.dA = (x[self.ends] for x in (X, V, A, dV, dA))
-        self.places = [data.oMi[i] for i in self.ends]
+        self.X, self.V, self.A, self.dV, self.dA = (x[self.last_joints] for x in (X, V, A, dV, dA))
+        self.placements = [data.oMi[i] for i in self.last_joints]
         pin.forwardKinematics(self.model, self.system.workspace, q, v, np.zeros(len(v)))
         pin.computeJointJacobians(self.model, self.system.workspace, q)
 
     def placement_motion(self, place: pin.SE3, motions: list[Array | None]) -> Array:
-        """Return motions (6, m) in the world of parameters that act by motions (6,) in the axes of a placement."""
+        """Return motions (6, m) in the world caused by parameters, from their motions (6,) in axes of a placement."""
         out = np.zeros((6, len(self.d.t)))
         for motion, dp in zip(motions, self.d.p, strict=True):
             if motion is not None:
@@ -106,7 +106,7 @@ class MotionTangent:
         """Return the parent joint of a frame, its placement in the world, and the motions (6, m) that displace it."""
         found = find_frame(self.model, name)
         i, joint = self.model.getFrameId(found.name, found.type), found.parentJoint
-        place = self.places[joint] * found.placement
+        place = self.placements[joint] * found.placement
         return (
             joint,
             place,
@@ -115,9 +115,9 @@ class MotionTangent:
 
     def pair(self, pair: Pair) -> tuple[Array, Array]:
         """Return the motions (6, m) that displace both frames of a pair."""
-        return self._carried(pair.a), self._carried(pair.b)
+        return self._frame_motion(pair.a), self._frame_motion(pair.b)
 
-    def _carried(self, a: Anchor) -> Array:
+    def _frame_motion(self, a: Anchor) -> Array:
         return self.frame(a.name)[2]
 
     def relative(self, pair: Pair) -> tuple[Array, Array]:
@@ -126,15 +126,10 @@ class MotionTangent:
         return self.V[b] - self.V[a], self.dV[b] - self.dV[a]
 
     def perturbed_laws(self, law: int) -> "list[tuple[int, dict[int, ForceElement]]]":
-        """Parameters that change a force, by index, and the force with their perturbed values."""
+        """Return the indices of the parameters that change a force, and the force with their perturbed values."""
         out = []
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if law in p.forces:
                 which = p.forces.index(law)
-                out.append((i, {k: near.bound[which][0] for k, near in laws.near.items()}))
+                out.append((i, {k: near.bound[which][0] for k, near in laws.perturbed.items()}))
         return out
-
-
-def of_point(motions: Array, p: Array) -> Array:
-    """Return the velocities (3, m) of a point (3,) under motions (6, m) at the world's origin."""
-    return motions[:3] + np.cross(motions[3:].T, p).T

@@ -1,7 +1,7 @@
 """Derivatives of joint and closure wrenches, from the Newton-Euler equations of each body.
 
-With the inertia Y of a body, A' = A - gravity and h = Y V, body-fixed quantities are displaced by X, and
-dV~ = dV - X x V, dA~ = dA' - X x A' are the remaining changes of its velocity and acceleration,
+With the inertia Y of a body, A' = A - gravity and h = Y V, body-fixed quantities are displaced by X, and the remaining
+changes of velocity and acceleration are dV~ = dV - X x V, dA~ = dA' - X x A',
 
     F = Y A' + V x* h - outer,   dF = X x* (F + outer) + Y dA~ + dV~ x* h + V x* Y dV~ + dY - d outer
 
@@ -13,31 +13,31 @@ import pinocchio as pin
 
 from ...system import Array
 from ..forces.force import PairElement
-from ..frames import joint_names, motion_cross
+from ..frames import joint_names, motion_cross, point_velocities
 from ..joint_wrenches import reaction_names
-from .motion_tangent import MotionTangent, of_point
+from .motion_tangent import MotionTangent
 from .wrenches import closure_wrench, law_wrench, wrench_cross
 
 
 def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
     """Return `mbdae.mechanism.joint_wrenches.point_reactions`, (2, n, 2, 3), and its tangents (2, n, 2, 3, m).
 
-    The first half is in world axes, the other in local axes; force and torque alternate.
+    The first index selects world axes or local axes, the third one force or torque.
     """
     names, joints, m = reaction_names(motion.mechanism), joint_names(motion.model), len(motion.d.t)
-    closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_parts}
+    closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_rows}
     F, dF = _joints(motion, closures)
     values, derivatives = np.empty((2, len(names), 6)), np.empty((2, len(names), 6, m))
     for i, name in enumerate(names):
         if name in closures:
-            pair = motion.system.constraints.frame_parts[name].pair
+            pair = motion.system.constraints.frame_rows[name].pair
             (w, dw), (X_axes, X), p, R = closures[name], motion.pair(pair), pair.pb, pair.Ra
         else:
             j = joints.index(name) + 1
             w, dw, X, X_axes = F[j], dF[j], motion.X[j], motion.X[j]
-            p, R = motion.places[j].translation, motion.places[j].rotation
+            p, R = motion.placements[j].translation, motion.placements[j].rotation
         world = np.concatenate([w[:3], w[3:] - np.cross(p, w[:3])])
-        lever = np.cross(of_point(X, p).T, w[:3]) + np.cross(p, dw[:3].T)
+        lever = np.cross(point_velocities(X, p).T, w[:3]) + np.cross(p, dw[:3].T)
         moved = np.concatenate([dw[:3], dw[3:] - lever.T])
         values[0, i], derivatives[0, i] = world, moved
         for part in (slice(0, 3), slice(3, 6)):
@@ -50,7 +50,7 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
     """Return the wrenches in all joints at the world's origin, (njoints, 6), and their derivatives, (njoints, 6, m)."""
     model, parameters, d = motion.model, motion.parameters, motion.d
     F, dF = np.zeros((model.njoints, 6)), np.zeros((model.njoints, 6, len(d.t)))
-    outer = [(motion.system.constraints.frame_parts[name].pair, *found) for name, found in closures.items()]
+    outer = [(motion.system.constraints.frame_rows[name].pair, *found) for name, found in closures.items()]
     for number, (law, _) in enumerate(motion.system.laws.bound):
         if isinstance(law, PairElement):
             outer.append((law.pair, *law_wrench(motion, law, number)))
@@ -59,7 +59,7 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
             F[joint] += sign * w
             dF[joint] += sign * dw
     for j in range(1, model.njoints):
-        place, Y, X, V = motion.places[j], model.inertias[j], motion.X[j], motion.V[j]
+        place, Y, X, V = motion.placements[j], model.inertias[j], motion.X[j], motion.V[j]
         A = pin.Motion(motion.A[j]) - model.gravity
         inertia, h = place.act(Y), (place.act(Y) * pin.Motion(V)).vector
         own = (inertia * A).vector + wrench_cross(V[:, None], h[:, None])[:, 0]

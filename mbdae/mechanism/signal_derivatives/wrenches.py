@@ -17,7 +17,7 @@ def wrench_cross(a: Array, F: Array) -> Array:
 def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its derivatives (6, m)."""
     constraints, parameters = motion.system.constraints, motion.parameters
-    pair, rows = constraints.frame_parts[name]
+    pair, rows = constraints.frame_rows[name]
     pair.locate()
     Xa, Xb = motion.pair(pair)
     F, dF = np.zeros(6), np.zeros_like(Xa)
@@ -32,11 +32,11 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         if which not in p.specs:
             continue
         found = {}
-        for k, near in changed.near.items():
+        for k, near in changed.perturbed.items():
             near.jacobian()
             found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
         dF += np.outer(p.quotient(found), dp)
-    if motion.system.sliding.regularised_interfaces(name):
+    if motion.system.closure_friction.regularised_interfaces(name):
         friction, change = friction_wrench(motion, name)
         F, dF = F + friction, dF + change
     return F, dF

@@ -8,8 +8,8 @@ import numpy as np
 from ...integrate.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
-from ...mechanism.joints import kind_of
-from ...mechanism.reactions import rank, scaled
+from ...mechanism.joints import file_kind
+from ...mechanism.reactions import mass_scaled_jacobian, rank
 from ...tabular import Tabular
 from ...tolerances import AGREEMENT
 
@@ -165,7 +165,7 @@ def card(mech: Mechanism) -> Card:
     system.derivative(0.0, mech.point())
     rows = system.rows if system.rows is not None else np.empty(0, int)
     dependent = redundant(mech, 0.0, q)
-    positions = rank(scaled(system, 0.0, q)[mech.positional])
+    positions = rank(mass_scaled_jacobian(system, 0.0, q)[mech.positional])
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
     switching = {row for switch in mech.switches for row in switch.rows}
@@ -189,7 +189,7 @@ def card(mech: Mechanism) -> Card:
         rank=len(rows),
         dof=mech.nv - len(rows),
         position_dof=mech.nv - (positions if not mech.positional.all() else len(rows)),
-        joints=tuple((n, kind_of(find_joint(mech.model, n))) for n in mech.joint_names),
+        joints=tuple((n, file_kind(find_joint(mech.model, n))) for n in mech.joint_names),
         closures=tuple(closures),
         forces=tuple(system.laws.names),
         gravity=tuple(mech.gravity.tolist()),

@@ -70,7 +70,7 @@ def inverse_dynamics(
     desired = prescribed(mech, motion, speed)
     n, m, undriven = len(desired.t), len(chosen.names), chosen.undriven
     system = chosen.mechanism.system()
-    system.sliding.reject("inverse dynamics")
+    system.closure_friction.reject("inverse dynamics")
     s, modes, bases = _states(chosen.mechanism, desired.states, n), _modes(chosen.mechanism, desired), []
     for q, mode in zip(desired.q, modes, strict=True):
         system.enter(mode)

@@ -54,7 +54,7 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     rows += [_locking_driver(mech, name, value, q, driven) for name, value in values.items()]
     clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
     rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
-    closures = [c for c in mech.closures if not c.opens]
+    closures = [c for c in mech.closures if not c.is_unilateral]
     return Mechanism(
         mech.model, closures, _without_friction(mech), drivers=rows, start=mech.start_values, title=mech.title
     )
@@ -70,7 +70,7 @@ def _check_closures(mech: Mechanism) -> None:
         if closure.within:
             within = f"{closure.name!r} is active only in ranges of {closure.within.joint!r}"
             raise InputError(f"{within}: kinematics needs closures that are always active")
-        if not (closure.opens or mech.positional[mech.rows_of(closure.name)].all()):
+        if not (closure.is_unilateral or mech.positional[mech.rows_of(closure.name)].all()):
             raise InputError(
                 f"{closure.name!r} has nonholonomic rows: its position depends on the path, not on the input alone"
             )
@@ -90,7 +90,7 @@ def _without_friction(mech: Mechanism) -> list[Any]:
 
 def omitted_elements(mech: Mechanism) -> list[str]:
     """Return the names of unilateral closures and of clutches, which `driven_mechanism` omits."""
-    return [c.name for c in mech.closures if c.opens] + [c.name for c in mech.clutches]
+    return [c.name for c in mech.closures if c.is_unilateral] + [c.name for c in mech.clutches]
 
 
 def _target(d: Driver) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from ...mechanism import Mechanism
 from ...mechanism.characteristic_length import linkage_lengths
 from ...mechanism.frames import find_joint
-from ...mechanism.joints import angle_components, lengths
+from ...mechanism.joints import angle_components, translation_components
 from ...mechanism.position_search import gauss_newton, is_closed
 from ...system import Array
 from ...tolerances import RANK, SAME_POSE
@@ -71,7 +71,7 @@ class ModeSearch:
         self.locked_values = {d.joint: d.follow(u)[0] for d in driven.drivers if d.joint and d.motion is not None}
         sliding = [abs(d.follow(u)[0]) for d in driven.drivers if driven.row_units[driven.rows_of(d.name)[0]] == "m"]
         reach = sum(linkage_lengths(driven)) + sum(sliding) or driven.characteristic_length
-        self.widths = np.where(lengths(driven.model), reach, np.pi)
+        self.widths = np.where(translation_components(driven.model), reach, np.pi)
 
     def run(self, most: int) -> "ModeSearch":
         """Search from the given configuration, and from at most ``most`` random ones."""

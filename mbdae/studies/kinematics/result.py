@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
-from ...mechanism.frames import WORLD, frame_names, motions
+from ...mechanism.frames import WORLD, frame_motions, frame_names
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
@@ -121,7 +121,7 @@ class Kinematics(Tabular):
             UnknownNameError: for a frame that does not exist.
         """
         chosen = self.frame_names if names is None else names
-        return motions(self.mechanism.model, chosen, self.q, self.rates, self.accelerations)
+        return frame_motions(self.mechanism.model, chosen, self.q, self.rates, self.accelerations)
 
     @cached_property
     def frame_names(self) -> list[str]:

@@ -48,7 +48,7 @@ def transmission(
     body, load, zero = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
     columns, units = mech.coordinate_scales, system.mechanism.row_scales
     load[joint.idx_v] = 1.0
-    pairs = {name: part.pair for name, part in system.constraints.frame_parts.items()}
+    pairs = {name: part.pair for name, part in system.constraints.frame_rows.items()}
     ends = [(n, p, 1.0 if p.b.joint == body else -1.0) for n, p in pairs.items() if body in (p.a.joint, p.b.joint)]
     children = [j for j in range(1, mech.model.njoints) if mech.model.parents[j] == body]
     out, moving = np.full(len(q), np.nan), support(mech.model, body)

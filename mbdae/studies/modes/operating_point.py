@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.linearization import LinearMotion, linearize_at, refuse_unsteady
+from ...mechanism.formulations.linearization import LinearMotion, linearize_at, require_steady
 from ...system import Array
 from ..statics.equilibrium import balanced, complete_arguments, velocities, velocity_labels
 from ..statics.stability import loses_rank
@@ -68,5 +68,5 @@ def _locked_text(mech: Mechanism, locked: Array) -> str:
 def _at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[Statics, ForceBalance]:
     statics = Statics(mech, t, v, locked)
     here = statics.point(q, np.array(list(mech.states.values())))
-    refuse_unsteady(statics, here)
+    require_steady(statics, here)
     return statics, here

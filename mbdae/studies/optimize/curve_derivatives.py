@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError
 from ...mechanism.discrete_sensitivity.frame_partials import frame_partials
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.frames import WORLD, frame_names, paths
+from ...mechanism.frames import WORLD, frame_names, frame_paths
 from ...solution.columns import coordinates
 from ...solution.signal_value import signal_values
 from ...system import Array
@@ -66,7 +66,7 @@ class CurveSignals(Mapping[str, Array]):
         if name in self.known:
             return self.coordinates[name]
         frame, axis = _point(name)
-        return paths(self.found.mechanism.model, [frame], self.found.q)[0, :, AXES.index(axis)]
+        return frame_paths(self.found.mechanism.model, [frame], self.found.q)[0, :, AXES.index(axis)]
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:
@@ -93,7 +93,7 @@ class CurveSignals(Mapping[str, Array]):
         s, all_rows = self.parameters.system, np.arange(self.parameters.system.ng)
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
             G, B = s.rate_partials(u, q, v, all_rows)
-            Q, g = self.parameters.of_rows(u, q, v)
+            Q, g = self.parameters.row_partials(u, q, v)
             G_inverse = np.linalg.pinv(G, rcond=RANK)
             dq = -G_inverse @ g
             yield dq, -G_inverse @ (B @ dq + Q)
@@ -125,7 +125,7 @@ class CurveSignals(Mapping[str, Array]):
         for q, v, q_p, v_p in zip(self.found.q, self.found.rates, dq, dv, strict=True):
             self.parameters.require_directions(0.0, q)
             K = s.partials(0.0, q, u, zero_v, zero_lam, np.arange(s.ng)).K[:nv]
-            P = self.parameters.of_forces(0.0, q, zero_v, self.states, zero_v, zero_lam)[:nv]
+            P = self.parameters.force_partials(0.0, q, zero_v, self.states, zero_v, zero_lam)[:nv]
             out.append(-v @ (K @ q_p + P) - self._at_rest(q) @ v_p)
         return np.array(out)
 

@@ -11,7 +11,7 @@ from ... import backend
 from ...errors import InputError, is_number
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import attempted, values_text
+from ...mechanism.callbacks import call_and_report, values_text
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
@@ -56,7 +56,7 @@ class _CostOfParameters(NamedCost):
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
         known = SignalsAndParameters(signals, self.values)
-        found = attempted(self.what, lambda: self.cost(known), lambda: values_text(self.values))
+        found = call_and_report(self.what, lambda: self.cost(known), lambda: values_text(self.values))
         if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
             return found
         explicit = {name: x for name, x in found[1].items() if name in self.values}

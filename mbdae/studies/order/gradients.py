@@ -19,7 +19,7 @@ from ...integrate.binding import common_backend
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
-from ...mechanism.discrete_sensitivity.parameter_direction import possible
+from ...mechanism.discrete_sensitivity.parameter_direction import feasible_stencil
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...methods.radau import Method
@@ -198,7 +198,7 @@ class GradientMeasurement(Measurement):
         stencil: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:
             make = mechanism_factory(self.mech, self.model).make
-            h, stencil = possible(lambda by: make({name: self.value + by}), h)
+            h, stencil = feasible_stencil(lambda by: make({name: self.value + by}), h)
         differences: dict[int, Array] = {}
         for k in stencil:
             other = self.run(method, n, self.value + k * h)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError, as_list
-from ...mechanism.contacts import path, rolling
-from ...mechanism.frames import joint_paths, paths
+from ...mechanism.contacts import contact_path, rolling_closures
+from ...mechanism.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import COINCIDENT
 from ..figures import COLOURS
@@ -121,10 +121,10 @@ def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list
     """
     listed = as_list(names, "traces is a list of frames")
     found = [
-        path(mechanism, n.removeprefix(CONTACT_PREFIX), q)
-        if n.startswith(CONTACT_PREFIX)
-        else paths(mechanism.model, [n], q)[0]
-        for n in listed
+        contact_path(mechanism, name.removeprefix(CONTACT_PREFIX), q)
+        if name.startswith(CONTACT_PREFIX)
+        else frame_paths(mechanism.model, [name], q)[0]
+        for name in listed
     ]
     return [
         {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": typed(track, "float32")}
@@ -166,11 +166,11 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
 
 def _application_points(mech: "Mechanism", name: str, q: Array) -> Array:
     """Return the points (m, 3) at which the force of a closure or a joint acts."""
-    if name in {c.name for c in rolling(mech)}:
-        return path(mech, name, q)
+    if name in {c.name for c in rolling_closures(mech)}:
+        return contact_path(mech, name, q)
     frames = next((c.frames for c in mech.constraints if c.name == name), None)
     if frames:
-        return paths(mech.model, [frames[1]], q)[0]
+        return frame_paths(mech.model, [frames[1]], q)[0]
     return joint_paths(mech.model, [name], q)[0]
 
 

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...mechanism.contacts import path, rolling
-from ...mechanism.frames import joint_paths, paths
+from ...mechanism.contacts import contact_path, rolling_closures
+from ...mechanism.frames import frame_paths, joint_paths
 from ...system import Array
 from .threejs import typed
 
@@ -77,7 +77,7 @@ def _active_intervals(sol: "Solution", switch: "Switch") -> list[tuple[float, fl
 def _positions(mech: "Mechanism", switch: "Switch", q: Array) -> Array:
     """Return positions of a switch at configurations q (m, nq), (k, m, 3): of the contact point, or of k joints."""
     name = mech.row_names[switch.rows[0]]
-    if name in {c.name for c in rolling(mech)}:
-        return path(mech, name, q)[None]
+    if name in {c.name for c in rolling_closures(mech)}:
+        return contact_path(mech, name, q)[None]
     spec = next(c for c in mech.constraints if c.name == name)
-    return paths(mech.model, spec.frames[1:], q) if spec.frames else joint_paths(mech.model, spec.between, q)
+    return frame_paths(mech.model, spec.frames[1:], q) if spec.frames else joint_paths(mech.model, spec.between, q)

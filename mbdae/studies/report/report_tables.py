@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import BaseModel
 
 from ...mechanism import Mechanism
-from ...mechanism.joints import kind_of
+from ...mechanism.joints import file_kind
 from ..comparison.comparison import Work
 from ..comparison.ranking import RankingEntry
 from .templates import elements
@@ -84,7 +84,7 @@ def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     for i in range(1, mech.model.njoints):
         joint, placement = mech.model.joints[i], mech.model.jointPlacements[i]
         parent = mech.model.names[mech.model.parents[i]] if mech.model.parents[i] else "the ground"
-        rows.append([mech.model.names[i], kind_of(joint), parent, *(f"{x:.5g}" for x in placement.translation)])
+        rows.append([mech.model.names[i], file_kind(joint), parent, *(f"{x:.5g}" for x in placement.translation)])
     return ["joint", "kind", "on", "x", "y", "z (m)"], rows
 
 

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ...mechanism import Mechanism
-from ...mechanism.contacts import rolling
+from ...mechanism.contacts import rolling_closures
 from ...mechanism.effort_signals import effort_units
 from ...mechanism.momentum import MOMENTUM
 from ...mechanism.signal_derivatives import (
@@ -40,7 +40,7 @@ class DerivativeFamily(NamedTuple):
 
 
 def _contact_names(mech: Mechanism) -> list[str]:
-    return [f"{kind}.{c.name}" for c in rolling(mech) for kind in CONTACT]
+    return [f"{kind}.{c.name}" for c in rolling_closures(mech) for kind in CONTACT]
 
 
 def _flattened(rows: Array) -> Array:
@@ -84,7 +84,7 @@ def _frame_columns(mech: Mechanism, rated: bool) -> list[str]:
 
 
 FAMILIES = (
-    DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling(mech) for x in "xyz"],
+    DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
            lambda motion: _flattened(path_derivatives(motion)), False),
     DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
     DerivativeFamily(reaction_units, _loads, True),

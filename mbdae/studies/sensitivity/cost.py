@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, is_number
-from ...mechanism.callbacks import attempted, function_name
+from ...mechanism.callbacks import call_and_report, function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...system import Array
@@ -120,7 +120,7 @@ def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, 
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, derivatives), got {cost!r:.60}")
-    found = attempted(what := cost_name(cost), lambda: cost(signals))
+    found = call_and_report(what := cost_name(cost), lambda: cost(signals))
     try:
         given, table = found
         value, derivatives = float(real(given)), {key: real(x) for key, x in table.items()}

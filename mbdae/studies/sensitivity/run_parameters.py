@@ -12,7 +12,7 @@ import numpy as np
 from ... import backend
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import attempted
+from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
 from ...mechanism.formats.template import Template
@@ -137,7 +137,7 @@ def progress_reporter(progress: Any) -> Callable[[str], None]:
         return lambda text: None
     if not callable(progress):
         raise InputError(f"progress is a function of a text, got {progress!r:.60}")
-    return lambda text: attempted("progress", lambda: progress(text))
+    return lambda text: call_and_report("progress", lambda: progress(text))
 
 
 def reals(given: Any) -> list[float]:

@@ -136,7 +136,7 @@ class SignalJacobian:
         nv, k, identity = s.nv, self.trace.sensitivity.k, np.eye(rates.shape[1])
         parts = identity[:nv], identity[nv : 2 * nv], identity[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], derivatives
         d = TangentDirections(*parts, identity[s.ny : s.ny + k], identity[-1])
-        self.motion.evaluate(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
+        self.motion.evaluate(t, q, v, s.element_states(y), F[nv : 2 * nv], lam, d)
         found = {at: family.rows(self.motion) for at, family in self.families.items()}
         return {name: found[id(family)][i] for name, (family, i) in self.columns.items()}
 

@@ -145,7 +145,7 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[tuple[
     manifold = statics.system.manifold
 
     def along(q: Array, tangent: Array) -> float:
-        rho, free = statics.unbalanced(statics.close(q, s0), s0)
+        rho, free = statics.residual_forces(statics.close(q, s0), s0)
         return float(np.sign((free.U @ tangent) @ (free.U @ free.Z[:, 0])) * rho[0])
 
     for stretch in curve.stretches:

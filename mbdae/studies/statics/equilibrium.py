@@ -12,7 +12,7 @@ from ...errors import EquilibriumError, StepError, UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.linearization import refuse_unsteady
+from ...mechanism.formulations.linearization import require_steady
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import Reaction, reaction
 from ...solution.columns import coordinates
@@ -256,5 +256,5 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float
         text = f"no {'stable ' * (find == 'stable')}equilibrium found in {search.iterations} iterations: {where}"
         raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
     if statics.v.any():
-        refuse_unsteady(statics, here)
+        require_steady(statics, here)
     return here, search.residual, search.iterations

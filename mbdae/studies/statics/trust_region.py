@@ -16,7 +16,7 @@ import numpy as np
 from ... import tolerances as tol
 from ...errors import StepError
 from ...mechanism.formulations.spectrum import CERTAIN, curvature, scale_of, spectrum
-from ...mechanism.joints import lengths
+from ...mechanism.joints import translation_components
 from ...system import Array
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class TrustRegion:
     @cached_property
     def units(self) -> Array:
         """Units of the lengths of motions, (nv,): 1 rad, and `SLIDES` characteristic lengths."""
-        return self.statics.sizes.l * np.where(lengths(self.statics.mech.model), SLIDES, 1.0)
+        return self.statics.sizes.l * np.where(translation_components(self.statics.mech.model), SLIDES, 1.0)
 
     def run(self, find: str) -> bool:
         """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they do."""

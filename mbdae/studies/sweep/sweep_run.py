@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, require
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import attempted, function_name
+from ...mechanism.callbacks import call_and_report, function_name
 from ...mechanism.formats.template import START, Template, check_start, with_start
 from ...system import Counts
 from ..workers import Stop
@@ -76,7 +76,7 @@ class FunctionMaker:
         def arguments_text() -> str:
             return ", ".join(f"{name} = {x!r:.60}" for name, x in arguments.items())
 
-        mech = attempted(f"model {self.name!r}", lambda: self.function(**arguments), arguments_text, MbdaeError)
+        mech = call_and_report(f"model {self.name!r}", lambda: self.function(**arguments), arguments_text, MbdaeError)
         require(mech, Mechanism, f"{self.name} must return a Mechanism")
         return with_start(mech, start)
 

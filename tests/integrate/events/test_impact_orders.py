@@ -132,5 +132,5 @@ def test_wrong_stops_are_named(keys, text):
 def test_unbounded_joints_have_no_ends():
     model = empty()
     carried(model, 0, pin.JointModelRUBZ(), "wheel")
-    with pytest.raises(InputError, match="joint 'wheel' turns without end"):
+    with pytest.raises(InputError, match="joint 'wheel' has an unbounded angle"):
         Mechanism(model, stops=[Stop(joint="wheel", lower=0.0)])

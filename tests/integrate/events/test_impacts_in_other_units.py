@@ -16,7 +16,7 @@ def load(name):
     """The model with the duration of the shortest flight as a number, which has a unit."""
     mech = mbdae.load(name)
     stops = [s.model_copy(update={"rest": REST}) for s in mech.stops]
-    closures = [c.model_copy(update={"rest": REST}) if c.opens else c for c in mech.closures]
+    closures = [c.model_copy(update={"rest": REST}) if c.is_unilateral else c for c in mech.closures]
     return Mechanism(mech.model, closures, mech.forces, drivers=mech.drivers, stops=stops, start=mech.start_values)
 
 

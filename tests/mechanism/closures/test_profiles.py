@@ -45,7 +45,7 @@ def test_a_profile_through_points_keeps_the_order(method, order, steps):
 
 def test_undercut_is_refused():
     hollow = {"kind": "fourier", "x": (0, 1, 0, 0, 0, 0.2, 0), "y": (0, 0, 1, 0, 0, 0, -0.2)}
-    with pytest.raises(InputError, match=r"undercut: the profile is hollow at .* with a radius of 3\.2 m"):
+    with pytest.raises(InputError, match=r"undercut: the profile is concave at .* with a radius of 3\.2 m"):
         Closure.cam("cam", "follower", hollow, radius=4.0)
     with pytest.raises(InputError, match=r"not convex at .* a flat face does not touch it there"):
         Closure.cam("cam", "follower", hollow, axis=(0, 0, 1))
@@ -62,7 +62,7 @@ def test_a_centre_of_curvature_is_named_and_steps_past_it_are_shortened():
     groove = Closure.slot("cam", "follower", {"kind": "fourier", "x": (e, R, 0.0), "y": (0.0, 0.0, R)}, name="groove")
     mech = cam_and_follower(groove)
     for ask in (mech.residual, lambda *at: mbdae.solve(mech, (0, 1), *at)):
-        with pytest.raises(StepError, match=r"'groove': the contact is in a centre of curvature .*undercut"):
+        with pytest.raises(StepError, match=r"'groove': the contact is at a centre of curvature .*undercut"):
             ask(np.array([np.pi / 2, e]), np.zeros(2))
 
     def lift(p):
@@ -91,7 +91,7 @@ def test_laws_are_refused_where_they_are_not_defined():
         number = model.addJoint(0, joint, pin.SE3.Identity(), name)
         model.appendBodyToJoint(number, pin.Inertia.Random(), pin.SE3.Identity())
     points = [(0.0, 0.0), (1.0, 0.1), (2.0, 0.0), (3.0, 0.0)]
-    for periodic, what in ((False, "is not periodic"), (True, "does not repeat itself in a turn")):
+    for periodic, what in ((False, "is not periodic"), (True, "does not repeat itself in a revolution")):
         law = Closure.law("slide", "wheel", {"kind": "table", "points": points, "periodic": periodic}, name="cam")
         with pytest.raises(InputError, match=f"'cam': a curve that {what}"):
             mbdae.Mechanism(model, [law]).system()

@@ -71,7 +71,7 @@ def test_a_saved_mechanism_moves_as_before(name, tmp_path):
 @pytest.mark.parametrize(
     ("where", "value", "said"),
     [
-        (("joints", 1, "parent"), 7, "hangs on joint 7"),
+        (("joints", 1, "parent"), 7, "parent joint 7"),
         (("joints", 1, "parent"), -1, "parent"),
         (("joints", 1, "joint", "kind"), "RQ", "unknown kind of joint 'RQ'; known: RX"),
         (("joints", 1, "joint", "numbers"), [1.0], "takes 3 numbers, got 1"),

@@ -92,7 +92,7 @@ def test_wrenches_turn_with_both_frames():
     s = mech.system()
     for _ in range(5):
         s.jacobian(random_q(mech.model, rng))
-        for pair, rows in s.constraints.frame_parts.values():
+        for pair, rows in s.constraints.frame_rows.values():
             for _, r, w in rows:
                 Da, Db = r.partials(pair)
                 met.add(type(r))

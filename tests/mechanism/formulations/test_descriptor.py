@@ -133,14 +133,14 @@ def other_cut():
 
 def test_rows_are_reselected_during_a_run(monkeypatch):
     chosen = set()
-    choose = independent_rows.choose
+    select = independent_rows.select_rows
 
     def record(B, *given):
-        out = choose(B, *given)
+        out = select(B, *given)
         chosen.add((B.shape[1], tuple(int(i) for i in out)))
         return out
 
-    monkeypatch.setattr(independent_rows, "choose", record)
+    monkeypatch.setattr(independent_rows, "select_rows", record)
     for cut, gravity in ((5, [9.81, 0, 0]), (3, [0, 0, -9.81])):
         chosen.clear()
         sol = fall(cut, gravity, "python")
@@ -179,9 +179,9 @@ def test_redundant_rows_with_minimum_norm(other_cut):
 
 def test_rows_fixed_at_the_start_fail(other_cut, monkeypatch):
     # shows that the tests above can fail: without reselection a row that is not in use opens
-    choose = independent_rows.choose
-    once = lambda B, rows, *more: choose(B, None, *more) if rows is None else rows  # noqa: E731
-    monkeypatch.setattr(independent_rows, "choose", once)
+    select = independent_rows.select_rows
+    once = lambda B, rows, *more: select(B, None, *more) if rows is None else rows  # noqa: E731
+    monkeypatch.setattr(independent_rows, "select_rows", once)
     sol = fall(5, [9.81, 0, 0], "python", project=False)
     assert not sol.success or drift(sol).g_max > 1e-3 or np.abs(sol.q - other_cut.q).max() > 1e-3
 

@@ -15,7 +15,7 @@ from mbdae.mechanism.formulations import inertial_forces
 @pytest.mark.parametrize("largest", [0, 100])
 def test_inertial_partials_on_every_kind_of_joint(kind, largest, monkeypatch):
     """From Pinocchio, and from large models with nv^2 numbers."""
-    monkeypatch.setattr(inertial_forces, "LARGEST", largest)
+    monkeypatch.setattr(inertial_forces, "MAX_PINOCCHIO_NV", largest)
     model, rng = tree([kind, "rx", kind, kind], [0, 1, 2, 1], seed=1), np.random.default_rng(2)
     model.armature = rng.uniform(0.1, 0.5, model.nv)
     q, (v, a), data = random_q(model, rng), rng.standard_normal((2, model.nv)), model.createData()

@@ -64,7 +64,8 @@ def terms(mech, t, q, v, s, vdot, lam):
 
 
 def partials(parameters, t, q, v, s, vdot, lam):
-    return parameters.of_forces(t, q, v, s, vdot, lam), *parameters.of_rows(t, q, v), parameters.of_bias(t, q, v)
+    rows = parameters.row_partials(t, q, v)
+    return parameters.force_partials(t, q, v, s, vdot, lam), *rows, parameters.bias_partials(t, q, v)
 
 
 @pytest.mark.parametrize("name", VALUES)

@@ -12,7 +12,7 @@ import mbdae
 from mbdae import Closure, Driver, Mechanism, kinematics
 from mbdae.errors import AssemblyError, InputError, StepError
 from mbdae.mechanism.closures.constraints import Constraints
-from mbdae.mechanism.frames import paths
+from mbdae.mechanism.frames import frame_paths
 from mbdae.mechanism.joints import angle_components
 from mbdae.studies.kinematics.driven_mechanism import driven_mechanism
 from mbdae.studies.kinematics.pose_curve import PoseCurve
@@ -55,7 +55,7 @@ def test_frames_move_as_difference_quotients_say():
     mech, h = mbdae.load("four_bar"), 1e-4
     found = kinematics(mech, "crank", span=(1.0, 1.0 + 8 * h), points=9)
     position, velocity, acceleration = found.frames(["coupler_tip"])
-    np.testing.assert_allclose(position, paths(mech.model, ["coupler_tip"], found.q), atol=1e-15)
+    np.testing.assert_allclose(position, frame_paths(mech.model, ["coupler_tip"], found.q), atol=1e-15)
     np.testing.assert_allclose(velocity[0, 4], (position[0, 5] - position[0, 3]) / (2 * h), atol=1e-7)
     np.testing.assert_allclose(acceleration[0, 4], (velocity[0, 5] - velocity[0, 3]) / (2 * h), atol=1e-7)
 
@@ -160,7 +160,7 @@ def test_stewart_platform_by_one_leg():
 
 def test_a_driver_of_a_length_is_a_drive():
     plain = mbdae.load("four_bar")
-    (tip,) = paths(plain.model, ["coupler_tip"], plain.start[0][None])
+    (tip,) = frame_paths(plain.model, ["coupler_tip"], plain.start[0][None])
     length = Driver.at_speed(("world", "coupler_tip"), 0.1, start=float(np.linalg.norm(tip)), name="cylinder")
     mech = mbdae.load("four_bar", drivers=[length])
     found = kinematics(mech, "cylinder", span=(2.4, 2.6), points=21)

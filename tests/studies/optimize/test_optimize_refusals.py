@@ -129,7 +129,7 @@ def test_a_search_keeps_its_best_point_when_progress_or_gradients_fail():
     edge = mbdae.optimize(model, own, {"length": 3.0}, {"length": (2.42, 4.0)}, **CURVE)
     assert not edge.converged
     assert edge.cost < edge.start.cost
-    assert "'length' = 2.42 cannot be moved by" in edge.message
+    assert "'length' = 2.42 cannot be changed by" in edge.message
     assert "ValueError: too short" in edge.message
     assert edge.to_dict()["gradient"] == {"length": None}
 

@@ -133,7 +133,7 @@ def test_what_can_be_moved_neither_way_is_refused(path):
         return mbdae.load(path)
 
     sol = mbdae.solve(path, (0, 0.1))
-    with pytest.raises(InputError, match="'only' = 1 cannot be moved by"):
+    with pytest.raises(InputError, match="'only' = 1 cannot be changed by"):
         mbdae.sensitivity(sol, {"only": 1.0}, model=model)
 
 

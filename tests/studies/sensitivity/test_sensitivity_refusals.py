@@ -69,7 +69,7 @@ def other(mass, length):
 
 MODELS = [
     (moved, {"mass": 1.0}, InputError,
-     "'mass' = 1 cannot be moved by .* to find its derivative: model 'moved' failed at mass = .*ValueError: one alone"),
+     "'mass' = 1 cannot be changed by .* to find its derivative: model 'moved' failed at mass = .*ValueError: one"),
     (moved, {"mass": 2.0}, MbdaeError, r"model 'moved' failed at mass = 2\.0: ValueError: one alone"),
     (other, {"mass": 2.0}, MbdaeError, r"model 'other' failed at mass = 2\.0: TypeError: .*length"),
     (moved, {"length": 2.0}, UnknownNameError, "unknown parameter of moved 'length'.*valid: mass"),

@@ -17,12 +17,12 @@ def with_pid(**more):
 
 def test_a_joint_axis_is_refused():
     sol = mbdae.solve(mbdae.load("spatial_slider_crank"), (0.0, 0.05), step=0.01)
-    with pytest.raises(InputError, match=r"'body\.slider\.axis\.1' turns a joint's axis"):
+    with pytest.raises(InputError, match=r"'body\.slider\.axis\.1' changes the axis of a joint"):
         mbdae.sensitivity(sol, ["body.slider.axis.1"])
 
 
 @pytest.mark.parametrize(
-    ("own", "words"), [({"ki": 0.0}, "'ki' changes what states"), ({"rate": 20.0}, "'rate' moves the instants of")]
+    ("own", "words"), [({"ki": 0.0}, "'ki' changes which states"), ({"rate": 20.0}, "'rate' moves the instants of")]
 )
 def test_states_and_instants_are_refused(own, words):
     sol = mbdae.solve(with_pid(**own), (0.0, 0.1), step=0.01)

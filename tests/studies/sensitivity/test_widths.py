@@ -156,7 +156,7 @@ def test_widths_exceed_the_tolerance_of_assembly():
     """Where wheels are tilted the start slips by 3 % of that: below some 1e-7 assembly ignores it."""
     model = Template("mecanum_platform")
     sol = mbdae.solve(model.make({}), (0.0, 0.1), step=0.05, method="pherk5")
-    with pytest.raises(InputError, match="start cannot be assembled beside this value"):
+    with pytest.raises(InputError, match="start cannot be assembled near this value"):
         mbdae.sensitivity(sol, ["closure.front_left wheel.axis.2"], model=model)
     tilted = mbdae.sensitivity(sol, ["body.platform.rpy.0"], model=model)  # slips by its square
     assert np.abs(tilted.dy).max() > 0.1

@@ -1,1 +1,1 @@
-"""Kinds of closures, one file each: its keys, rows, preconditions and what it keeps."""
+"""Kinds of closures, one file each, with keys, rows and preconditions."""

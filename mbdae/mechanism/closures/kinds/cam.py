@@ -14,24 +14,24 @@ from ..rows import unit_axis
 
 
 class CamClosure(BetweenFrames):
-    """1 row: a roller of b, or a flat face of it, touches a profile in the x-y plane of a.
+    """1 row: a roller or a flat face of b touches a profile in the x-y plane of a.
 
     A flat face must be perpendicular to the plane of the profile.
 
     Attributes:
         profile: in the x-y plane of the first frame.
         radius: of the roller about b's origin, in m; or
-        axis: normal of the flat face through b's origin, in the second frame, away from the cam.
+        axis: normal of the flat face through b's origin, in the second frame, pointing away from the cam.
     """
 
     kind: Literal["cam"] = "cam"
     profile: Profile
     radius: float | None = Field(default=None, gt=0)
     axis: Axis | None = None
-    apart = True
+    distinct_frames = True
 
     @model_validator(mode="after")
-    def _touches(self) -> "CamClosure":
+    def _check_follower(self) -> "CamClosure":
         if (self.radius is None) == (self.axis is None):
             raise ValueError("a cam needs one of radius, of its roller, and axis, of its flat face")
         self.profile.path.require_regular(self.radius)
@@ -43,14 +43,14 @@ class CamClosure(BetweenFrames):
         return (Roller(self.profile.path, self.radius or 0.0),)
 
     @property
-    def assumes(self) -> bool:
+    def has_precondition(self) -> bool:
         return self.axis is not None
 
-    def unfit(self, pair: Pair, relative: Array) -> str:
-        lean = abs(float(pair.Rb @ unit_axis(self.axis) @ pair.Ra[:, 2])) if self.axis else 0.0
-        return f"its flat face leans by {lean:.3g} rad against the plane of the profile" if lean > THREE_DIGITS else ""
+    def violated_precondition(self, pair: Pair, relative: Array) -> str:
+        tilt = abs(float(pair.Rb @ unit_axis(self.axis) @ pair.Ra[:, 2])) if self.axis else 0.0
+        return f"its flat face is tilted by {tilt:.3g} rad to the plane of the profile" if tilt > THREE_DIGITS else ""
 
     @classmethod
-    def of(cls, a: str, b: str, profile: AnyProfile, name: str = "", **more: Any) -> "CamClosure":
+    def create(cls, a: str, b: str, profile: AnyProfile, name: str = "", **more: Any) -> "CamClosure":
         """A roller (``radius``) or a flat face (``axis``) of b touches a profile of a."""
         return cls(frames=(a, b), profile=profile, name=name, **more)

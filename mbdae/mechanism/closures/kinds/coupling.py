@@ -1,4 +1,4 @@
-"""The coupling closure: joint coordinates that depend on each other, by a polynomial, a sum or a law."""
+"""The coupling closure: joint coordinates that depend on others, by a polynomial, a sum or a motion law."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from ....tolerances import COINCIDENT
 from ...time_functions import Harmonic
 from ..closure import BetweenJoints
 from ..joint_rows import BoundCoordinateRow, BoundJointRow, Coordinate, JointRow, common_period, coordinate
-from ..motion_laws import Law, LawTable, fold_of, law_derivatives
+from ..motion_laws import Law, LawTable, law_derivatives, period_of
 
 
 class CouplingClosure(BetweenJoints):
     """1 row: q_i = c_0 + c_1 q_j + c_2 q_j^2 + ... or q_i = c_0 + c_1 q_j + c_2 q_k + ... or q_i = f(q_j).
 
-    The joints have one coordinate each. Angles of unbounded revolute joints are known up to full turns: the coupling is
-    evaluated up to their multiples, and rejected where this is not possible (powers, irrational ratios).
+    The joints have one coordinate each. Angles of unbounded revolute joints are known up to full revolutions: the
+    coupling is evaluated up to their multiples, and rejected if this is not possible (powers, irrational ratios).
 
     Attributes:
-        coefficients: c_0, c_1, ...: powers between two joints, else one for each joint.
-        curve: the law f of a coupling of two joints, in place of coefficients (cams by their law, indexing drives).
+        coefficients: c_0, c_1, ...: of the powers for two joints, one for each joint for several.
+        curve: the law f of a coupling of two joints, instead of coefficients (cams by their law, indexing drives).
     """
 
     kind: Literal["coupling"] = "coupling"
@@ -33,12 +33,12 @@ class CouplingClosure(BetweenJoints):
     curve: Law | None = None
 
     @model_validator(mode="after")
-    def _fits(self) -> "CouplingClosure":
+    def _check_keys(self) -> "CouplingClosure":
         n, joints = len(self.coefficients or ()), len(self.joints)
         if (self.coefficients is None) == (self.curve is None):
             raise ValueError("a coupling needs one of coefficients and curve")
         if self.curve is None and (n != joints if joints > 2 else n == 1):
-            several = "one of several joints one for each"
+            several = "one of several joints has one for each"
             raise ValueError(f"a coupling of two joints has two coefficients or more, {several}")
         if self.curve and joints > 2:
             raise ValueError("curve belongs to couplings of two joints")
@@ -51,16 +51,16 @@ class CouplingClosure(BetweenJoints):
         return (Sum(self.joints, c) if more else Coordinate(i, j, c),)
 
     @classmethod
-    def of(
+    def create(
         cls, joint: str, other: str | Sequence[str], coefficients: tuple[float, ...], name: str = ""
     ) -> "CouplingClosure":
-        """Joint coordinates keep q_joint = c_0 + c_1 q_other + c_2 q_other^2 + ..., or a sum over several others."""
+        """Joint coordinates satisfy q_joint = c_0 + c_1 q_other + c_2 q_other^2 + ..., or a sum over several others."""
         others = (other,) if isinstance(other, str) else other
         return cls(joints=(joint, *others), coefficients=tuple(coefficients), name=name)
 
     @classmethod
     def law(cls, joint: str, other: str, curve: LawTable | Harmonic, name: str = "") -> "CouplingClosure":
-        """Joint coordinates keep q_joint = f(q_other)."""
+        """Joint coordinates satisfy q_joint = f(q_other)."""
         return cls(joints=(joint, other), curve=curve, name=name)
 
 
@@ -109,18 +109,18 @@ class BoundMotionLawRow(BoundCoordinateRow):
 
     def __init__(self, model: pin.Model, data: pin.Data, row: MotionLawRow, at: int, name: str) -> None:
         BoundJointRow.__init__(self, model, data, (row.joint, row.other), at, name)
-        self.law, turn, (_, length, rise) = row.law, 2 * np.pi, fold_of(row.law)
-        shares = [turn] if self.joints[0].nq == 2 else []
+        self.law, revolution, (_, length, rise) = row.law, 2 * np.pi, period_of(row.law)
+        periods = [revolution] if self.joints[0].nq == 2 else []
         if self.joints[1].nq == 2:
-            n = turn / length if length else 0.0
+            n = revolution / length if length else 0.0
             if not length or abs(n - round(n)) > COINCIDENT:
-                what = "does not repeat itself in a turn" if length else "is not periodic"
+                what = "does not repeat itself in a revolution" if length else "is not periodic"
                 raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
-            shares += [abs(rise * round(n))] if rise else []
-        self.period = common_period(shares, name)
+            periods += [abs(rise * round(n))] if rise else []
+        self.period = common_period(periods, name)
 
     def core_data(self) -> dict[str, Any]:
-        return {**super().core_data(), "law": self.law.core_data(), "fold": list(fold_of(self.law))}
+        return {**super().core_data(), "law": self.law.core_data(), "fold": list(period_of(self.law))}
 
     def value(self) -> tuple[float, list[float]]:
         x, other = (coordinate(j.joint_q) for j in self._live)
@@ -139,13 +139,13 @@ class BoundSumRow(BoundJointRow):
     def __init__(self, model: pin.Model, data: pin.Data, row: Sum, at: int, name: str) -> None:
         super().__init__(model, data, row.joints, at, name, row.coefficients)
         self.columns = [j.idx_v for j in self.joints]
-        self.shares = [1.0, *(-c for c in row.coefficients[1:])]
-        turns = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.shares, strict=True) if j.nq == 2]
-        self.period = common_period(turns, name)
+        self.factors = [1.0, *(-c for c in row.coefficients[1:])]
+        periods = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.factors, strict=True) if j.nq == 2]
+        self.period = common_period(periods, name)
 
     def value(self) -> tuple[float, list[float]]:
         x = [coordinate(j.joint_q) for j in self._live]
-        return float(np.dot(self.shares, x)) - self.polynomial[0], self.shares
+        return float(np.dot(self.factors, x)) - self.polynomial[0], self.factors
 
     def bias(self, v: Array) -> float:
         return 0.0

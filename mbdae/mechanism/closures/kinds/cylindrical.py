@@ -6,7 +6,7 @@ from ..frame_joint import TwoAxisJoint
 
 
 class CylindricalClosure(TwoAxisJoint):
-    """4 rows: b slides along the axis of a and turns about it."""
+    """4 rows: b slides along the axis of a and rotates about it."""
 
     kind: Literal["cylindrical"] = "cylindrical"
-    gap, direction, friction, carried = "across", "axis", "slides", 2
+    gap, direction, friction, load_rows = "across", "axis", "slides", 2

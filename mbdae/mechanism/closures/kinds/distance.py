@@ -9,7 +9,7 @@ from ..rows import Distance
 
 
 class DistanceClosure(UnilateralClosure):
-    """1 row: the origins keep the distance `length` > 0 in m.
+    """1 row: the origins have the distance `length` > 0 in m.
 
     Attributes:
         length: distance in m.
@@ -17,12 +17,12 @@ class DistanceClosure(UnilateralClosure):
 
     kind: Literal["distance"] = "distance"
     length: float = Field(gt=0)
-    free_side = -1.0  # a rope is slack when it is shorter
+    free_side = -1.0  # a rope is slack if the distance is shorter
 
     def primitives(self) -> tuple[Distance]:
         return (Distance(self.length),)
 
     @classmethod
-    def of(cls, a: str, b: str, length: float, name: str = "") -> "DistanceClosure":
+    def create(cls, a: str, b: str, length: float, name: str = "") -> "DistanceClosure":
         """Between frames a and b."""
         return cls(frames=(a, b), length=length, name=name)

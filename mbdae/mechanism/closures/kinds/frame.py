@@ -9,9 +9,9 @@ class FrameClosure(FrameJoint):
     """6 rows: the frames coincide (weld)."""
 
     kind: Literal["frame"] = "frame"
-    gap, direction, meets = "all", "frame", True
+    gap, direction, coincident_origins = "all", "frame", True
 
     @classmethod
-    def of(cls, a: str, b: str, name: str = "") -> "FrameClosure":
+    def create(cls, a: str, b: str, name: str = "") -> "FrameClosure":
         """Between frames a and b."""
         return cls(frames=(a, b), name=name)

@@ -18,9 +18,9 @@ Radii = tuple[float, float]
 
 
 class GearClosure(FixedAxisClosure):
-    """1 row: wheels about parallel axes do not slip where the line of centres is divided as by their radii.
+    """1 row: wheels about parallel axes do not slip at the pitch point, which divides the line of centres by the radii.
 
-    The axes must stay parallel, r_a + r_b apart.
+    The axes must stay parallel, at the distance |r_a + r_b|.
 
     Attributes:
         radii: of both wheels in m; negative for a ring whose teeth point inwards.
@@ -28,12 +28,12 @@ class GearClosure(FixedAxisClosure):
 
     kind: Literal["gear"] = "gear"
     radii: Radii
-    apart = True
-    otherwise = "its wheels can turn about axes that are not parallel: kind 'bevel' is for axes that meet"
+    distinct_frames = True
+    free_rotation_message = "its wheels can rotate about axes that are not parallel: use kind 'bevel' if they intersect"
 
     @field_validator("radii")
     @classmethod
-    def _roll(cls, radii: Radii) -> Radii:
+    def _require_nonzero(cls, radii: Radii) -> Radii:
         if not all((*radii, sum(radii))):
             raise ValueError("radii must not be zero, nor their sum")
         return radii
@@ -42,17 +42,17 @@ class GearClosure(FixedAxisClosure):
         a, b = self.radii
         return (Gear(unit_axis(self.axis), a / (a + b)),)
 
-    def unfit(self, pair: Pair, relative: Array) -> str:
+    def violated_precondition(self, pair: Pair, relative: Array) -> str:
         if angle := self.tilt(pair, relative):
-            return f"its axes are not parallel, by {angle:.3g} rad"
+            return f"its axes are not parallel, but at an angle of {angle:.3g} rad"
         k, d, (a, b) = pair.Ra @ unit_axis(self.axis), pair.pb - pair.pa, self.radii
-        apart = float(np.linalg.norm(d - k * (k @ d)))
-        if abs(apart - abs(a + b)) <= THREE_DIGITS * (abs(a) + abs(b)):
+        distance = float(np.linalg.norm(d - k * (k @ d)))
+        if abs(distance - abs(a + b)) <= THREE_DIGITS * (abs(a) + abs(b)):
             return ""
-        return f"its axes are {apart:.4g} m apart, and radii of {a:g} and {b:g} m ask for {abs(a + b):.4g} m"
+        return f"its axes are {distance:.4g} m apart, but radii of {a:g} and {b:g} m require {abs(a + b):.4g} m"
 
     @classmethod
-    def of(cls, a: str, b: str, radii: Radii, axis: Axis = Z, name: str = "") -> "GearClosure":
+    def create(cls, a: str, b: str, radii: Radii, axis: Axis = Z, name: str = "") -> "GearClosure":
         """Wheels about parallel axes through the origins of a and b do not slip on each other."""
         return cls(frames=(a, b), radii=radii, axis=axis, name=name)
 
@@ -60,23 +60,23 @@ class GearClosure(FixedAxisClosure):
 class Gear(LineRows):
     """Wheels of a and b about parallel axes, an axis of a (3,), do not slip at the pitch point.
 
-    It divides the line of centres in proportion to the radii: p = p_a + share (p_b - p_a), share = r_a/(r_a + r_b); the
-    row is along e = k x (p_b - p_a)/|.|.
+    The pitch point divides the line of centres in proportion to the radii: p = p_a + fraction (p_b - p_a), fraction =
+    r_a/(r_a + r_b); the row is along e = k x (p_b - p_a)/|.|.
     """
 
     m = 1
 
-    def __init__(self, axis: Array, share: float) -> None:
-        self.axis, self.share = axis[:, None], share
+    def __init__(self, axis: Array, fraction: float) -> None:
+        self.axis, self.fraction = axis[:, None], fraction
 
     def core_data(self) -> list[dict[str, Any]]:
-        return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
+        return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.fraction}]
 
     def lines(self, pair: Pair) -> Lines:
         pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
         d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
         k = pair.Ra.dot(self.axis)
         if not (along := cross(k, d)).any():
-            raise StepError("singular", "its wheels have one axis: they have no line of centres")
+            raise StepError("singular", "the axes of its wheels coincide: they have no line of centres")
         e, de = unit(along, cross(rotated(pair.Va, k), d) + cross(k, dd))
-        return Lines(e, pa + self.share * d, de, va + self.share * dd)
+        return Lines(e, pa + self.fraction * d, de, va + self.fraction * dd)

@@ -18,13 +18,13 @@ class KnifeEdgeClosure(BetweenFrames):
 
     kind: Literal["knife_edge"] = "knife_edge"
     axis: Axis
-    apart = True
+    distinct_frames = True
 
     def primitives(self) -> "tuple[KnifeEdge]":
         return (KnifeEdge(unit_axis(self.axis)),)
 
     @classmethod
-    def of(cls, a: str, b: str, axis: Axis, name: str = "") -> "KnifeEdgeClosure":
+    def create(cls, a: str, b: str, axis: Axis, name: str = "") -> "KnifeEdgeClosure":
         """The origin of b does not slip against a along an axis of b."""
         return cls(frames=(a, b), axis=axis, name=name)
 

@@ -6,7 +6,7 @@ from ..frame_joint import TwoAxisJoint
 
 
 class ParallelClosure(TwoAxisJoint):
-    """2 rows: the axes stay parallel."""
+    """2 rows: the axes are parallel."""
 
     kind: Literal["parallel"] = "parallel"
     direction = "axis"

@@ -9,9 +9,9 @@ class PointClosure(FrameJoint):
     """3 rows: the origins coincide (spherical joint)."""
 
     kind: Literal["point"] = "point"
-    gap, friction, carried, meets = "all", "bears", 3, True
+    gap, friction, load_rows, coincident_origins = "all", "bears", 3, True
 
     @classmethod
-    def of(cls, a: str, b: str, name: str = "") -> "PointClosure":
+    def create(cls, a: str, b: str, name: str = "") -> "PointClosure":
         """Between frames a and b."""
         return cls(frames=(a, b), name=name)

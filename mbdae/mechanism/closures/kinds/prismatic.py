@@ -6,7 +6,7 @@ from ..frame_joint import AxisJoint
 
 
 class PrismaticClosure(AxisJoint):
-    """5 rows: b slides along the axis of a and does not turn."""
+    """5 rows: b slides along the axis of a and does not rotate."""
 
     kind: Literal["prismatic"] = "prismatic"
-    gap, direction, friction, carried = "across", "frame", "slides", 2
+    gap, direction, friction, load_rows = "across", "frame", "slides", 2

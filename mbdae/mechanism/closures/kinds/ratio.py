@@ -12,7 +12,7 @@ class RatioClosure(BetweenJoints):
     """1 row: v_i = (c_0 + c_1 q_k + c_2 q_k^2 + ...) v_j (continuously variable transmissions).
 
     Attributes:
-        joints: names of joints i, j and, where c_1, ... are given, k.
+        joints: names of joints i, j and, if c_1, ... are given, k.
         coefficients: c_0, c_1, ...
     """
 
@@ -20,7 +20,7 @@ class RatioClosure(BetweenJoints):
     coefficients: tuple[float, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _fits(self) -> "RatioClosure":
+    def _check_keys(self) -> "RatioClosure":
         if len(self.joints) > 3:
             raise ValueError("a ratio has two or three joints")
         if (len(self.coefficients) > 1) != (len(self.joints) > 2):
@@ -32,9 +32,9 @@ class RatioClosure(BetweenJoints):
         return (Ratio(i, j, k[0] if k else "", self.coefficients),)
 
     @classmethod
-    def of(
+    def create(
         cls, joint: str, other: str, coefficients: tuple[float, ...], setting: str = "", name: str = ""
     ) -> "RatioClosure":
-        """Speeds of joints keep v_joint = (c_0 + c_1 q_setting + ...) v_other."""
+        """Velocities of joints satisfy v_joint = (c_0 + c_1 q_setting + ...) v_other."""
         joints = (joint, other, setting) if setting else (joint, other)
         return cls(joints=joints, coefficients=tuple(coefficients), name=name)

@@ -6,7 +6,7 @@ from ..frame_joint import TwoAxisJoint
 
 
 class RevoluteClosure(TwoAxisJoint):
-    """5 rows: the origins coincide, and the axes keep one direction."""
+    """5 rows: the origins coincide, and the axes are parallel."""
 
     kind: Literal["revolute"] = "revolute"
-    gap, direction, friction, carried, meets = "all", "axis", "turns", 3, True
+    gap, direction, friction, load_rows, coincident_origins = "all", "axis", "turns", 3, True

@@ -17,12 +17,12 @@ GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "n
 
 
 class RollingClosure(UnilateralClosure):
-    """3 rows: b rolls on a plane (z of a), sphere or cylinder of a: it touches and does not slip.
+    """3 rows: b rolls on a plane (z of a), sphere or cylinder of a: it touches the surface and does not slip.
 
     The body is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` equals the radius, or is left out
-    with the axis) or an ellipsoid (``semi_axes``, ``centre``). The rows are the height (multiplier N > 0 under
+    with the axis) or an ellipsoid (``semi_axes``, ``centre``). The rows are the contact gap (multiplier N > 0 under
     compression), then no slip forwards and no slip to the left of the wheel; for a body without an axle, along x and y
-    of a. Without ``contact``, joints must keep the body on its surface.
+    of a. Without ``contact``, joints must keep the body on the surface.
 
     Attributes:
         radius: of a wheel or sphere in m, the outer one.
@@ -30,9 +30,9 @@ class RollingClosure(UnilateralClosure):
         axis: of a wheel in the second frame: its axle, to its left.
         semi_axes: of an ellipsoid along the axes of the second frame, in m.
         centre: of an ellipsoid in the second frame, in m; its origin when left out.
-        grip: no-slip directions: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``, ``"none"``, or along one
-            line at an angle in rad from ahead to the left (rollers of omni and mecanum wheels).
-        contact: whether the closure keeps the body on the surface; false where joints do so. True when left out.
+        grip: no-slip directions: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``, ``"none"``, or one
+            direction at an angle in rad from forwards to the left (rollers of omni and mecanum wheels).
+        contact: whether the closure keeps the body on the surface; false if joints do so. True when left out.
         surface: the x-y plane of the first frame when left out; spheres roll on a sphere or cylinder.
         surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
     """
@@ -47,10 +47,10 @@ class RollingClosure(UnilateralClosure):
     contact: bool | None = None
     surface: Literal["plane", "sphere", "cylinder"] | None = None
     surface_radius: float | None = None
-    friction, apart = "touches", True
+    friction, distinct_frames = "touches", True
 
     @model_validator(mode="after")
-    def _body(self) -> "RollingClosure":
+    def _check_body(self) -> "RollingClosure":
         if (self.radius is None) == (self.semi_axes is None):
             raise ValueError("a rolling closure needs one of radius and semi_axes")
         if self.semi_axes and (self.tyre is not None or self.axis is not None or min(self.semi_axes) <= 0):
@@ -62,23 +62,23 @@ class RollingClosure(UnilateralClosure):
         return self
 
     @model_validator(mode="after")
-    def _on_surface(self) -> "RollingClosure":
+    def _check_surface(self) -> "RollingClosure":
         if not self.primitives():
-            raise ValueError("nothing is kept: grip is 'none' and contact is false")
+            raise ValueError("there is no row: grip is 'none' and contact is false")
         curve = self.surface_radius
         if (curve is None) != (self.shape.surface == "plane"):
             raise ValueError("surface_radius belongs to surface 'sphere' or 'cylinder', which need it")
         if curve is None:
             return self
         if self.axis or self.semi_axes or self.grip not in (None, "full", "none"):
-            raise ValueError("on spheres and cylinders roll spheres without an axis, with grip 'full' or 'none'")
+            raise ValueError("only spheres without an axis roll on spheres and cylinders, with grip 'full' or 'none'")
         if not curve or (curve < 0 and -curve <= (self.radius or 0)):
             raise ValueError("surface_radius is not zero, and a sphere inside is smaller")
         return self
 
     @property
     def tangents(self) -> tuple[float, ...]:
-        """Angles from ahead to the left along which the body does not slip, in rad."""
+        """Angles in rad, from forwards to the left, of the directions along which the body does not slip."""
         grip = "full" if self.grip is None else self.grip
         return GRIPS[grip] if isinstance(grip, str) else (grip,)
 
@@ -96,13 +96,13 @@ class RollingClosure(UnilateralClosure):
         return (*height, NoSlipRows(self.shape, self.tangents)) if self.tangents else height
 
     @property
-    def assumes(self) -> bool:
+    def has_precondition(self) -> bool:
         return self.contact is False
 
-    def unfit(self, pair: Pair, relative: Array) -> str:
+    def violated_precondition(self, pair: Pair, relative: Array) -> str:
         try:
             height = self.shape.height(pair)
-        except StepError:  # a wheel that lies flat, which the row itself reports
+        except StepError:  # a wheel that lies flat, which the row reports
             return ""
         size = self.radius or max(self.semi_axes or (1.0,))
         if abs(height) <= THREE_DIGITS * size:
@@ -110,7 +110,7 @@ class RollingClosure(UnilateralClosure):
         return f"contact is false, and joints do not keep it on its surface: it is {height:.3g} m off"
 
     @classmethod
-    def of(
+    def create(
         cls, a: str, b: str, radius: float, axis: Axis | None = None, name: str = "", **more: Any
     ) -> "RollingClosure":
         """A wheel of b with its axle, or a sphere, rolls on the x-y plane of a; further keys by name."""

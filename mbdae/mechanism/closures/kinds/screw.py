@@ -14,22 +14,22 @@ from ..rows import displaced, rotated, unit_axis
 
 
 class ScrewClosure(FixedAxisClosure):
-    """1 row: b advances along the axis of a by `lead` per turn about it, besides a cylindrical closure.
+    """1 row: b advances along the axis of a by `lead` per revolution about it, together with a cylindrical closure.
 
-    The body must rotate about its axis only.
+    The body must rotate about this axis only.
 
     Attributes:
-        lead: in m per turn, positive for a right-handed screw.
+        lead: in m per revolution, positive for a right-handed screw.
     """
 
     kind: Literal["screw"] = "screw"
     lead: float
-    apart = True
-    otherwise = "the bodies can turn about other axes than its own: a screw goes with a cylindrical closure"
+    distinct_frames = True
+    free_rotation_message = "the bodies can rotate about other axes than that of the screw: add a cylindrical closure"
 
     @field_validator("lead")
     @classmethod
-    def _advances(cls, lead: float) -> float:
+    def _require_nonzero(cls, lead: float) -> float:
         if not lead:
             raise ValueError("lead must not be zero")
         return lead
@@ -37,18 +37,18 @@ class ScrewClosure(FixedAxisClosure):
     def primitives(self) -> "tuple[Screw]":
         return (Screw(unit_axis(self.axis), self.lead / (2 * pi)),)
 
-    def unfit(self, pair: Pair, relative: Array) -> str:
+    def violated_precondition(self, pair: Pair, relative: Array) -> str:
         angle = self.tilt(pair, relative)
-        return f"it turns about another axis than its own, by {angle:.3g} rad" if angle else ""
+        return f"the body rotates about another axis than that of the screw, by {angle:.3g} rad" if angle else ""
 
     @classmethod
-    def of(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "ScrewClosure":
-        """Frame b advances along an axis of a by ``lead`` metres per turn."""
+    def create(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "ScrewClosure":
+        """Frame b advances along an axis of a by ``lead`` metres per revolution."""
         return cls(frames=(a, b), lead=lead, axis=axis, name=name)
 
 
 class Screw(LineRows):
-    """b advances along an axis of a, (3,), by ``lead`` in m per radian of its turn about it."""
+    """b advances along an axis of a, (3,), by ``lead`` in m per radian of its rotation about it."""
 
     m = 1
 

@@ -16,12 +16,12 @@ class SlotClosure(BetweenFrames):
 
     kind: Literal["slot"] = "slot"
     profile: Profile
-    friction, apart = "touches", True
+    friction, distinct_frames = "touches", True
 
     def primitives(self) -> tuple[Roller]:
         return (Roller(self.profile.path, 0.0),)
 
     @classmethod
-    def of(cls, a: str, b: str, profile: AnyProfile, name: str = "") -> "SlotClosure":
+    def create(cls, a: str, b: str, profile: AnyProfile, name: str = "") -> "SlotClosure":
         """The origin of b stays on a curve of a."""
         return cls(frames=(a, b), profile=profile, name=name)

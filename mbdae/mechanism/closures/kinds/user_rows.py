@@ -1,4 +1,4 @@
-"""Rows from a Python function, on position or velocity level, for constraints that no kind of closure covers."""
+"""Rows from a Python function, at position or velocity level, for constraints that no kind of closure covers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from ....errors import InputError, StepError
 from ....finite_differences import numerical_derivative
 from ....system import Array
 from ....tolerances import INTERPOLATION
-from ...callbacks import called, checked, function_name
+from ...callbacks import call_with_views, checked_value, function_name
 from ...frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow
@@ -26,8 +26,8 @@ Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(
 class UserRows(BetweenJoints):
     """Rows 0 = g(q), or 0 = G(q) v, from a Python function of the coordinates of some joints.
 
-    q are the coordinates of the joints in order, as in a configuration (an unbounded joint has cos and sin, a free one
-    x, y, z and a quaternion), and n is the number of their velocities. For one row
+    q are the coordinates of the joints in order, as in a configuration (cos and sin for an unbounded joint; x, y, z and
+    a quaternion for a free one), and n is the number of their velocities. For one row
 
         position: function(q) -> (g, G), a number and (n,), d/dt g = G v
         velocity: function(q) -> G, (n,)
@@ -36,7 +36,7 @@ class UserRows(BetweenJoints):
 
     Attributes:
         joints: names of the joints.
-        function: as above. A saved solution records its rows by name; operations that need their values then fail.
+        function: as above. A saved solution records only the name; operations that need values fail there.
         partials: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the change of G_j along velocity k; central differences
             of the function when left out, good to about 1e-12.
         size: number of rows.
@@ -55,23 +55,23 @@ class UserRows(BetweenJoints):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        """Leave it out: a file cannot hold a function."""
+        """Leave the kind out of the schema: a file cannot contain a function."""
         raise PydanticOmit
 
-    def _refuse_ends(self) -> None:
+    def _require_distinct_ends(self) -> None:
         if len(set(self.joints)) < len(self.joints):
             raise ValueError(f"a joint is named twice: {', '.join(self.joints)}")
         if self.within:
             raise ValueError("within does not belong to rows")
 
-    def _own_name(self) -> str:
+    def _default_name(self) -> str:
         return function_name(self.function) if self.function else "rows"
 
     def primitives(self) -> "tuple[UserRow, ...]":
         return tuple(UserRow(self, i, not self.velocity) for i in range(self.size))
 
     @classmethod
-    def of(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "UserRows":
+    def create(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "UserRows":
         """Rows from a Python function of joint coordinates."""
         return cls(joints=joints, function=function, size=size, **more)
 
@@ -84,11 +84,11 @@ class UserRow(JointRow):
     number: int
     positional: bool
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundUserRows":
-        return BoundUserRows(model, data, self, at)
+    def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundUserRow":
+        return BoundUserRow(model, data, self, at)
 
 
-class BoundUserRows(BoundJointRow):
+class BoundUserRow(BoundJointRow):
     """A row of a function, bound to a workspace."""
 
     def __init__(self, model: pin.Model, data: pin.Data, row: UserRow, at: int) -> None:
@@ -96,26 +96,26 @@ class BoundUserRows(BoundJointRow):
         self.joints = [find_joint(model, n) for n in row.rows.joints]
         self.columns = [i for j in self.joints for i in range(j.idx_v, j.idx_v + j.nv)]
         self._live = [data.joints[j.id] for j in self.joints]
-        self._own = pin.Model()  # defines q (+) e
+        self._joint_model = pin.Model()  # defines q (+) e
         for name, j in zip(row.rows.joints, self.joints, strict=True):
-            self._own.addJoint(0, j, pin.SE3.Identity(), name)
+            self._joint_model.addJoint(0, j, pin.SE3.Identity(), name)
         self.what = f"rows {row.rows.name!r}"
 
     def core_data(self) -> dict[str, Any]:
-        """See `BoundJointRow`: the core calls it."""
+        """See `BoundJointRow`; the core calls the functions."""
         coordinates = [i for j in self.joints for i in range(j.idx_q, j.idx_q + j.nq)]
         numbers = {"coordinates": coordinates, "velocities": self.columns, "positional": not self.rows.velocity}
         return {
             "kind": "function",
             **numbers,
-            "value": lambda q: np.append(*self._at(q)),
+            "value": lambda q: np.append(*self._evaluate(q)),
             "bias": lambda q, v: np.array([self._bias(q, v)]),
             "partials": lambda q: np.ascontiguousarray(self._partials(q)),
         }
 
     def value(self) -> tuple[float, list[float]]:
         q = self._q()
-        g, G = self._at(q)
+        g, G = self._evaluate(q)
         if not self.checked:
             self._check(q, G)
             self.checked = True
@@ -133,48 +133,49 @@ class BoundUserRows(BoundJointRow):
         q, rates = self._q(), v[self.columns]
         D = self._partials(q)
         by_v[self.columns] += (D + D.T) @ rates
-        by_q[self.columns] += [self._along(lambda x: self._bias(x, rates), q, e) for e in np.eye(len(rates))]
+        by_q[self.columns] += [self._derivative(lambda x: self._bias(x, rates), q, e) for e in np.eye(len(rates))]
 
     def _q(self) -> Array:
         return np.concatenate([j.joint_q for j in self._live])
 
-    def _at(self, q: Array) -> tuple[float, Array]:
-        """Return G (n,) at q, and g, 0 for a velocity row."""
+    def _evaluate(self, q: Array) -> tuple[float, Array]:
+        """Return g at q, 0 for a velocity row, and G (n,)."""
         rows, n = self.rows, len(self.columns)
         if rows.function is None:
             raise InputError(f"{self.what} are a Python function and not in the file: load the mechanism with it again")
-        found, several = called(self.what, rows.function, None, q), (rows.size,) if rows.size > 1 else ()
-        g: Any = np.zeros(several)
+        value, shape = call_with_views(self.what, rows.function, None, q), (rows.size,) if rows.size > 1 else ()
+        g = np.zeros(shape)
         if not rows.velocity:
-            if not isinstance(found, tuple | list) or len(found) != 2:
-                raise StepError("force", f"{self.what} returned {found!r:.80}, expected g and G")
-            g, found = checked(found[0], several, None, self.what), found[1]
-        G = checked(found, (*several, n), None, self.what)
-        return (float(g[self.number]), G[self.number]) if several else (float(g), G)
+            if not isinstance(value, tuple | list) or len(value) != 2:
+                raise StepError("force", f"{self.what} returned {value!r:.80}, expected g and G")
+            g, value = checked_value(value[0], shape, None, self.what), value[1]
+        G = checked_value(value, (*shape, n), None, self.what)
+        return (float(g[self.number]), G[self.number]) if shape else (float(g), G)
 
     def _bias(self, q: Array, v: Array) -> float:
         if self.rows.partials:
             return float(v @ self._partials(q) @ v)
         speed = float(np.abs(v).max())
-        return speed * float(self._along(lambda x: self._at(x)[1], q, v / speed) @ v) if speed else 0.0
+        return speed * float(self._derivative(lambda x: self._evaluate(x)[1], q, v / speed) @ v) if speed else 0.0
 
     def _partials(self, q: Array) -> Array:
-        """dG/dq, (n, n)."""
+        """Return dG/dq, (n, n)."""
         n, size = len(self.columns), self.rows.size
         if self.rows.partials:
             what = f"partials of {self.what}"
-            found = checked(called(what, self.rows.partials, None, q), (*((size,) * (size > 1)), n, n), None, what)
-            return found[self.number] if size > 1 else found
-        return np.column_stack([self._along(lambda x: self._at(x)[1], q, e) for e in np.eye(n)])
+            shape = (size, n, n) if size > 1 else (n, n)
+            partials = checked_value(call_with_views(what, self.rows.partials, None, q), shape, None, what)
+            return partials[self.number] if size > 1 else partials
+        return np.column_stack([self._derivative(lambda x: self._evaluate(x)[1], q, e) for e in np.eye(n)])
 
-    def _along(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
+    def _derivative(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
         """Return the derivative of f at q along a velocity e."""
-        return numerical_derivative(lambda x: f(pin.integrate(self._own, q, x * e)), STEP)
+        return numerical_derivative(lambda x: f(pin.integrate(self._joint_model, q, x * e)), STEP)
 
     def _check(self, q: Array, G: Array) -> None:
         for k, e in enumerate(np.eye(len(G))):
-            found = float(self._along(lambda x: self._at(x)[0], q, e))
-            if abs(found - G[k]) > INTERPOLATION * (1 + abs(G[k])):
+            derivative = float(self._derivative(lambda x: self._evaluate(x)[0], q, e))
+            if abs(derivative - G[k]) > INTERPOLATION * (1 + abs(G[k])):
                 row = f" of row {self.number}" if self.rows.size > 1 else ""
-                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the derivative of g is {found:.6g}"
+                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the derivative of g is {derivative:.6g}"
                 raise InputError(f"{self.what}: {what}")

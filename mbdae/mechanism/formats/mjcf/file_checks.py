@@ -85,7 +85,7 @@ def _found(name: str, bases: set[Path], folders: set[str], allowed: AllowedPaths
                 continue
         except (OSError, ValueError, RuntimeError):  # not a path
             continue
-        if not allowed.holds(file):
+        if not allowed.allows(file):
             raise access_error(name, file, allowed.root)
         if not file.is_file():
             raise InputError(f"{name!r} is not a regular file: {file}")

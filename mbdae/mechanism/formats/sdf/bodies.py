@@ -108,7 +108,7 @@ def visuals_of(
                 else:
                     scale = np.array(of.parse_numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
                     found = allowed.find(mesh.text("uri") or "")
-                    shape, files = placeholder(found, scale), (str(found), str(allowed.companions(found)))
+                    shape, files = placeholder(found, scale), (str(found), str(allowed.companion_folder(found)))
             except InputError as error:
                 if mesh is None:
                     raise

@@ -244,7 +244,7 @@ def _read(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
 
 def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
     of = SdfRecord.model_validate(record)
-    return read_sdf(of.sdf, "SDF", AllowedPaths.of_record(of.folder, of.packages, meshes))
+    return read_sdf(of.sdf, "SDF", AllowedPaths.from_record(of.folder, of.packages, meshes))
 
 
 sdf = Reader(
