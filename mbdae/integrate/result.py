@@ -69,16 +69,24 @@ def joined(parts: Sequence[Solution]) -> Solution:
     last = parts[-1]
     if len(parts) == 1:
         return last
-    nodes = {name: _nodes([getattr(part, name) for part in parts]) for name in ("t", "y", "z_own")}
-    found = {name: [x for part in parts for x in getattr(part, name)] for name in ("impacts", "singular")}
     first = np.cumsum([0, *(len(part.t) - 1 for part in parts)]).tolist()
-    changes = {name: _changes(first, [getattr(part, name) for part in parts]) for name in ("in_use", "modes")}
-    counts = [name for name, x in last.stats.items() if type(x) is int]
-    stats = last.stats | {name: sum(part.stats[name] for part in parts) for name in counts}
-    zeros = zip(*(part.events for part in parts), strict=True)  # of each event, by part
-    events = [tuple(np.concatenate(x) for x in zip(*hits, strict=True)) for hits in zeros]
-    rest: dict[str, Any] = nodes | found | changes
-    return replace(last, settings=parts[0].settings, stats=stats, events=events, carried=None, **rest)
+    tables: dict[str, Any] = {name: _nodes([getattr(part, name) for part in parts]) for name in ("t", "y", "z_own")}
+    tables |= {name: [x for part in parts for x in getattr(part, name)] for name in ("impacts", "singular")}
+    tables |= {name: _changes(first, [getattr(part, name) for part in parts]) for name in ("in_use", "modes")}
+    tables["events"] = [_zeros(hits) for hits in zip(*(part.events for part in parts), strict=True)]
+    stats = last.stats | _sums([part.stats for part in parts])
+    return replace(last, settings=parts[0].settings, stats=stats, carried=None, **tables)
+
+
+def _sums(parts: Sequence[dict[str, Any]]) -> dict[str, int]:
+    """Return the sums of the counts in statistics."""
+    return {name: sum(part[name] for part in parts) for name, x in parts[0].items() if type(x) is int}
+
+
+def _zeros(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return times and points of the zeros of an event, from those of successive parts."""
+    times, points = zip(*parts, strict=True)
+    return np.concatenate(times), np.concatenate(points)
 
 
 def _nodes(parts: Sequence[Array]) -> Array:
@@ -87,7 +95,7 @@ def _nodes(parts: Sequence[Array]) -> Array:
 
 
 def _changes(first: Sequence[int], parts: Sequence[Sequence[tuple[int, Any]]]) -> list[tuple[int, Any]]:
-    """Return nodes and values from there on, of parts that begin at the nodes ``first``, without a repetition between parts."""
+    """Return nodes, and values from there on, of parts that begin at the nodes ``first``, without repetitions."""
     out: list[tuple[int, Any]] = []
     for k, part in zip(first, parts, strict=False):
         seam = bool(out and part and out[-1][1] == part[0][1])
