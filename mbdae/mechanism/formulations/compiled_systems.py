@@ -114,6 +114,9 @@ class CompiledSystem(Index2System):
         """See `mbdae.system.System`; None where the core cannot take the step."""
         self.begin(t, state.y)
         a, carry = self.method(method), self.carried(state)
+        if a is None:
+            self.before_python()
+            return None
         implicit = (controlled,) if isinstance(a, self.native.Radau) else ()
         found = self.core.step(a, t, h, state.y, carry, state.compensation, *implicit)
         self.after()

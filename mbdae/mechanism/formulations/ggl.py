@@ -44,6 +44,11 @@ class GGLSystem(Index2System):
         self.positions = np.flatnonzero(mechanism.positional)
         self.free: int | None = None  # rank of the rows that have a g
 
+    @property
+    def features(self) -> dict[str, str]:
+        """See `Index2System`, and ``"ggl"``."""
+        return {"ggl": "formulation 'ggl'", **super().features}
+
     def chart(self, t: float, y: Array) -> "GGLChart":
         rows = super().chart(t, y).rows
         return GGLChart(self, t, y, rows, self.independent_positions(t, y, rows))
