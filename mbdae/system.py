@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from .errors import StepError
+from .errors import InputError, StepError
 
 Array = np.ndarray
 
@@ -115,6 +115,22 @@ class Chart(Protocol):
         """Return y_n (+) x (n,), the end of a step, and all multipliers z there, (nz,), consistent with x'."""
 
 
+class VariationalStep(Protocol):
+    """Equations of one step of a variational integrator; unknown are x (nv,), q_1 = q_0 (+) x, and multipliers (m,)."""
+
+    def first_guess(self) -> tuple[Array, Array]:
+        """Return x and the multipliers, where Newton's method starts."""
+
+    def correction(self, x: Array, lam: Array) -> tuple[Array, Array]:
+        """Return the changes of both by an iteration of Newton's method."""
+
+    def measure(self, dx: Array, x: Array) -> tuple[float, float]:
+        """Return the sizes of dx and of q_0, relative to that of x."""
+
+    def end(self, x: Array, lam: Array) -> tuple[Array, Array]:
+        """Return the displacement of y, (ny,), and the multipliers at the end of the step, (nz,)."""
+
+
 class System(Protocol):
     """A problem bound to a workspace of one run (not to be shared between threads).
 
@@ -150,6 +166,19 @@ class System(Protocol):
 
     def chart(self, t: float, y: Array) -> Chart:
         """Open a step at (t, y)."""
+
+    @property
+    def features(self) -> dict[str, str]:
+        """Features that some methods exclude, by kind, with the names of the elements: ``excludes`` of methods."""
+        return {}
+
+    def variational_step(self, t: float, h: float, y: Array) -> VariationalStep:
+        """Open a step of a variational integrator at (t, y), of a problem without `features` that it excludes."""
+        raise InputError("this problem has features that variational integrators exclude")
+
+    def second_order_step(self, t: float, h: float, y: Array, stabilised: bool) -> Any:
+        """Open a step of a Newmark-type method at (t, y), of a mechanism without `features` that it excludes."""
+        raise InputError("this problem has no second-order form")
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return y' (ny,) and z (nz,) from g_t + g_y f(t, y, z) = 0; of several roots z, the one near a guess."""

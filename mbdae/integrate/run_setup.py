@@ -5,7 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..mechanism import Mechanism
+from ..methods import obstacle
+from ..methods.fixed_step import FIXED_STEP
 from ..solution.solution import Problem
 from ..system import Array, System
 from ..tolerances import INPUT_DIGITS, NEGLIGIBLE
@@ -39,14 +42,16 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
         InputError: for options that do not suit the problem.
     """
     system, fallback = bind(problem, options.formulation, options.baumgarte, options.backend)
+    if reason := obstacle(options.method, system):
+        raise InputError(reason)
     inner = _stepper(system, options)
-    native = system.native and not isinstance(options.method, ScipySolver)
+    native = system.native and not isinstance(options.method, (ScipySolver, *FIXED_STEP))
     stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
     if inner.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(inner.control.rtol)
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
-    run.fallback = fallback
+    run.fallback = fallback or f"method {options.method.name!r}" * isinstance(options.method, FIXED_STEP)
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
         run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
@@ -61,6 +66,8 @@ def _stepper(system: System, o: RunOptions) -> PythonStepper:
         return Scipy(o.method, system, o.step, *control)
     if o.step:
         return Fixed(o.step, o.t0, o.t1)
+    if isinstance(o.method, FIXED_STEP):
+        raise InputError(f"method {o.method.name!r} takes fixed steps: give a step")
     return Adaptive(o.method.error_power, *control, o.method.control, o.method.steady(system.ny))
 
 

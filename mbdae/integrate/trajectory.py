@@ -14,7 +14,8 @@ from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
-from ..methods import Method, method_from_settings
+from ..methods import method_from_settings
+from ..methods.radau import RungeKutta
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE
@@ -80,7 +81,7 @@ class Trajectory:
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
         mech, settings = require_differentiable(sol), sol.settings
         self.sol, self.project = sol, bool(settings.get("project"))
-        self.tableau = cast(Method, method_from_settings(settings))
+        self.tableau = cast(RungeKutta, method_from_settings(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
         defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings

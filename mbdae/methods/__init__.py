@@ -1,4 +1,4 @@
-"""Half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs, independent of mechanisms."""
+"""Half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs, and symplectic ones; independent of mechanisms."""
 
 import re
 from collections.abc import Mapping
@@ -7,15 +7,20 @@ from typing import Any
 
 from .. import errors
 from ..discovery import members, plugins
+from ..system import System
+from .alpha import GeneralizedAlpha, alpha_method
 from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
 from .order.conditions import proven_orders
-from .radau import Method, RadauIIA
+from .radau import RadauIIA
 from .tableau import Tableau
+from .variational import Composition
 
-METHODS: dict[str, Method] = {m.name: m for m in sorted(members(__name__, Tableau, RadauIIA), key=lambda m: m.name)}
+Method = Tableau | RadauIIA | Composition | GeneralizedAlpha
+
+_FOUND = members(__name__, Tableau, RadauIIA, Composition, GeneralizedAlpha)
+METHODS: dict[str, Method] = {m.name: m for m in sorted(_FOUND, key=lambda m: m.name)}
 """All methods by name, discovered in the files of this folder: none can be missing."""
-
 
 _ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")
 METHODS |= {m.name: replace(m, **proven_orders(m)) if not m.order else m for m in _ADDED.values()}
@@ -28,14 +33,14 @@ def method(name: str | Method) -> Method:
     """Return a method by name, file or tableau.
 
     Args:
-        name: one of `METHODS`, for instance ``"pherk5"``, or ``"radau7"`` to ``"radau29"`` for more stages; the file
-            of a tableau, ``"mine.toml"``, or a `Tableau` itself.
+        name: one of `METHODS`, for instance ``"pherk5"``, or ``"radau7"`` to ``"radau29"`` for more stages,
+            ``"alpha0.6"`` for rho_inf = 0.6; the file of a tableau, ``"mine.toml"``, or a `Tableau` itself.
 
     Raises:
         UnknownNameError: with the valid names.
         InputError: for a tableau with the name of another method, or an invalid file.
     """
-    if isinstance(name, Tableau | RadauIIA):
+    if isinstance(name, Method):
         known = METHODS.get(name.name, name)
         if known != name:
             raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau another name")
@@ -45,6 +50,8 @@ def method(name: str | Method) -> Method:
         return method(read_tableau(text))
     if re.fullmatch(r"radau([1-9]|[12]\d)", text) and int(text[5:]) % 2:
         return METHODS.get(text) or RadauIIA((int(text[5:]) + 1) // 2)
+    if text not in METHODS and (found := alpha_method(text)):
+        return found
     if text not in METHODS:
         raise errors.UnknownNameError("method", name, METHODS)
     return METHODS[text]
@@ -58,3 +65,11 @@ def method_from_settings(settings: Mapping[str, Any]) -> Method:
     """
     custom = settings.get("tableau")
     return tableau(custom, "the tableau of a run") if custom else method(settings["method"])
+
+
+def obstacle(method: Any, system: System) -> str:
+    """Return why a method cannot step a problem, naming what it excludes of it; or ""."""
+    for kind, names in system.features.items():
+        if kind in method.excludes:
+            return f"method {method.name!r} does not take {names}: {method.excludes[kind]}"
+    return ""

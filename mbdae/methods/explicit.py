@@ -3,9 +3,10 @@
 They integrate a mechanism's accelerations (formulation index 1), in the coordinates of a step like all methods.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class ExplicitMethod:
     control: Control
 
     family = "explicit"
+    excludes: ClassVar[Mapping[str, str]] = {}
     blend = 2.0
     noise = 0.0
     explicit_first = True

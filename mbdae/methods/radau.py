@@ -5,11 +5,12 @@ This follows from the assumptions B(2s - 1), C(s), D(s - 1) (Hairer, Lubich, Roc
 has five.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import prod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class RadauIIA:
     stages: int
 
     family = "Radau IIA"
+    excludes: ClassVar[Mapping[str, str]] = {}
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II, sections IV.5 and VII.4"
 
     def __post_init__(self) -> None:
@@ -81,6 +83,7 @@ class RadauIIA:
 
     control = PI
     blend = 1.0
+    roundings = 0
     noise = 0.0  # stages are iterated to rounding
 
     @property
@@ -175,4 +178,4 @@ class RadauIIA:
 
 radau1, radau3, radau5 = (RadauIIA(s) for s in (1, 2, 3))
 
-Method = Tableau | RadauIIA
+RungeKutta = Tableau | RadauIIA

@@ -1,8 +1,9 @@
 """A half-explicit Runge-Kutta method as data: exact coefficients, claims, and derived properties."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -70,7 +71,9 @@ class Tableau:
     project_embedded: bool = False
     rounded: bool = False
 
+    excludes: ClassVar[Mapping[str, str]] = {}
     control = PI
+    roundings = 0  # per step, of sums that are not compensated
     blend = 1.0  # of two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:

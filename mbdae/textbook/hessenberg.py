@@ -98,6 +98,11 @@ class HessenbergSystem(System):
                 f"expected ({self.ny},) and ({self.nz},)"
             )
 
+    @property
+    def features(self) -> dict[str, str]:
+        """See `mbdae.system.System`."""
+        return {"textbook": f"{self.problem.title!r}"}
+
     def new_workspace(self) -> "HessenbergSystem":
         """Return another workspace of the problem, with separate counters."""
         return HessenbergSystem(self.problem)

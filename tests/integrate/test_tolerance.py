@@ -27,7 +27,7 @@ def reference_of(model, method):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", CASES)
-@pytest.mark.parametrize("name", list(mbdae.METHODS))
+@pytest.mark.parametrize("name", [name for name, m in mbdae.METHODS.items() if m.error_power])
 def test_error_follows_tolerance(model, name):
     mech, reference = reference_of(model, "herk5" if name == "pherk6" else "pherk6")
     ratios = []

@@ -4,9 +4,10 @@ The time loop is the same as for the methods of mbdae; scipy's solvers choose th
 the raw coordinates (components of quaternions, cosines and sines).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class ScipySolver:
     name: str
     order: int
     implicit: bool
+
+    excludes: ClassVar[Mapping[str, str]] = {}
 
     @property
     def solver(self) -> "type[OdeSolver]":

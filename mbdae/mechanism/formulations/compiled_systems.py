@@ -115,6 +115,9 @@ class CompiledSystem(Index2System):
         """See `mbdae.system.System`; None if the core cannot take the step."""
         self.determine_rank(t, state.y)
         compiled, carry = self.method(method), self.core_carry(state)
+        if compiled is None:
+            self.rows_from_core()
+            return None
         implicit = (controlled,) if isinstance(compiled, self.native.Radau) else ()
         result = self.core.step(compiled, t, h, state.y, carry, state.compensation, *implicit)
         self.take_core_record()

@@ -44,6 +44,11 @@ class GGLSystem(Index2System):
         self.positional_rows = np.flatnonzero(mechanism.positional)
         self.position_rank: int | None = None  # rank of the rows that have a g
 
+    @property
+    def features(self) -> dict[str, str]:
+        """See `Index2System`, and ``"ggl"``."""
+        return {"ggl": "formulation 'ggl'", **super().features}
+
     def chart(self, t: float, y: Array) -> "GGLChart":
         rows = super().chart(t, y).rows
         return GGLChart(self, t, y, rows, self.independent_position_rows(t, y, rows))

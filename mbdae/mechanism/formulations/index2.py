@@ -17,10 +17,12 @@ from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
 from ..pinocchio_data import PinocchioData
-from . import equation_partials, interpolation, projection, residuals, row_selection
+from . import equation_partials, features, interpolation, projection, residuals, row_selection
 from .closure_friction import ClosureFriction, solve_with_friction
 from .index2_step import Index2Chart
 from .inertial_forces import InertialForces
+from .second_order import second_order_step
+from .variational import variational_step
 from .workspace_pool import RunVariables
 
 if TYPE_CHECKING:
@@ -188,11 +190,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
 
     def chart(self, t: float, y: Array) -> "Index2Chart":
-        q, _ = self.split(y)
-        rows = self.rows if self.rows_frozen else None
-        if rows is None:
-            rows = self.choose_rows(t, *self.point(t, q)) if self.ng else np.empty(0, int)
-        return Index2Chart(self, t, y, rows)
+        return Index2Chart(self, t, y, self.rows_of_step(t, y))
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
@@ -279,8 +277,11 @@ class Index2System(PinocchioData, RunVariables, System):
     partials, rate_partials = equation_partials.equation_partials, equation_partials.rate_partials
     restore, magnitude = projection.project_state, projection.magnitude
     choose_rows, update_independent_rows = row_selection.select_independent_rows, row_selection.update_independent_rows
+    rows_of_step = row_selection.rows_of_step
+    variational_step, second_order_step = variational_step, second_order_step
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
     residuals = residuals.residuals
+    features = property(features.features)
     interpolant = interpolation.interpolant
 
     def size(self, y: Array) -> Array:

@@ -37,6 +37,17 @@ class InertialForces:
         pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
         return self.data.M, self.data.dtau_dq, self.data.dtau_dv
 
+    @cached_property
+    def weightless(self) -> "InertialForces":
+        """The same without gravity."""
+        model = self.compact.copy()
+        model.gravity = pin.Motion.Zero()
+        return InertialForces(model)
+
+    def momentum_partials(self, q: Array, w: Array) -> tuple[Array, Array]:
+        """Return M and d(M w)/dq for constant w, (nv, nv) each; live views."""
+        return self.weightless.partials(q, np.zeros_like(w), w)[:2]
+
     def _by_composites(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
         """Return the same with O(nv^2) memory, from composite bodies, by Pinocchio's formulas.
 

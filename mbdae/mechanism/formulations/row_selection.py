@@ -39,6 +39,13 @@ def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array
     return system.rows
 
 
+def rows_of_step(system: "Index2System", t: float, y: Array) -> Array:
+    """Return the rows in use of a step from (t, y), (r,)."""
+    if system.rows_frozen and system.rows is not None:
+        return system.rows
+    return system.choose_rows(t, *system.point(t, system.split(y)[0])) if system.ng else np.empty(0, int)
+
+
 def _weakest(system: "Index2System", B: Array, rank: int) -> str:
     """Return the names of the closures whose rows form the combination with the smallest singular value."""
     combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from ..exact_numbers import Number
-from ..radau import Method
+from ..radau import RungeKutta
 from ..tableau import Row
 
 
@@ -30,7 +30,7 @@ class Assumptions:
         return f"B({self.B}), D({self.D}), C on rows: {C}, Chat on rows: {Chat}"
 
 
-def assumptions(tableau: Method, tolerance: float = 0.0) -> Assumptions:
+def assumptions(tableau: RungeKutta, tolerance: float = 0.0) -> Assumptions:
     """Find the simplifying assumptions that a tableau satisfies.
 
     Args:

@@ -19,7 +19,7 @@ from typing import Any
 from ...errors import InputError
 from ...tolerances import PUBLISHED_DECIMALS
 from ..exact_numbers import Number, exact
-from ..radau import Method
+from ..radau import RungeKutta
 from ..tableau import Row
 from .assumptions import assumptions
 from .condition_report import Check, ConditionReport, Embedded, Failure
@@ -32,7 +32,7 @@ Weight = Callable[[RootedTree], Number]
 Trees = Callable[[int], Iterable[RootedTree]]
 
 
-def check_conditions(tableau: Method, max_order: int | None = None) -> ConditionReport:
+def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> ConditionReport:
     """Check every order condition of a tableau up to one order above its claims.
 
     Args:
@@ -71,7 +71,7 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
     )
 
 
-def proven_orders(tableau: Method) -> dict[str, Any]:
+def proven_orders(tableau: RungeKutta) -> dict[str, Any]:
     """Return the claims that the conditions prove, up to order `MAX_PROVEN_ORDER`, for a tableau without claims.
 
     Raises:

@@ -9,7 +9,7 @@ from math import gcd, lcm, prod
 from typing import NamedTuple
 
 from ..exact_numbers import Number, Surd
-from ..radau import Method
+from ..radau import RungeKutta
 from ..tableau import Row
 from .trees import RootedTree
 
@@ -36,7 +36,7 @@ class Weights:
         W: the inverse above, (n, n).
     """
 
-    def __init__(self, tableau: Method) -> None:
+    def __init__(self, tableau: RungeKutta) -> None:
         A, Ahat = tableau.exact_A, tableau.exact_Ahat
         self.n = len(A)
         self.d = next((x.d for r in (*A, *Ahat, tableau.exact_b) for x in r if isinstance(x, Surd)), 0)

@@ -9,7 +9,10 @@ import numpy as np
 from ...errors import InputError, require
 from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
+from ...integrate.steppers.scipy_ivp import find_method
 from ...mechanism import Mechanism
+from ...methods import obstacle
+from ...methods.fixed_step import FIXED_STEP
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
@@ -93,7 +96,7 @@ def compare(
     chosen = _chosen(problem, methods, formulations, steps is not None)
     trials = _trials(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
-    _reject_unsupported(problem, kinds)
+    _reject_unsupported(problem, kinds, steps is None)
     runs = [(v.formulation, v.baumgarte) for v in kinds]
     shared, because = common_backend(problem, runs, backend)
     motion = replace(motion, backend=shared, because=because)
@@ -129,12 +132,18 @@ def _chosen(
     return variants(METHODS if methods is None else methods, formulations)
 
 
-def _reject_unsupported(problem: Problem, kinds: Iterable[Variant]) -> None:
-    """Reject methods by name whose formulation does not support stops, before the reference is computed.
+def _reject_unsupported(problem: Problem, kinds: Iterable[Variant], controlled: bool) -> None:
+    """Reject methods by name that the problem does not admit, or not with tolerances, before the reference is computed.
 
     Raises:
-        InputError: with the names of the methods and of a switch.
+        InputError: names them, and what they exclude; the switches, where only one formulation supports these.
     """
+    for v in kinds:
+        found = find_method(v.formulation, v.method)
+        if reason := obstacle(found, problem.system(v.formulation)):
+            raise InputError(reason)
+        if controlled and isinstance(found, FIXED_STEP):
+            raise InputError(f"method {found.name!r} takes fixed steps: compare with numbers of steps")
     if not isinstance(problem, Mechanism) or not problem.switches:
         return
     unsupported = [str(v) for v in kinds if v.formulation != "index2"]

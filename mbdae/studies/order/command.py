@@ -61,11 +61,11 @@ def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
     """List the methods with their claims, or check their order conditions exactly."""
     from ...methods import METHODS, method
-    from ...methods.order.conditions import check_conditions
+    from ...methods.order.reports import check_claims
 
     chosen = [method(n) for n in names or METHODS]
     if check:
-        reports = [check_conditions(m) for m in chosen]
+        reports = [check_claims(m) for m in chosen]
         emit([r.to_dict() for r in reports], "\n\n".join(str(r) for r in reports), as_json)
         sys.exit(HOLDS if all(r.holds for r in reports) else FAILED)
     data = [

@@ -20,9 +20,8 @@ from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_direction import feasible_stencil
-from ...methods import METHODS
+from ...methods import METHODS, Method
 from ...methods import method as find_method
-from ...methods.radau import Method
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array

@@ -16,8 +16,8 @@ import numpy as np
 from ...errors import InputError
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
+from ...methods import Method
 from ...methods import method as find_method
-from ...methods.radau import Method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from ...tolerances import EPS, SOLUTION_ROUNDING
@@ -152,7 +152,7 @@ class Measurement:
 
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity, of these sizes, with steps of h."""
-        rounding = EPS * (1 + sizes)
+        rounding = EPS * (1 + sizes) * np.sqrt(1 + tableau.roundings * self.T / h)
         rate = sizes[1] if self.mechanical else sizes[0]
         rounding[-2] = EPS * (self.gain * rate / (h * tableau.smallest_pivot) + sizes[-2])
         return rounding

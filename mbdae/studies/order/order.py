@@ -7,7 +7,7 @@ from ...errors import InputError, as_list
 from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
-from ...methods import METHODS
+from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
@@ -33,7 +33,7 @@ def order(
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
-        methods: a name or several, or tableaus; all of them when left out.
+        methods: a name or several, or tableaus; all that the problem admits when left out.
         T: end time in s; the model's own when left out.
         steps: coarsest number of steps, at least ten. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
@@ -44,7 +44,7 @@ def order(
         InputError: for invalid T or steps, or an invalid problem.
     """
     problem = problem_of(problem, "order")
-    names = as_list(methods or METHODS, "methods is a list of names")
+    names = as_list(methods or _admitted(problem), "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
@@ -58,3 +58,9 @@ def order(
     measure.lower = lower
     orders, missing = finished(chosen, measure.judge)
     return OrderStudy(problem.title, T, orders, backend, because, missing)
+
+
+def _admitted(problem: Problem) -> list[Method]:
+    """Return the methods that can step a problem."""
+    system = problem.system()
+    return [m for m in METHODS.values() if not obstacle(m, system)]

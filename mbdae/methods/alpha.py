@@ -1,0 +1,143 @@
+"""Generalised-alpha methods for mechanisms on Lie groups, and HHT: order 2, with numerical damping, fixed steps.
+
+    u_1 = u_0 + h ((1 - gamma) a_0 + gamma a_1),   q_1 = q_0 (+) (h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1) + ...)
+    (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) u_1' + alpha_f u_0'
+
+for u = (v, s, w); `mbdae.mechanism.formulations.second_order` has the equations that u_1' satisfies. The auxiliary a
+approximates u' at t + (alpha_m - alpha_f) h; so it starts, and it is rescaled where h changes.
+
+Sources: Chung, Hulbert, J. Appl. Mech. 60 (1993); Arnold, Bruels, BIT 47 (2007); Hilber, Hughes, Taylor, Earthquake
+Engng. Struct. Dyn. 5 (1977) and Negrut et al., J. Comput. Nonlinear Dyn. 2 (2007) for HHT.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..system import Array, State, Step, System
+from .variational import TYPICAL, solved
+
+
+class Memory(NamedTuple):
+    """Data passed to the next step: a and u' at its start, (n,) each, and the step size."""
+
+    a: Array
+    rate: Array
+    h: float
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """A generalised-alpha method.
+
+    Args:
+        name: name typed by the user.
+        title: one line for a list of methods.
+        alpha_m: weight of a_0.
+        alpha_f: weight of u_0'.
+        stabilised: stabilised index-2 form; index 3 otherwise.
+    """
+
+    name: str
+    title: str
+    alpha_m: Fraction
+    alpha_f: Fraction
+    stabilised: bool = True
+
+    family = "generalised alpha"
+    reference = "Arnold, Bruels, BIT 47 (2007)"
+    order = order_linear = order_own = 2
+    order_embedded = 0
+    error_power = 0  # no step-size control
+    roundings = 1  # per step: v_1 is an unknown of the velocity constraint
+    blend, noise, carries = 1.0, 0.0, True
+    solves = TYPICAL
+    smallest_pivot = 0.1
+    excludes: ClassVar[Mapping[str, str]] = {
+        "textbook": "it integrates the second-order equations of a mechanism",
+        "ggl": "it enforces positions and velocities in formulation 'index2'",
+        "switches": "it does not restart in modes of stops, stiction, clutches and contacts",
+        "velocity rows": "it enforces positions, which rolling and other constraints of velocities alone do not have",
+    }
+
+    @property
+    def gamma(self) -> Fraction:
+        """Weight of a_1 in velocities, for order 2."""
+        return Fraction(1, 2) + self.alpha_f - self.alpha_m
+
+    @property
+    def beta(self) -> Fraction:
+        """Weight of a_1 in positions, for the largest damping of high frequencies."""
+        return (self.gamma + Fraction(1, 2)) ** 2 / 4
+
+    def steady(self, ny: int) -> float:
+        """As for `mbdae.methods.tableau.Tableau.steady`."""
+        return 1.0
+
+    def compiled(self, native: Any) -> None:
+        """Return None: its steps are not compiled."""
+
+    def step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take one step; its errors are empty, (0, ny).
+
+        Raises:
+            StepError: if Newton's method does not converge.
+        """
+        system.compiled_step(self, t, h, state)  # None: prepares the rows in use
+        am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
+        memory = state.carry if isinstance(state.carry, Memory) else self.started(system, t, h, state.y)
+        rate, a = memory.rate, memory.rate + h / memory.h * (memory.a - memory.rate)
+        step = system.second_order_step(t, h, state.y, self.stabilised)
+        weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
+        u = h * ((1 - gamma) * a + gamma * known)
+        step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
+        du, z = solved(system, step)
+        moved, lam = step.end(du, z)
+        if state.compensation is not None:
+            moved = moved + state.compensation
+        y = system.add(state.y, moved)
+        carry = Memory(known + weight * du, du, h)
+        return Step(State(y, carry, system.rounding_loss(state.y, moved, y)), lam, np.empty((0, system.ny)))
+
+    def started(self, system: System, t: float, h: float, y: Array) -> Memory:
+        """Return a and u' of a first step: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
+        offset, F = float(self.alpha_m - self.alpha_f), system.derivative(t, y)[0]
+        n = system.second_order_step(t, h, y, self.stabilised).size
+        if not offset:
+            return Memory(F[-n:], F[-n:], h)
+        ahead = abs(offset) * h
+        change = system.derivative(t + ahead, system.add(y, ahead * F))[0] - F
+        return Memory((F + np.sign(offset) * change)[-n:], F[-n:], h)
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Reject step-size control."""
+        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
+
+
+def alpha_method(name: str) -> GeneralizedAlpha | None:
+    """Return a method by name: ``"alpha0.6"``, ``"hht0.1_i3"``; None for a name of another pattern.
+
+    Raises:
+        InputError: for rho_inf outside of [0, 1], or alpha of HHT outside of [0, 1/3].
+    """
+    found = re.fullmatch(r"(alpha|hht)(\d+\.?\d*)?(_i3)?", name)
+    if not found:
+        return None
+    kind, number, index3 = found[1], Fraction(found[2] or ("0.8" if found[1] == "alpha" else "0.1")), bool(found[3])
+    form = "index 3" if index3 else "stabilised index 2"
+    if kind == "hht":
+        if number > Fraction(1, 3):
+            raise InputError(f"{name!r}: alpha of HHT lies between 0 and 1/3")
+        return GeneralizedAlpha(name, f"HHT, alpha = {float(number):g}, {form}", Fraction(0), number, not index3)
+    if number > 1:
+        raise InputError(f"{name!r}: rho_inf lies between 0 and 1")
+    am, af = (2 * number - 1) / (number + 1), number / (number + 1)
+    return GeneralizedAlpha(name, f"generalised alpha, rho_inf = {float(number):g}, {form}", am, af, not index3)
+
+
+alpha, alpha_i3, hht, hht_i3 = (alpha_method(name) for name in ("alpha", "alpha_i3", "hht", "hht_i3"))

@@ -1,0 +1,18 @@
+"""The proof of a method's claims, by its family."""
+
+from ..alpha import GeneralizedAlpha
+from ..radau import RungeKutta
+from ..variational import Composition
+from .alpha import AlphaReport, check_alpha
+from .composition import CompositionReport, check_composition
+from .condition_report import ConditionReport
+from .conditions import check_conditions
+
+Report = ConditionReport | CompositionReport | AlphaReport
+
+
+def check_claims(method: RungeKutta | Composition | GeneralizedAlpha) -> Report:
+    """Check the claimed orders of a method exactly, up to one order above its claims."""
+    if isinstance(method, GeneralizedAlpha):
+        return check_alpha(method)
+    return check_composition(method) if isinstance(method, Composition) else check_conditions(method)

@@ -1,0 +1,196 @@
+"""Symmetric compositions of RATTLE: symplectic methods of orders 2, 4, 6 and 8 for mechanisms, with fixed steps.
+
+A step of size h consists of RATTLE steps of sizes gamma_i h. With constant steps the energy of a conservative mechanism
+stays within bounds over long times, where that of other methods drifts.
+
+The weights of orders 6 and 8 are those of Kahan and Li, refined from 20 to 32 digits by Newton's method on the order
+conditions, `mbdae.methods.order.composition`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import InputError, StepError
+from ..system import Array, State, Step, System, VariationalStep
+from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING
+from .exact_numbers import exact, row
+from .tableau import Row, Text
+
+PATIENCE = 30  # iterations
+TYPICAL = 4  # evaluations of the equations in a step of RATTLE
+FALLING = 0.5  # of a change: a later one that is larger is rounding, or Newton's method diverges
+
+
+@dataclass(frozen=True)
+class Composition:
+    """Weights of a symmetric composition of RATTLE steps.
+
+    Args:
+        name: name typed by the user.
+        title: one line for a list of methods.
+        reference: where the weights were published.
+        half: gamma_1 to the middle one, as text; the others follow by symmetry.
+        order: claimed order of q and v.
+    """
+
+    name: str
+    title: str
+    reference: str
+    half: Text = field(repr=False)
+    order: int
+
+    family = "RATTLE"
+    order_own = 1
+    order_embedded = 0
+    error_power = 0  # no step-size control: varying steps lose the bound of the energy
+    blend, noise, carries, rounded = 1.0, 0.0, False, True
+    excludes: ClassVar[Mapping[str, str]] = {
+        "textbook": "it integrates the Lagrangian of a mechanism",
+        "ggl": "it enforces positions and velocities in formulation 'index2'",
+        "velocity rows": "rolling and other constraints of velocities alone have no discrete Lagrangian",
+        "switches": "impacts, stiction and contacts end steps anywhere, and their equations are not variational",
+        "states": "states of actuators and controllers have no discrete Lagrangian",
+        "closure friction": "friction proportional to multipliers has no discrete Lagrangian",
+    }
+
+    @property
+    def order_linear(self) -> int:
+        """Order on mechanisms: the same."""
+        return self.order
+
+    @cached_property
+    def exact_weights(self) -> Row:
+        """Exact gamma_i, (s,)."""
+        first = [exact(x) for x in self.half]
+        return first + first[-2::-1]
+
+    @cached_property
+    def weights(self) -> Array:
+        """Double-precision gamma_i, (s,)."""
+        return np.array(self.exact_weights, float)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Start times of the substeps in units of h, and 1, (s + 1,)."""
+        return np.array([sum(self.exact_weights[:i]) for i in range(len(self.exact_weights))] + [1], float)
+
+    @property
+    def solves(self) -> int:
+        """Linear solves per step with typical iterations."""
+        return TYPICAL * len(self.weights)
+
+    @property
+    def smallest_pivot(self) -> float:
+        """|gamma_s| / 2; the rounding error of the method's z is eps / (h times it)."""
+        return abs(float(self.weights[-1])) / 2
+
+    @property
+    def roundings(self) -> int:
+        """Roundings of v per step that compensated summation does not remove: each substep solves for it from p."""
+        return len(self.weights)
+
+    def steady(self, ny: int) -> float:
+        """As for `mbdae.methods.tableau.Tableau.steady`."""
+        return 1.0
+
+    def step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take the substeps of one step; its errors are empty, (0, ny).
+
+        Raises:
+            StepError: if Newton's method does not converge.
+        """
+        out = system.compiled_step(self, t, h, state)
+        if out is None:
+            for c, gamma in zip(self.nodes.tolist(), self.weights.tolist(), strict=False):
+                out = rattle_step(system, t + c * h, gamma * h, state)
+                state = out.state
+        assert out is not None
+        return out
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Reject step-size control."""
+        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
+
+    def compiled(self, native: Any) -> None:
+        """Return None: its steps are not compiled."""
+
+
+def rattle_step(system: System, t: float, h: float, state: State) -> Step:
+    """Take a step of RATTLE, with Newton's method to rounding: a looser iteration shows as a drift of the energy.
+
+    Raises:
+        StepError: if it does not converge.
+    """
+    step = system.variational_step(t, h, state.y)
+    x, lam = solved(system, step)
+    moved, mu = step.end(x, lam)
+    if state.compensation is not None:
+        moved = moved + state.compensation
+    y = system.add(state.y, moved)
+    return Step(State(y, None, system.rounding_loss(state.y, moved, y)), mu, np.empty((0, system.ny)))
+
+
+def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
+    """Return x and lam; once changes are small, the next one is at most size^2 / last, as with any faster rate.
+
+    Raises:
+        StepError: if Newton's method does not converge.
+    """
+    x, lam = step.first_guess()
+    last = 0.0
+    for _ in range(PATIENCE):
+        dx, dlam = step.correction(x, lam)
+        x, lam = x + dx, lam + dlam
+        system.counts.newton += 1
+        size, whole = step.measure(dx, x)
+        if not np.isfinite(size):
+            break
+        rate = size / last if last else 1.0
+        if rate * size <= BELOW_ROUNDING or (rate > FALLING and size <= ITERATION_ROUNDING * whole):
+            return x, lam
+        last = size
+    raise StepError("newton", f"{step}: Newton's method does not converge, take shorter steps")
+
+
+_SUZUKI = "0.414490771794375737142354062860761495711774604"
+_MIDDLE = "-0.657963087177502948569416251443045982847098416"
+
+rattle2 = Composition(
+    name="rattle2",
+    title="RATTLE, symplectic",
+    reference="Leimkuhler, Reich, Simulating Hamiltonian Dynamics (2004), chapter 7",
+    half=row("1"),
+    order=2,
+)
+rattle4 = Composition(
+    name="rattle4",
+    title="RATTLE composed of 5 steps, symplectic",
+    reference="M. Suzuki, Phys. Lett. A 146 (1990)",
+    half=row(f"{_SUZUKI} {_SUZUKI} {_MIDDLE}"),
+    order=4,
+)
+rattle6 = Composition(
+    name="rattle6",
+    title="RATTLE composed of 9 steps, symplectic",
+    reference="W. Kahan, R.-C. Li, Math. Comp. 66 (1997)",
+    half=row("""
+        0.39216144400731413927925055518118 0.33259913678935943859974864032027 -0.70624617255763935980996481947476
+        0.08221359629355080023149044744883 0.79854399093482996339895035304896
+    """),
+    order=6,
+)
+rattle8 = Composition(
+    name="rattle8",
+    title="RATTLE composed of 17 steps, symplectic",
+    reference="W. Kahan, R.-C. Li, Math. Comp. 66 (1997)",
+    half=row("""
+        0.13020248308889008087881763226255 0.56116298177510838456196440770159 -0.38947496264484728640807859864594
+        0.15884190655515560089621074563038 -0.39590389413323757733623153902219 0.18453964097831570709183254133857
+        0.25837438768632204729397910986043 0.29501172360931029887096624049197 -0.60550853383003451169892107933472
+    """),
+    order=8,
+)

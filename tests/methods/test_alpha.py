@@ -1,0 +1,145 @@
+"""Generalised alpha and HHT: orders, constraints, agreement with an independent implementation, refusals by name."""
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+
+import driven
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.methods import METHODS, method
+from mbdae.methods.alpha import GeneralizedAlpha
+from mbdae.methods.order.alpha import check_alpha
+from mbdae.methods.order.reports import check_claims
+
+NAMES = [name for name, m in METHODS.items() if isinstance(m, GeneralizedAlpha)]
+SPANS = {"four_bar": 0.5, "heavy_top": 0.05, "bricard": 0.5}  # s
+ROUNDING = 1e-13
+
+
+@cache
+def reference(name):
+    return mbdae.solve(mbdae.load(name), (0, SPANS[name]), method="pherk6", step=SPANS[name] / 400)
+
+
+@pytest.mark.parametrize("name", SPANS)
+@pytest.mark.parametrize("used", [*NAMES, "alpha0.5"])
+def test_order_2_of_q_v_and_multipliers(name, used):
+    mech, best, errors = mbdae.load(name), reference(name), []
+    for n in (80, 160):
+        sol = mbdae.solve(mech, (0, SPANS[name]), method=used, step=SPANS[name] / n)
+        at = slice(n // 4, None, n // 4)
+        q = np.abs(mech.manifold.difference(best.q[-1], sol.q[-1])).max()
+        errors.append([q, np.abs(sol.v[-1] - best.v[-1]).max(), np.abs(sol.lam_own[at] - best.lam[100::100]).max()])
+    assert (np.log2(np.divide(*errors)) > 1.8).all()
+
+
+@pytest.mark.parametrize("name", SPANS)
+def test_levels_of_both_forms(name):
+    for used in NAMES:
+        sol = mbdae.solve(name, (0, SPANS[name]), method=used, step=SPANS[name] / 20)
+        found = mbdae.drift(sol)
+        assert found.g_max < ROUNDING
+        assert found.Gv_max < (ROUNDING * (1 + np.abs(sol.v).max()) if METHODS[used].stabilised else 0.1)
+
+
+def independent(rho, h, n):
+    """Points of the Cartesian pendulum in stabilised index-2 form, with numerical partials; mass and length are 1."""
+    am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
+    gamma = 0.5 + af - am
+    beta = (gamma + 0.5) ** 2 / 4
+    weight = np.array([0.0, 0.0, -9.81])
+    x, v = np.array([-0.6, 0.0, -0.8]), np.array([0.8, 0.0, -0.6])
+
+    def acceleration(x, v):
+        lam = -(v @ v + x @ weight) / (x @ x)
+        return weight + lam * x
+
+    offset = am - af
+    dv = acceleration(x, v)
+    ahead = abs(offset) * h
+    a = dv + np.sign(offset) * (acceleration(x + ahead * v, v + ahead * dv) - dv)
+    out = [x]
+    for _ in range(n):
+
+        def step(u, x=x, v=v, a=a, dv=dv):
+            dv1, lam, mu = u[:3], u[3], u[4]
+            a1 = ((1 - af) * dv1 + af * dv - am * a) / (1 - am)
+            x1 = x + h * v + h * h * ((0.5 - beta) * a + beta * a1) + mu * x
+            v1 = v + h * ((1 - gamma) * a + gamma * a1)
+            return x1, v1, a1, np.array([*(dv1 - weight - lam * x1 / np.linalg.norm(x1)), x1 @ x1 - 1, x1 @ v1])
+
+        u = fsolve(lambda u: step(u)[3], [*dv, 0.0, 0.0], xtol=1e-12)
+        x, v, a, _ = step(u)
+        dv = u[:3]
+        out.append(x)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 1.0])
+def test_an_independent_implementation_agrees(rho):
+    q, v = {"ball": [-0.6, 0.0, -0.8]}, {"ball": [0.8, 0.0, -0.6]}
+    mech = mbdae.load("pendulum")
+    sol = mbdae.solve(mech, (0, 0.4), *mech.assemble(q, v), method=f"alpha{rho}", step=0.02)
+    assert np.abs(sol.q - independent(rho, 0.02, 20)).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["crane", "platform"])
+def test_drivers_and_their_work(name):
+    mech, errors = getattr(driven, name)(), []
+    best = mbdae.solve(mech, (0, 0.2), method="pherk6", step=5e-4).y[-1]
+    for n in (40, 80):
+        sol = mbdae.solve(mech, (0, 0.2), method="alpha", step=0.2 / n)
+        errors.append(np.abs(mech.system().difference(best, sol.y[-1])))
+    assert np.log2(errors[0][:-1].max() / errors[1][:-1].max()) > 1.8
+    assert np.log2(errors[0][-1] / errors[1][-1]) > 1.7
+
+
+def test_controllers_with_states():
+    mech = mbdae.load("four_bar", forces=[mbdae.JointPID(joint="crank", kp=3.0, ki=5.0, name="servo")])
+    best, errors = mbdae.solve(mech, (0, 0.3), method="pherk6", step=1e-3), []
+    for n in (30, 60):
+        sol = mbdae.solve(mech, (0, 0.3), method="alpha", step=0.3 / n)
+        errors.append(np.abs(sol.s[-1] - best.s[-1]).max())
+    assert np.log2(errors[0] / errors[1]) > 1.8
+
+
+def test_another_step_size_keeps_the_order():
+    mech, best, errors = mbdae.load("four_bar"), reference("four_bar"), []
+    for n in (60, 120):
+        stops = np.array([0.4]) * SPANS["four_bar"] + 0.37 * SPANS["four_bar"] / n  # off the grid
+        sol = mbdae.solve(mech, (0, SPANS["four_bar"]), method="alpha0.2", step=SPANS["four_bar"] / n, jumps=stops)
+        errors.append(np.abs(sol.v[-1] - best.v[-1]).max())
+    assert np.log2(errors[0] / errors[1]) > 1.7
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "named"),
+    [
+        ("bicycle", {"step": 0.01}, "'rear_wheel'"),
+        ("pendulum_on_stop", {"step": 0.01}, "'rod stop'"),
+        ("four_bar", {"step": 0.01, "formulation": "ggl"}, "formulation 'ggl'"),
+        ("circle", {"step": 0.01}, "'Point on a circle'"),
+        ("four_bar", {"rtol": 1e-6}, "takes fixed steps"),
+    ],
+)
+def test_refusals_name_the_reason(model, options, named):
+    with pytest.raises(InputError, match="'alpha'.*" + named):
+        mbdae.solve(model, (0, 0.1), method="alpha", **options)
+
+
+def test_parameters_outside_of_their_range():
+    with pytest.raises(InputError, match=r"'alpha1.5': rho_inf lies between 0 and 1"):
+        method("alpha1.5")
+    with pytest.raises(InputError, match=r"'hht0.5': alpha of HHT lies between 0 and 1/3"):
+        method("hht0.5")
+
+
+def test_claims_are_proven():
+    for name in (*NAMES, "alpha0", "alpha1", "hht0.3"):
+        assert check_claims(method(name)).holds
+    assert not check_alpha(replace(METHODS["alpha"], alpha_f=Fraction(1, 5))).stable
