@@ -42,8 +42,9 @@ def make_core(model, *rest, more=0):
 
 
 def tableau_arrays(name="pherk5"):
-    a = METHODS[name].arrays
-    return [a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, METHODS[name].noise]
+    given = {}
+    METHODS[name].compiled(SimpleNamespace(Tableau=lambda **fields: given.update(fields)))
+    return given
 
 
 @pytest.fixture
@@ -61,22 +62,39 @@ def changed(x, index, value):
 
 def test_wrong_tableaus_are_refused():
     make, right = backend.load().Tableau, tableau_arrays()
-    make(*right)
-    A, Ahat, b, c, chat, e, *_ = right
+    make(**right)
+    A, Ahat, b, c, chat, e, *_ = right.values()
     wrong = {
-        0: [changed(A, (1, 1), 1.0), changed(A, (0, 3), 1.0), A[:-1], A.ravel()[:-1], changed(A, (2, 0), np.nan), None],
-        1: [changed(Ahat, (2, 2), 0.0), changed(Ahat, (1, 4), 1.0), Ahat[:, :-1], changed(Ahat, (1, 1), np.inf), "A"],
-        2: [b[:-1], b[:0], changed(b, 0, np.nan), np.append(b, 0.0)],
-        3: [c[1:], changed(c, 0, -np.inf)],
-        4: [chat[1:], changed(chat, 0, np.nan), 1.0],
-        5: [e.ravel()[:-1], np.ones((3, len(b))), changed(e, (0, 0), np.nan)],
-        8: [-1, 10**30, "x", 1.5],
-        9: [-1.0, np.nan, np.inf, "x"],
+        "A": [
+            changed(A, (1, 1), 1.0),
+            changed(A, (0, 3), 1.0),
+            A[:-1],
+            A.ravel()[:-1],
+            changed(A, (2, 0), np.nan),
+            None,
+        ],
+        "Ahat": [
+            changed(Ahat, (2, 2), 0.0),
+            changed(Ahat, (1, 4), 1.0),
+            Ahat[:, :-1],
+            changed(Ahat, (1, 1), np.inf),
+            "A",
+        ],
+        "b": [b[:-1], b[:0], changed(b, 0, np.nan), np.append(b, 0.0)],
+        "c": [c[1:], changed(c, 0, -np.inf)],
+        "chat": [chat[1:], changed(chat, 0, np.nan), 1.0],
+        "error_weights": [e.ravel()[:-1], np.ones((3, len(b))), changed(e, (0, 0), np.nan)],
+        "doubling_order": [-1, 10**30, "x", 1.5],
+        "noise": [-1.0, np.nan, np.inf, "x"],
     }
-    for i, values in wrong.items():
+    for key, values in wrong.items():
         for value in values:
             with pytest.raises(REFUSED):
-                make(*[value if k == i else x for k, x in enumerate(right)])
+                make(**{**right, key: value})
+        with pytest.raises(TypeError):
+            make(**{k: x for k, x in right.items() if k != key})
+    with pytest.raises(TypeError):
+        make(**right, order=4)
 
 
 def test_arrays_of_other_kinds_are_read_or_refused(system):
@@ -89,10 +107,10 @@ def test_arrays_of_other_kinds_are_read_or_refused(system):
         except REFUSED:
             continue
         np.testing.assert_array_equal(found[0], expected)
-    transposed = backend.load().Tableau(np.asfortranarray(right[0]), *right[1:])
+    transposed = backend.load().Tableau(**right | {"A": np.asfortranarray(right["A"])})
     carry = expected[3:]
     step = lambda tableau: system.core.step(tableau, 0.0, 0.01, y, carry, None)[0]  # noqa: E731
-    np.testing.assert_array_equal(step(transposed), step(backend.load().Tableau(*right)))
+    np.testing.assert_array_equal(step(transposed), step(backend.load().Tableau(**right)))
 
 
 def test_wrong_states_are_refused(system):
@@ -120,7 +138,7 @@ def test_wrong_states_are_refused(system):
         core.derivatives(np.zeros(3), np.zeros((2, len(y))))
     for rows in ([0, 1, 2], [5], [-1, 0], [1, 0], [0, 0], None):
         with pytest.raises(REFUSED):
-            core.use(rows, 2)
+            core.use_rows(rows, 2)
     np.testing.assert_array_equal(core.derivative(0.0, y)[0][3:], carry)
 
 
@@ -130,7 +148,7 @@ def test_wrong_limits_are_refused():
     seen = {}
     core_tolerances(SimpleNamespace(Tolerances=lambda **given: seen.update(given)), mbdae.load("four_bar"))
     make(**seen)
-    for wrong in ({k: x for k, x in seen.items() if k != "grown"}, seen | {"grow": 1.0}, seen | {"open": "wide"}):
+    for wrong in ({k: x for k, x in seen.items() if k != "tiny"}, seen | {"grow": 1.0}, seen | {"tiny": "wide"}):
         with pytest.raises(REFUSED):
             make(**wrong)
 
@@ -143,13 +161,13 @@ def test_wrong_runs_are_refused_or_end(system):
     def advance(**fields):
         base = {
             "adaptive": True,
-            "budget": 20,
+            "max_steps": 20,
             "seconds": 0.05,
-            "leg": {"t": 0.0, "t1": 1.0, "sign": 1.0, "stop": 1.0, "end": 1.0},
+            "interval": {"t": 0.0, "t1": 1.0, "sign": 1.0, "stop": 1.0, "end": 1.0},
         }
         base["control"] = {"rtol": 1e-6, "h": 1e-3, "largest": np.inf, "power": 5.0, "exponent": -0.14, "safety": 0.9}
         base["control"] |= {"last_exponent": 0.08, "smallest_factor": 0.2, "largest_factor": 5.0, "atol": [1e-8]}
-        base["grid"] = {"step": 0.01, "n": 100, "near": 1e-9, "i": 0}
+        base["grid"] = {"step": 0.01, "n": 100, "coincident": 1e-9, "i": 0}
         for key, value in base.items():
             for name, x in value.items() if isinstance(value, dict) else ():
                 setattr(getattr(run, key), name, fields.pop(name, x))
@@ -157,7 +175,7 @@ def test_wrong_runs_are_refused_or_end(system):
                 setattr(run, key, fields.pop(key, value))
         for key, value in fields.items():
             setattr(run, key, value)
-        run.begin(y, carry, None)
+        run.set_state(y, carry, None)
         system.core.advance(tableau, run)
         ts, ys, zs, least_pivot_ratio = run.steps()
         assert len(ts) == len(ys) == len(zs) == len(least_pivot_ratio) == run.taken
@@ -165,7 +183,7 @@ def test_wrong_runs_are_refused_or_end(system):
 
     assert advance() == 20
     assert advance(adaptive=False) == 20
-    for fields in ({"atol": [1e-8] * 5}, {"atol": []}, {"atol": None}, {"budget": 10**40}, {"i": "x"}, {"h": None}):
+    for fields in ({"atol": [1e-8] * 5}, {"atol": []}, {"atol": None}, {"max_steps": 10**40}, {"i": "x"}, {"h": None}):
         with pytest.raises(REFUSED):
             advance(**fields)
     with pytest.raises(REFUSED):
@@ -174,14 +192,28 @@ def test_wrong_runs_are_refused_or_end(system):
     with pytest.raises(REFUSED):
         system.core.advance(tableau, fresh)
     wild = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300, 5e-324)
-    keys = ("t", "t1", "sign", "stop", "end", "rtol", "h", "largest", "power", "exponent", "safety", "step", "near")
+    keys = (
+        "t",
+        "t1",
+        "sign",
+        "stop",
+        "end",
+        "rtol",
+        "h",
+        "largest",
+        "power",
+        "exponent",
+        "safety",
+        "step",
+        "coincident",
+    )
     for key in (*keys, "seconds"):
         for value in wild:
             for adaptive in (True, False):
                 assert advance(**{key: value, "adaptive": adaptive}) <= 20
-    for budget in (0, -1, -(2**62)):
-        assert advance(budget=budget) == 0
-    assert advance(budget=2**62, adaptive=False, seconds=np.nan) < 2000
+    for n in (0, -1, -(2**62)):
+        assert advance(max_steps=n) == 0
+    assert advance(max_steps=2**62, adaptive=False, seconds=np.nan) < 2000
 
 
 def wild(right):

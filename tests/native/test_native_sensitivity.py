@@ -21,7 +21,7 @@ def system():
 
 def given(system, m=2, d=3):
     """Parameters, input at the first node, nodes, and the carry."""
-    parameters = system.core.vary(0, [], [], [])
+    parameters = system.core.bind_parameters(0, [], [], [])
     y = np.array([system.mechanism.point()] * (m + 1))
     carries = np.array([system.derivative(0.0, y[0])[0][system.nv :]] * (m + 1))
     method = METHODS["pherk5"].compiled(backend.load())
@@ -67,7 +67,7 @@ def test_what_does_not_fit_is_refused(system):
 )
 def test_wrong_parameters_are_refused(system, wrong):
     with pytest.raises(REFUSED):
-        system.core.vary(*wrong)
+        system.core.bind_parameters(*wrong)
 
 
 def test_steps_that_cannot_be_taken(system):

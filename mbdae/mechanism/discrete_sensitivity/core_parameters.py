@@ -26,7 +26,7 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     """
     system.expand()
     data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
-    return system.core.vary(len(parameters), *data)
+    return system.core.bind_parameters(len(parameters), *data)
 
 
 def _core_data(parameters: Parameters) -> CoreData:

@@ -57,8 +57,8 @@ class CompiledSystem(Index2System):
             self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), m.flat, *tables, *form)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
-        self.core.sample(samplers_of(self.laws))
-        self.core.slide(self.sliding.core_data(), self.sliding.active, self.sliding.slip_directions)
+        self.core.set_sampled_controllers(samplers_of(self.laws))
+        self.core.set_friction_interfaces(self.sliding.core_data(), self.sliding.active, self.sliding.slip_directions)
         self._deactivate_rows()
         self._expanded = False
 
@@ -133,7 +133,7 @@ class CompiledSystem(Index2System):
             self.core.advance(self.method(method), run)
         finally:
             self.after()
-            if run.changes:
+            if run.row_changes:
                 self.rows = np.array(self.core.rows, int)
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
@@ -177,7 +177,7 @@ class CompiledSystem(Index2System):
 
     def pivot_ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`."""
-        found = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
+        found = self.core.pivot_ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
         return super().pivot_ratio(t, y) if found is None else found
 
     def after(self) -> None:
@@ -200,7 +200,7 @@ class CompiledSystem(Index2System):
     def after_python(self) -> None:
         """Pass Python's rows in use to the core."""
         rows = [] if self.rows is None else self.rows.tolist()
-        self.core.use(rows, len(rows), self.floor, self.held)
+        self.core.use_rows(rows, len(rows), self.floor, self.held)
         self._begun = True
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
@@ -211,7 +211,7 @@ class CompiledSystem(Index2System):
 
     def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
         """See `Index2System.every_row`."""
-        return self.core.every(t, y)
+        return self.core.rows_of_all_modes(t, y)
 
     def enter(self, mode: Mode) -> None:
         """See `Index2System.enter`."""
@@ -226,8 +226,8 @@ class CompiledSystem(Index2System):
     def _deactivate_rows(self) -> None:
         off = self.constraints.off
         if len(self.mechanism.switches):
-            self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
-            self.core.slowest_slip(self.sliding.still)
+            self.core.deactivate_rows([k in off for k in range(self.ng)], self.sticks)
+            self.core.set_smallest_slip(self.sliding.still)
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         """See `mbdae.system.System`."""
@@ -260,7 +260,7 @@ class CompiledIndex1(Index1System, CompiledSystem):
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
         """See `Index1System.rate`; `update_independent_rows` takes over its counters after the step."""
-        found = self.core.rate(t, y) if self._begun else None
+        found = self.core.raw_derivative(t, y) if self._begun else None
         return super().rate(t, y) if found is None else found
 
 

@@ -3,6 +3,8 @@
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ... import tolerances as tol
 from ...errors import NotCompiled
 from .. import manifold
@@ -18,51 +20,48 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 Plain = dict[str, Any]
-RESTAGES = 20  # iterations of stages that a derivative of a run computes again
+STAGE_ITERATIONS = 20  # iterations of stages that a derivative of a run computes again
 
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
     """Return all thresholds of points and steps; those of step-size control belong to the run."""
-    limits: Tolerances = native.Tolerances(
-        largest_turn=manifold.MAX_ROTATION,
-        series=manifold.SERIES,
-        series_end=tol.BELOW_ROUNDING,
-        same_point=tol.ROUNDING,
-        smallest_pivot=independent_rows.SMALLEST_PIVOT,
-        independent=tol.PIVOT_RANK,
-        worst_conditioning=independent_rows.WORST_CONDITIONING,
-        grown=independent_rows.GROWTH_TOLERANCE,
-        many=independent_rows.MANY_ROWS,
-        reason=independent_rows.RESELECTION_RATIO,
-        probed=independent_rows.PROBE_TOLERANCE,
-        converged=independent_rows.CONVERGED,
+    tolerances: Tolerances = native.Tolerances(
         eps=tol.EPS,
-        spare=independent_rows.EXTRA_CG_ITERATIONS,
-        truncation=tol.TRUNCATION,
-        rounding=tol.SUM_ROUNDING,
-        falling=projection.FALLING,
-        open=projection.OPEN,
-        stalled=projection.STALLED,
-        kept=tol.VISIBLE,
-        iterations=projection.ITERATIONS,
-        unmoved=tol.EVALUATION_ROUNDING,
-        row_scales=mechanism.row_scales.tolist(),
-        q_scales=mechanism.q_scales.tolist(),
-        coordinate_scales=mechanism.coordinate_scales.tolist(),
-        meeting=ggl.ITERATIONS,
-        met=tol.ROUNDING,
-        halted=tol.SEARCH_TOLERANCE,
-        gaping=tol.SAME_STATE,
+        tiny=tol.TINY,
+        below_rounding=tol.BELOW_ROUNDING,
+        rounding=tol.ROUNDING,
+        sum_rounding=tol.SUM_ROUNDING,
+        evaluation_rounding=tol.EVALUATION_ROUNDING,
+        solution_rounding=tol.SOLUTION_ROUNDING,
+        search_tolerance=tol.SEARCH_TOLERANCE,
+        same_state=tol.SAME_STATE,
         still=tol.STILL,
-        turned=friction_interface.TURNED,
-        loading=closure_friction.ITERATIONS,
-        loaded=tol.ROUNDING,
-        settled=tol.SOLUTION_ROUNDING,
-        nothing=tol.TINY,
-        restages=RESTAGES,
-        restaged=tol.SOLUTION_ROUNDING,
+        pivot_rank=tol.PIVOT_RANK,
+        truncation=tol.TRUNCATION,
+        visible=tol.VISIBLE,
+        max_rotation=manifold.MAX_ROTATION,
+        series=np.array(manifold.SERIES),
+        smallest_pivot=independent_rows.SMALLEST_PIVOT,
+        worst_conditioning=independent_rows.WORST_CONDITIONING,
+        growth_tolerance=independent_rows.GROWTH_TOLERANCE,
+        reselection_ratio=independent_rows.RESELECTION_RATIO,
+        probe_tolerance=independent_rows.PROBE_TOLERANCE,
+        cg_tolerance=independent_rows.CONVERGED,
+        many_rows=independent_rows.MANY_ROWS,
+        extra_cg_iterations=independent_rows.EXTRA_CG_ITERATIONS,
+        projection_falling=projection.FALLING,
+        projection_open=projection.OPEN,
+        projection_stalled=projection.STALLED,
+        projection_iterations=projection.ITERATIONS,
+        ggl_iterations=ggl.ITERATIONS,
+        friction_iterations=closure_friction.ITERATIONS,
+        slip_cosine=friction_interface.TURNED,
+        stage_iterations=STAGE_ITERATIONS,
+        row_scales=mechanism.row_scales,
+        q_scales=mechanism.q_scales,
+        coordinate_scales=mechanism.coordinate_scales,
     )
-    return limits
+    return tolerances
 
 
 def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:

@@ -30,20 +30,20 @@ nb::object derivative(PyCore& c, double t, const Array& y) {
   });
 }
 
-nb::object rate(PyCore& c, double t, const Array& y) {
+nb::object raw_derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y"), dy(s.length), z(s.ng);
-    s.rate(t, at.data(), dy.data(), z.data());
+    s.raw_derivative(t, at.data(), dy.data(), z.data());
     return nb::make_tuple(vector(dy), vector(z));
   });
 }
 
 nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
   Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
-  many(c, [&] {
+  run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
       } catch (const FallBackToPython&) {
@@ -55,11 +55,11 @@ nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
 }
 
 nb::object residuals(PyCore& c, const Array& t, const Array& y) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
   Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
-  many(c, [&] {
+  run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
         const Energy e = energy(s, &at[i * length]);
@@ -73,7 +73,7 @@ nb::object residuals(PyCore& c, const Array& t, const Array& y) {
 }
 
 // Including rows inactive in the mode.
-nb::object every(PyCore& c, double t, const Array& y) {
+nb::object rows_of_all_modes(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
     std::vector<bool> off;
@@ -89,23 +89,23 @@ nb::object every(PyCore& c, double t, const Array& y) {
   });
 }
 
-nb::object ratio(PyCore& c, const Array& q, int rank) {
+nb::object ratio_of_pivots(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
   Numbers at = numbers(q, s.nq, "q");
   if (rank < 1 || rank > std::min(s.ng, s.nv)) refuse("rank out of range");
   try {
-    return nb::float_(s.ratio(at.data(), rank));
+    return nb::float_(s.pivot_ratio(at.data(), rank));
   } catch (const FallBackToPython&) {
     return nb::none();
   }
 }
 
-double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
-  const CoreLock turn(c);
+double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   Numbers a = numbers(q, s.nq, "q"), b = numbers(v, s.nv, "v");
   try {
-    return s.bare(a.data(), b.data(), repetitions);
+    return s.minimal_stage_seconds(a.data(), b.data(), repetitions);
   } catch (const FallBackToPython&) {
     refuse("the point is singular");
   }
@@ -118,16 +118,16 @@ void bind_points(nb::class_<PyCore>& core) {
            "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) stands by row.")
       .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
            "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
-      .def("rate", rate, nb::arg("t"), nb::arg("y"),
+      .def("raw_derivative", raw_derivative, nb::arg("t"), nb::arg("y"),
            "Return dy/dt (length,) of raw coordinates and lam (ng,) from the hidden constraint, or None.")
       .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),
            "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
       .def("residuals", residuals, nb::arg("t"), nb::arg("y"),
            "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
-      .def("every", every, nb::arg("t"), nb::arg("y"), "Return g and G v + g_t over all rows whatever the mode, or None.")
-      .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
+      .def("rows_of_all_modes", rows_of_all_modes, nb::arg("t"), nb::arg("y"), "Return g and G v + g_t over all rows whatever the mode, or None.")
+      .def("pivot_ratio", ratio_of_pivots, nb::arg("q"), nb::arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
-      .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+      .def("minimal_stage_seconds", minimal_stage_seconds, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
            "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }
 

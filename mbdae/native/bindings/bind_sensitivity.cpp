@@ -74,9 +74,9 @@ PerturbedRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const 
           std::make_unique<Constraints>(s.mechanics, std::move(rows), found, std::move(drivers))};
 }
 
-PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::list& direction_list,
+PyParameters bind_parameters(PyCore& c, int count, const nb::list& stuff_list, const nb::list& direction_list,
                   const nb::list& changed_list) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (s.formulation == Formulation::index1) refuse("tangents are those of index 2 and GGL");
   if (count < 0) refuse("how many parameters there are is not negative");
@@ -125,7 +125,7 @@ template <class F>
 bool done(PyCore& c, F&& compute) {
   bool failed = false;
   c.core->system.point.forget();
-  many(c, [&] {
+  run_unlocked(c, [&] {
     try {
       compute(c.core->system);
     } catch (const FallBackToPython&) {
@@ -135,19 +135,19 @@ bool done(PyCore& c, F&& compute) {
   return !failed;
 }
 
-nb::object walk_along(PyCore& c, nb::handle a, bool halved, const Run& run, const Array& t, const Array& y,
-                      const Array& carry, double repeated, double synchronous) {
-  const CoreLock turn(c);
+nb::object recompute_steps(PyCore& c, nb::handle a, bool halved, const Run& run, const Array& t, const Array& y,
+                      const Array& carry, double same_state, double agreement) {
+  const CoreLock lock(c);
   const Nodes x(c, a, halved, run.project, t, y);
   if (x.segment.radau) refuse("a collocation method carries nothing");
-  const RepeatTolerances like{run.adaptive, run.control, run.tolerated, run.nothing, repeated, synchronous};
+  const RepeatTolerances like{run.adaptive, run.control, run.tolerated_move, run.tiny, same_state, agreement};
   const size_t sizes = like.control.atol.size();
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.measured()))
     refuse("atol has the wrong length");
   Recomputed out;
   out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
   if (!done(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return nb::none();
-  return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
+  return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.restarted, out.steps, vector(out.end));
 }
 
 // While it exists, the core asks a Python function for the partials of friction.
@@ -167,10 +167,10 @@ class WithFriction {
   Parameters& p_;
 };
 
-nb::object go_back(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
+nb::object adjoint_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
                    const Array& carries, const Array& extra, const Array& bar, const nb::object& friction) {
-  const CoreLock turn(c);
-  const WithFriction sliding(c, *p.partials, friction);
+  const CoreLock lock(c);
+  const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
@@ -182,11 +182,11 @@ nb::object go_back(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool p
   return nb::make_tuple(vector(by_start), vector(by_p));
 }
 
-nb::object go_along(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
+nb::object tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
                     const Array& carries, const Array& first, const Array& dp,
                     const std::optional<Array>& dh, const nb::object& friction) {
-  const CoreLock turn(c);
-  const WithFriction sliding(c, *p.partials, friction);
+  const CoreLock lock(c);
+  const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
@@ -198,12 +198,12 @@ nb::object go_along(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool 
                 dh ? late.data() : nullptr, start.data(), along.data());
       }))
     return nb::none();
-  return array(along, {x.nodes, d, width});
+  return nb::cast(array(along, {x.nodes, d, width}));
 }
 
 // The nearest point on the closures, or with v alone the nearest that they allow; and its partials (ny, ny + k).
-nb::object project_along(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
-  const CoreLock turn(c);
+nb::object projection(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (p.core != &c) refuse("the parameters are those of another core");
   if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
@@ -222,20 +222,20 @@ nb::object project_along(PyCore& c, PyParameters& p, double t, const Array& y, b
 }  // namespace
 
 void bind_tangents(nb::module_& m, nb::class_<PyCore>& core) {
-  nb::class_<PyParameters>(m, "Parameters", "Numbers of a mechanism that vary.");
-  core.def("vary", vary, nb::keep_alive<0, 1>(), nb::arg("count"), nb::arg("stuff"), nb::arg("directions"),
+  nb::class_<PyParameters>(m, "Parameters", "Numbers of a mechanism that bind_parameters.");
+  core.def("bind_parameters", bind_parameters, nb::keep_alive<0, 1>(), nb::arg("count"), nb::arg("stuff"), nb::arg("directions"),
            nb::arg("changed"), "Say how parameters change what the mechanism is made of, its laws and its rows.")
-      .def("recompute", walk_along, nb::arg("method"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
-           nb::arg("carry"), nb::arg("repeated"), nb::arg("synchronous"),
+      .def("recompute", recompute_steps, nb::arg("method"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
+           nb::arg("carry"), nb::arg("same_state"), nb::arg("agreement"),
            "Return what is carried to each node (m + 1, nc), whether it was found anew there, how many steps could be "
            "repeated, and where they end; or None.")
-      .def("adjoint", go_back, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
+      .def("adjoint", adjoint_of_steps, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
            nb::arg("carries"), nb::arg("extra"), nb::arg("bar"), nb::arg("friction") = nb::none(),
            "Return the cotangents of y and carry (ny + nc,), and of parameters (k,), of those behind steps, or None.")
-      .def("tangent", go_along, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
+      .def("tangent", tangent_of_steps, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
            nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"), nb::arg("dh") = nb::none(), nb::arg("friction") = nb::none(),
            "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
-      .def("projection", project_along, nb::arg("parameters"), nb::arg("t"), nb::arg("y"), nb::arg("positions"),
+      .def("projection", projection, nb::arg("parameters"), nb::arg("t"), nb::arg("y"), nb::arg("positions"),
            "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and the "
            "parameters, transposed, (ny + k, ny); or None.");
 }

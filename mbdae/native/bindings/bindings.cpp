@@ -29,7 +29,7 @@ PyType_Slot collected[] = {
 
 nb::object update_independent_rows(PyCore& c, double t, const Array& y, const nb::object& carry) {
   return attempt(c, [&](Index2System& s) {
-    State x = state(y, carry, nb::none());
+    State x = state(y, carry);
     if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
     if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.carried()) refuse("carry has the wrong length");
     const bool changed = s.update_independent_rows(t, x);
@@ -38,7 +38,7 @@ nb::object update_independent_rows(PyCore& c, double t, const Array& y, const nb
 }
 
 nb::object step(PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
-                const nb::object& low) {
+                const std::optional<Array>& low) {
   return attempt(c, [&](Index2System& s) {
     State in = state(y, carry, low), out;
     c.check(in, &tableau);
@@ -51,7 +51,7 @@ nb::object step(PyCore& c, const Tableau& tableau, double t, double h, const Arr
 }
 
 nb::object collocate(PyCore& c, const Radau& radau, double t, double h, const Array& y, const nb::object& carry,
-                     const nb::object& low, bool controlled) {
+                     const std::optional<Array>& low, bool controlled) {
   return attempt(c, [&](Index2System& s) {
     State in = state(y, carry, low), out;
     c.check(in);
@@ -64,7 +64,7 @@ nb::object collocate(PyCore& c, const Radau& radau, double t, double h, const Ar
 }
 
 void expand(PyCore& c, nb::handle model) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   const void* m = model_pointer(model.ptr());
   const auto size = model_sizes(m);
   if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) refuse("the expanded tree has other coordinates");
@@ -77,20 +77,20 @@ void run_loop(PyCore& c, Method& method, Run& run) {
   if (run.adaptive && n != 1 && n != static_cast<size_t>(c.core->system.measured()))
     refuse("atol has the wrong length");
   if (run.adaptive && !method.errors) refuse("the tableau has no error estimate");
-  run.steps = Steps(), run.taken = run.rejected = 0, run.stuck = false;
+  run.steps = Steps(), run.taken = run.rejected = 0, run.needs_python = false;
   check_events(run.events, c.core->system);
-  many(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
+  run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }
 
 void advance(PyCore& c, const Tableau& tableau, Run& run) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   c.check(run.state, &tableau);
   HalfExplicitMethod method(*c.core->step, tableau);
   run_loop(c, method, run);
 }
 
 void advance_stages(PyCore& c, const Radau& radau, Run& run) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   c.check(run.state);
   CollocationMethod method(*c.core->stages, radau);
   run_loop(c, method, run);
@@ -104,27 +104,27 @@ nb::object restored(PyCore& c, double t, const Array& y) {
   });
 }
 
-void sample(PyCore& c, const nb::list& list) {
-  const CoreLock turn(c);
+void set_sampled_controllers(PyCore& c, const nb::list& list) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   std::vector<SampledController> out;
   for (nb::handle h : list) out.push_back(sampler(nb::cast<nb::dict>(h), {s.nq, s.nv, 0}, s.ns, *c.callbacks));
   s.samplers = std::move(out);
 }
 
-void slide(PyCore& c, const nb::list& list, const Active& active, const Headings& heading) {
-  const CoreLock turn(c);
+void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& active, const Headings& heading) {
+  const CoreLock lock(c);
   std::vector<FrictionInterface> out;
   for (nb::handle h : list) out.push_back(sliding_place(nb::cast<nb::dict>(h), c.core->system.constraints));
   if (active.size() != out.size() || heading.size() != 2 * out.size()) refuse("as many numbers as places that slide");
-  c.core->system.sliding.use(std::move(out), active.data(), heading.data());
+  c.core->system.friction.use(std::move(out), active.data(), heading.data());
   c.active = active, c.heading = heading;
 }
 
-void leave_out(PyCore& c, const std::vector<bool>& off, bool sticks) {
-  const CoreLock turn(c);
+void deactivate_rows(PyCore& c, const std::vector<bool>& off, bool sticks) {
+  const CoreLock lock(c);
   if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) refuse("off has the wrong length");
-  c.core->system.leave_out(off, sticks);
+  c.core->system.deactivate_rows(off, sticks);
 }
 
 nb::tuple take_record(PyCore& c) {
@@ -135,16 +135,16 @@ nb::tuple take_record(PyCore& c) {
 }
 
 void change_law(PyCore& c, int k, const Numbers& a) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   if (!c.core->system.change_law(k, a)) refuse("a law has other numbers");
 }
 
-void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
-  const CoreLock turn(c);
+void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
+  const CoreLock lock(c);
   within(rows, c.core->system.ng, "row");
   if (rank != static_cast<int>(rows.size()) || std::set<int>(rows.begin(), rows.end()).size() != rows.size())
     refuse("rows are different, and as many as the rank");
-  c.core->system.use(rows, rank, floor, held);
+  c.core->system.use_rows(rows, rank, floor, held);
 }
 
 }  // namespace
@@ -153,7 +153,7 @@ NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
   nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
-  bind_limits(m), bind_tableau(m), bind_radau(m), bind_events(m), bind_run(m);
+  bind_structs(m), bind_events(m);
 
   nb::class_<PyCore> core(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.");
   core.def(nb::init<nb::handle, const Tolerances&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
@@ -171,11 +171,11 @@ NB_MODULE(_native, m) {
       .def_prop_rw(
           "accuracy", [](const PyCore& c) { return c.core->system.accuracy; },
           [](PyCore& c, double x) { c.core->system.accuracy = x; })
-      .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
+      .def("use_rows", use_rows, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def("reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")
       .def("change_law", change_law, nb::arg("k"), nb::arg("a"), "Give law k other numbers: in a mode they are constant.")
-      .def("leave_out", leave_out, nb::arg("off"), nb::arg("sticks"),
+      .def("deactivate_rows", deactivate_rows, nb::arg("off"), nb::arg("sticks"),
            "Say which rows the mode does not have, none for an empty list, and whether joints stick in it.")
       .def("update_independent_rows", update_independent_rows, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
            "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
@@ -186,11 +186,11 @@ NB_MODULE(_native, m) {
       .def("advance", advance, nb::arg("tableau"), nb::arg("run"), "Take many steps.")
       .def("advance", advance_stages, nb::arg("radau"), nb::arg("run"), "Take many steps.")
       .def("expand", expand, nb::arg("model"), "Say what the expanded tree is: partials and implicit methods need it.")
-      .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
-      .def("slide", slide, nb::arg("places"), nb::arg("active").noconvert(), nb::arg("heading").noconvert(),
+      .def("set_sampled_controllers", set_sampled_controllers, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
+      .def("set_friction_interfaces", set_friction_interfaces, nb::arg("places"), nb::arg("active").noconvert(), nb::arg("heading").noconvert(),
            "Say where closures slide by friction of what they carry; active (k,) and heading (k, 2) are read and written.")
-      .def("slowest_slip", [](PyCore& c, double speed) { c.core->system.sliding.still = speed; }, nb::arg("speed"),
+      .def("set_smallest_slip", [](PyCore& c, double speed) { c.core->system.friction.still = speed; }, nb::arg("speed"),
            "Set the speed below which a slip has no direction.")
       .def("restore", restored, nb::arg("t"), nb::arg("y"), "Return the point on the closures, or None.");
-  bind_points(core), bind_tangents(m, core);
+  bind_run(m), bind_points(core), bind_tangents(m, core);
 }

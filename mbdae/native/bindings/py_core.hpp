@@ -80,7 +80,7 @@ struct PyCore {
     const Index2System& x = core->system;
     if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
     if (!t && !x.mechanics.expanded()) refuse("implicit methods need the expanded tree");
-    if (t && t->first && static_cast<int>(s.carry.size()) != x.carried())
+    if (t && t->explicit_first && static_cast<int>(s.carry.size()) != x.carried())
       refuse("the method needs a carried derivative");
     if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
   }
@@ -112,7 +112,7 @@ struct CoreLock {
 // Execute one call; a failure in the core returns None, and Ctrl-C in a Python function is raised.
 template <class F>
 nb::object attempt(PyCore& c, F&& compute) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   c.callbacks->interrupted = false;
   try {
     return compute(c.core->system);
@@ -124,7 +124,7 @@ nb::object attempt(PyCore& c, F&& compute) {
 
 // The same for many points or steps, concurrently with other threads; failures are reported in the results.
 template <class F>
-void many(PyCore& c, F&& compute) {
+void run_unlocked(PyCore& c, F&& compute) {
   c.callbacks->interrupted = false;
   {
     nb::gil_scoped_release release;

@@ -47,7 +47,7 @@ static void right_jacobian(const Tolerances& limits, int n, const double* X, con
   for (size_t k = 1; k < 2 * limits.series.size(); ++k) {
     times(n, X, term, next);
     for (int i = 0; i < n; ++i) term[i] = -next[i] / (k + 1), y[i] += term[i];
-    if (largest(term, n) <= limits.series_end * size) break;
+    if (largest(term, n) <= limits.below_rounding * size) break;
   }
 }
 
@@ -60,7 +60,7 @@ static void inverse_jacobian(const Tolerances& limits, int n, const double* X, c
   for (double b : limits.series) {
     times(n, X, term, next), times(n, X, next, term);
     for (int i = 0; i < n; ++i) y[i] += b * term[i];
-    if (largest(term, n) * std::fabs(b) <= limits.series_end * size) break;
+    if (largest(term, n) * std::fabs(b) <= limits.below_rounding * size) break;
   }
 }
 
@@ -76,7 +76,7 @@ static void inverse_jacobian_rate(const Tolerances& limits, int n, const double*
     for (int i = 0; i < n; ++i) dnext[i] += work[i];
     times(n, X, next, term), times(n, dX, next, dterm), times(n, X, dnext, work);
     for (int i = 0; i < n; ++i) dterm[i] += work[i], out[i] += b * dterm[i];
-    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.series_end * size) break;
+    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.below_rounding * size) break;
   }
 }
 
@@ -140,7 +140,7 @@ void Manifold::within(const double* x) const {
   for (const Block& b : blocks_) {
     const double turn =
         b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
-    if (turn > m_.limits.largest_turn) throw StepTooLong();
+    if (turn > m_.limits.max_rotation) throw StepTooLong();
   }
 }
 

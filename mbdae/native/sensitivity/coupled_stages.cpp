@@ -12,7 +12,7 @@ constexpr int halvings = 6;  // of the step, to obtain a guess
 }  // namespace
 
 StepCoefficients::StepCoefficients(const Tableau& a)
-    : n(a.n), first(a.first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
+    : n(a.n), first(a.explicit_first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
 
 StepCoefficients::StepCoefficients(const Radau& a)
     : n(a.s), coupled(true), A(a.A), Ahat(a.A), b(a.A.end() - a.s, a.A.end()), c(a.c), chat(a.c) {}
@@ -77,7 +77,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       steps_->guess(t, h, in);
     }
     h_ = h;
-    for (int k = 0; k < s_.mechanics.limits.restages; ++k) {
+    for (int k = 0; k < s_.mechanics.limits.stage_iterations; ++k) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
       Vector<double> right(n * m);
@@ -87,7 +87,7 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       const Rows<double> moves = RowsIn(change.data(), n, m);
       const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
       steps_->move(moves);
-      if (size <= s_.mechanics.limits.restaged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+      if (size <= s_.mechanics.limits.solution_rounding * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
     }
   }
   throw StepTooLong();

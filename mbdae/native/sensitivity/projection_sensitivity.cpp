@@ -73,7 +73,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   LinearisationPoint::Met& met = p.met[0];
   met.t = t, met.q = p.q, met.kind = c.of_v ? LinearisationPoint::Met::rate : LinearisationPoint::Met::gap, met.weight = 1;
   if (c.of_v) met.v.assign(v, v + nv);
-  c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
+  c.moved = largest(x.data(), nv) > s_.mechanics.limits.evaluation_rounding;
   const bool asked = parameters_.moving();
   if (c.of_v) s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &met.turnings : nullptr);
   if (!c.of_v) {

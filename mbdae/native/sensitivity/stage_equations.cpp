@@ -113,7 +113,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
     own.block(nv, ny + i, nv, 1) = -RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
     own(ny - 1, ny + i) = at_.g_t[i];
   }
-  if (s_.sliding) friction();
+  if (s_.friction) friction();
   y.topRows(ny) = x.topRows(ny);
   Numbers by_t(n_);
   s_.time_partials(at.t, o.q.data(), o.u.data(), o.lam.data(), by_t.data());
@@ -127,8 +127,8 @@ void StageEquations::friction() {
   const int nv = s_.nv, ny = s_.ny;
   const size_t n = n_;
   if (!parameters_.friction) throw FallBackToPython();
-  s_.sliding.slips(point_.u.data());
-  s_.sliding.partials(G_.data(), point_.lam.data(), at_.friction);
+  s_.friction.slips(point_.u.data());
+  s_.friction.partials(G_.data(), point_.lam.data(), at_.friction);
   for (int i = 0; i < r_; ++i) {
     const RowsIn by_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
     own.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();

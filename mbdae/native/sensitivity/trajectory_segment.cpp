@@ -22,7 +22,7 @@ void stand(const Index2System& s, const TrajectorySegment& g, const double* carr
 std::unique_ptr<StepMap> step_map(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward,
                                   bool varying) {
   if (g.radau) return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.radau), recorder(s, *g.radau));
-  if (!varying && s.formulation == Formulation::index2 && !s.sliding)
+  if (!varying && s.formulation == Formulation::index2 && !s.friction)
     return std::make_unique<StepSensitivity>(s, &parameters, *g.tableau, forward);
   return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.tableau), recorder(s, *g.tableau));
 }
@@ -82,7 +82,7 @@ bool project(Index2System& s, const RepeatTolerances& like, double t, const Stat
     moved = like.control.error_norm(move.data(), 1, s.ny, s.measured(), size0.data(), size1.data(), 0, 0, 0);
   } else {
     add_magnitude(s, next.y.data(), size1.data());
-    moved = largest_move(move, size1, s.measured(), like.tolerated, like.nothing);
+    moved = largest_move(move, size1, s.measured(), like.tolerated_move, like.tiny);
   }
   if (moved <= 1) return false;
   Numbers F(s.ny), z(s.ng);
@@ -94,7 +94,7 @@ bool project(Index2System& s, const RepeatTolerances& like, double t, const Stat
 }  // namespace
 
 size_t carry_size(const Index2System& s, const TrajectorySegment& g) {
-  return g.tableau && g.tableau->first ? s.carried() : 0;
+  return g.tableau && g.tableau->explicit_first ? s.carried() : 0;
 }
 
 void recompute(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& like, Recomputed& out) {
@@ -109,7 +109,7 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
   State now, middle, next;
   const size_t nc = carry_size(s, g);
   stand(s, g, out.carries.data(), 0, now);
-  out.renewed.assign(g.steps + 1, 0);
+  out.restarted.assign(g.steps + 1, 0);
   for (out.steps = 0; out.steps < g.steps; ++out.steps) {
     const size_t i = out.steps;
     const double h = g.t[i + 1] - g.t[i], *end = g.y + (i + 1) * s.length;
@@ -119,12 +119,12 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
     } else {
       step(g.t[i], h, now, next);
     }
-    if (g.project) out.renewed[i + 1] = project(s, like, g.t[i + 1], now, next);
+    if (g.project) out.restarted[i + 1] = project(s, like, g.t[i + 1], now, next);
     std::copy(next.carry.begin(), next.carry.end(), out.carries.begin() + (i + 1) * nc);
     s.difference(next.y.data(), end, move.data());
     const double apart = largest(move.data(), s.ny), size = 1 + largest(end, s.length);
-    if (!(apart <= like.repeated * size)) return;
-    if (!(apart <= like.synchronous * size)) next.y.assign(end, end + s.length);
+    if (!(apart <= like.same_state * size)) return;
+    if (!(apart <= like.agreement * size)) next.y.assign(end, end + s.length);
     std::swap(now, next);
   }
   out.end = now.y;

@@ -21,16 +21,16 @@ struct TrajectorySegment {
 struct RepeatTolerances {
   bool adaptive;
   StepControl control;
-  double tolerated, nothing;     // with fixed steps, of magnitudes
-  double repeated, synchronous;  // of 1 + |y|
+  double tolerated_move, tiny;     // with fixed steps, of magnitudes
+  double same_state, agreement;  // of 1 + |y|
 };
 
 // The carry at each node, (m + 1, nc), from that of the first, and where it was recomputed. Recomputed points continue
-// independently of the run, unless they differ by more than `synchronous`.
+// independently of the run, unless they differ by more than `agreement`.
 struct Recomputed {
   Numbers carries, end;
-  std::vector<int> renewed;  // (m + 1,)
-  size_t steps;              // that ended within `repeated`
+  std::vector<int> restarted;  // (m + 1,)
+  size_t steps;              // that ended within `same_state`
 };
 
 void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& like, Recomputed& out);

@@ -40,9 +40,9 @@ Rows<double> lagrange(const Numbers& c, const Numbers& x) {
 
 // Remaining iterations after a change by `size`, until the next one would be below the tolerance.
 int iterations_left(const Radau& a, double size, double rate) {
-  if (rate * size <= a.tolerance) return 0;
-  if (!(rate < 1)) return a.further;
-  return static_cast<int>(std::fmin(a.further, std::ceil(std::log(a.tolerance / size) / std::log(rate)) - 1));
+  if (rate * size <= a.below_rounding) return 0;
+  if (!(rate < 1)) return a.extra_iterations;
+  return static_cast<int>(std::fmin(a.extra_iterations, std::ceil(std::log(a.below_rounding / size) / std::log(rate)) - 1));
 }
 
 }  // namespace
@@ -118,18 +118,18 @@ void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
     for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(moves[i * ny_ + k]));
     scale[k] += move, most = std::max(most, scale[k]);
   }
-  for (int k = 0; k < s_.measured(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.share * most);
+  for (int k = 0; k < s_.measured(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.negligible * most);
 }
 
 bool CollocationStep::solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
-  const double h = m.h, near = std::max(a.near, accuracy);
+  const double h = m.h, near = std::max(a.iteration_rounding, accuracy);
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
   std::fill(scale_.begin(), scale_.end(), 0.0);
   grow_scale(a, X_);
-  double last = INFINITY, rate = a.expected;
+  double last = INFINITY, rate = a.expected_rate;
   int left = 0;
   for (int k = 0; k < patience; ++k) {
     correction(a, t, m);
@@ -146,21 +146,21 @@ bool CollocationStep::solve(const Radau& a, int patience, double accuracy, doubl
       }
     const double size = std::sqrt(sum / (s * measured));
     s_.counts.newton += 1;
-    if (k && last > a.near) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
+    if (k && last > a.iteration_rounding) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
     if (k ? rate < 1 && rate * size <= accuracy * (1 - rate) : size <= accuracy) {  // what is left is less
       m.rate = rate;
       return true;
     }
-    if (last > a.near) {
-      left = k ? iterations_left(a, size, rate) : a.first;
+    if (last > a.iteration_rounding) {
+      left = k ? iterations_left(a, size, rate) : a.first_iterations;
     } else {
       --left;
     }
-    if (size <= a.near && (left <= 0 || k == patience - 1)) {
+    if (size <= a.iteration_rounding && (left <= 0 || k == patience - 1)) {
       m.rate = rate;
       return true;
     }
-    const bool slow = k > 1 && last > a.near && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
+    const bool slow = k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }

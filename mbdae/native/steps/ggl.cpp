@@ -40,7 +40,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
   const Tolerances& limits = s_.mechanics.limits;
   const double scale = 1 + largest_scaled(q0_.data(), limits.q_scales);
   double last = INFINITY;
-  for (int k = 0; k < limits.meeting; ++k) {
+  for (int k = 0; k < limits.ggl_iterations; ++k) {
     place(dx, factor);
     std::fill(gap_.begin(), gap_.end(), 0.0);
     s_.constraints.value(s_.mechanics, q_met_.data(), kept, Ghat_.data(), gap_.data());
@@ -49,7 +49,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
     correct(Ghat_);
     const double size = std::fabs(factor) * largest_scaled(move_.data(), limits.coordinate_scales);
     if (!std::isfinite(size)) throw StepTooLong();
-    if (size <= limits.met * scale || (size > 0.5 * last && size <= limits.halted * scale)) {
+    if (size <= limits.rounding * scale || (size > 0.5 * last && size <= limits.search_tolerance * scale)) {
       if (!positions_.shared) meet_velocities();
       return watch(that);
     }
@@ -93,7 +93,7 @@ void GGLStep::watch(double that) {
   s_.constraints.gaps(that, gap_.data());
   const Tolerances& limits = s_.mechanics.limits;
   for (int r : others)
-    if (std::fabs(gap_[r]) > limits.gaping * limits.row_scales[r]) throw FallBackToPython();
+    if (std::fabs(gap_[r]) > limits.same_state * limits.row_scales[r]) throw FallBackToPython();
 }
 
 void GGLStep::project(double* e) {

@@ -59,7 +59,7 @@ void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
   gap_ = s_.point.g;
   s_.constraints.gaps(t, gap_.data());
   const Tolerances& limits = s_.mechanics.limits;
-  if (largest_scaled(gap_.data(), limits.row_scales) > limits.gaping) throw FallBackToPython();
+  if (largest_scaled(gap_.data(), limits.row_scales) > limits.same_state) throw FallBackToPython();
   std::fill(mu_.begin(), mu_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) mu_[rows[i]] = z[s_.rows.in_use().size() + i];
   if (!positions_.shared && positions_.rows().dependent()) positions_.saddle().symmetric();

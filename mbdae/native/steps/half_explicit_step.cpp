@@ -42,11 +42,11 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
   point.inertia(q_.data(), with_partials_ ? v_.data() : nullptr);
   s_.counts.M += 1, s_.counts.factorizations += 1;
-  const bool slides = static_cast<bool>(s_.sliding);
+  const bool slides = static_cast<bool>(s_.friction);
   const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;
   if (s_.ng) s_.counts.G += 1;
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
-  if (slides) s_.sliding.slips(v_.data());
+  if (slides) s_.friction.slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, with_partials_);
   if (!rows.empty()) constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
@@ -141,8 +141,8 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
   open(y);
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();
-  if (a.first) begin(in.carry, F);
-  for (int i = a.first; i < n; ++i) {
+  if (a.explicit_first) begin(in.carry, F);
+  for (int i = a.explicit_first; i < n; ++i) {
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
     stage(t + a.c[i] * h, t + a.chat[i] * h, h * a.Ahat[i * n + i], F + static_cast<size_t>(i) * stride, i == n - 1);
   }
@@ -157,13 +157,13 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
     out.low[k] = x_[k] - (out.y[i] - y[i]);
   }
   const double* end = F + static_cast<size_t>(n - 1) * stride;
-  if (a.first) finish(end, out.carry);
-  const bool projected = a.project && !rows.in_use().empty();
+  if (a.explicit_first) finish(end, out.carry);
+  const bool projected = a.project_embedded && !rows.in_use().empty();
   if (projected || rows.dependent()) s_.saddle.symmetric();
   errors.resize(static_cast<size_t>(a.errors) * ny_);
   for (int i = 0; i < a.errors; ++i) {
     double* e = &errors[static_cast<size_t>(i) * ny_];
-    combine(&a.e[i * n], n, h, xhat_);
+    combine(&a.error_weights[i * n], n, h, xhat_);
     std::copy_n(xhat_.data(), ny_, e);
     if (projected) project(e);
   }
@@ -173,7 +173,7 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
 
 void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z,
                                   Numbers& errors) {
-  if (!a.doubled) return take(a, t, h, in, out, z, errors);
+  if (!a.doubling_order) return take(a, t, h, in, out, z, errors);
   State full, middle;
   Numbers none;
   take(a, t, h, in, full, z, none);
@@ -181,7 +181,7 @@ void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const St
   take(a, t + h / 2, h / 2, middle, out, z, none);
   errors.resize(ny_);
   s_.difference(full.y.data(), out.y.data(), errors.data());
-  for (double& e : errors) e /= std::pow(2.0, a.doubled) - 1;
+  for (double& e : errors) e /= std::pow(2.0, a.doubling_order) - 1;
 }
 
 }  // namespace mbdae

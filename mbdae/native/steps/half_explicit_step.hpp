@@ -1,18 +1,21 @@
 // Half-explicit Runge-Kutta steps (mbdae/methods/half_explicit_step.py, mbdae/mechanism/formulations/index2_step.py).
 #pragma once
 
+#include "math/fields.hpp"
 #include "system/index2.hpp"
 
 namespace mbdae {
 
 struct Tableau {
-  int n = 0;                            // stages
-  bool first = false, project = false;  // explicit first stage; embedded errors are projected
-  Numbers A, Ahat;                      // (n, n) by rows
-  Numbers b, c, chat;                   // (n,)
-  Numbers e;                            // (errors, n) by rows
-  int errors = 0, doubled = 0;          // order p of a method controlled by step doubling; 0: an embedded formula
-  double noise = 0;                     // rounding of v by which an error estimate exceeds eps |v|
+  Numbers A, Ahat;                                        // (n, n) by rows
+  Numbers b, c, chat;                                     // (n,)
+  Numbers error_weights;                                  // (errors, n) by rows
+  bool explicit_first = false, project_embedded = false;  // explicit first stage; embedded errors are projected
+  int doubling_order = 0;  // order p of a method controlled by step doubling; 0: an embedded formula
+  double noise = 0;        // rounding of v by which an error estimate exceeds eps |v|
+  int n = 0, errors = 0;   // stages, and error estimates
+
+  FIELDS(A, Ahat, b, c, chat, error_weights, explicit_first, project_embedded, doubling_order, noise)
 };
 
 class HalfExplicitStep {

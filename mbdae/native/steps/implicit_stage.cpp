@@ -14,15 +14,15 @@ void CollocationStep::residual(double t, const double* x, const double* dx, cons
   const double *v = u_.data(), *q = q_.data();
   s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
   s_.counts.G += s_.ng > 0;
-  const bool slides = static_cast<bool>(s_.sliding);
+  const bool slides = static_cast<bool>(s_.friction);
   constraints.value(s_.mechanics, q, slides ? constraints.all : rows, G_.data());
   double* rates = R + 2 * nv_;
   s_.torque(t, q, v, v + nv_, R + nv_, rates);
   if (slides) {
     std::fill(lam_.begin(), lam_.end(), 0.0);
     for (size_t i = 0; i < rows.size(); ++i) lam_[rows[i]] = z[i];
-    s_.sliding.slips(v);
-    rates[ns_] += s_.sliding.add(G_.data(), lam_.data(), R + nv_);
+    s_.friction.slips(v);
+    rates[ns_] += s_.friction.add(G_.data(), lam_.data(), R + nv_);
   }
   std::copy(v, v + nv_, R);
   s_.manifold.tangent(x, R);

@@ -55,7 +55,7 @@ void ClosureFriction::along_grip(size_t k, const double* v, double* w) {
     const double ahead = dot(now, heading, 2);
     if (ahead < 0)
       for (double& x : now) x = -x;
-    if (std::fabs(ahead) > limits.turned) std::copy(now, now + m, heading);
+    if (std::fabs(ahead) > limits.slip_cosine) std::copy(now, now + m, heading);
   } else {
     std::copy(heading, heading + m, now);
   }
@@ -70,7 +70,7 @@ void ClosureFriction::along(const FrictionInterface& place, const double* v, dou
   const double* p = pair.pb;
   std::fill(w, w + 6, 0.0);
   auto unit = [&](double* x) {
-    const double size = norm(x, 3) + m_.limits.nothing;
+    const double size = norm(x, 3) + m_.limits.tiny;
     for (int i = 0; i < 3; ++i) x[i] /= size;
   };
   if (place.kind == FrictionInterface::turns) return turn(pair.Ra, place.axis, w + 3);
@@ -133,7 +133,7 @@ void ClosureFriction::whole(const double* lam, double* all) const {
 double ClosureFriction::carried(const FrictionInterface& place, const double* all, double* gradient) const {
   const double* F = all + place.row;
   const double size = norm(F, place.carried);
-  for (int i = 0; i < place.carried; ++i) gradient[i] = F[i] / (size + m_.limits.nothing);
+  for (int i = 0; i < place.carried; ++i) gradient[i] = F[i] / (size + m_.limits.tiny);
   return size;
 }
 
@@ -145,7 +145,7 @@ void ClosureFriction::forces(const Numbers& lam, const Numbers& responses) {
   double last = INFINITY;
   Numbers now, move(k);
   DenseLU<1> partials;
-  for (int it = 0; it < limits.loading; ++it) {
+  for (int it = 0; it < limits.friction_iterations; ++it) {
     now = lam;
     for (int i = 0; i < k; ++i)
       for (size_t j = 0; j < ng; ++j) now[j] += T_[i] * responses[i * ng + j];
@@ -163,7 +163,7 @@ void ClosureFriction::forces(const Numbers& lam, const Numbers& responses) {
     partials.solve(move.data());
     for (int i = 0; i < k; ++i) T_[i] += move[i];
     const double change = largest(move.data(), k), size = largest(T_.data(), k);
-    if (change <= limits.loaded * size || (change >= 0.5 * last && change <= limits.settled * size)) return;
+    if (change <= limits.rounding * size || (change >= 0.5 * last && change <= limits.solution_rounding * size)) return;
     last = change;
   }
   throw FallBackToPython();

@@ -1,5 +1,5 @@
 // Friction proportional to closure forces (mbdae/mechanism/formulations/closure_friction.py): T_k = factor_k |F_k(lam)|
-// along e_k, for each sliding interface k.
+// along e_k, for each friction interface k.
 #pragma once
 
 #include <cstdint>

@@ -101,7 +101,7 @@ bool Configuration::near(const double* q) const {
     const double unit = 1 / m_.limits.q_scales[i];
     size = std::max(size, unit * std::fabs(q[i])), move = std::max(move, unit * std::fabs(q[i] - q_[i]));
   }
-  return move <= m_.limits.same_point * (1 + size);
+  return move <= m_.limits.rounding * (1 + size);
 }
 
 void Configuration::exchange(Configuration& other) {

@@ -90,7 +90,7 @@ bool IndependentRows::choose(const double* Z, long stamp) {
   const int ng = static_cast<int>(position_.size());
   look(Z, stamp);
   if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw FallBackToPython();
-  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.grown * pivots_[0]) throw FallBackToPython();
+  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0]) throw FallBackToPython();
   if (rank) {
     const double smallest = pivots_[rank - 1] / pivots_[0];
     least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);
@@ -114,7 +114,7 @@ bool IndependentRows::choose_with_reason(const double* Z, long stamp) {
   const double now = now_;
   now_ = NAN;
   best_ = std::max(best_, now);
-  if (many() && !estranged && now >= limits_.reason * best_) return false;
+  if (many() && !estranged && now >= limits_.reselection_ratio * best_) return false;
   estranged = false, best_ = 0;
   return choose(Z, stamp);
 }

@@ -30,7 +30,7 @@ class IndependentRows {
   int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
   long version() const { return version_; }                       // counts changes of the rows in use
   bool dependent() const { return !others_.empty() && !rows_.empty(); }
-  bool many() const { return static_cast<int>(position_.size()) > limits_.many; }
+  bool many() const { return static_cast<int>(position_.size()) > limits_.many_rows; }
 
   void use(const std::vector<int>& rows, int rank, double floor, bool held);
   void reset();  // as when new

@@ -15,7 +15,7 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
-      sliding(mechanics, constraints, rows),
+      friction(mechanics, constraints, rows),
       formulation(d.formulation),
       nq(mechanics.nq),
       nv(mechanics.nv),
@@ -42,7 +42,7 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
     if (d.pair_of_law[i] >= 0) laws_[i].pair = &law_pairs_[d.pair_of_law[i]];
 }
 
-void Index2System::use(const std::vector<int>& in_use, int rank, double floor, bool held) {
+void Index2System::use_rows(const std::vector<int>& in_use, int rank, double floor, bool held) {
   point.forget();
   rows.use(in_use, rank, floor, held);
 }
@@ -59,7 +59,7 @@ bool Index2System::change_law(int k, const Numbers& a) {
   return true;
 }
 
-void Index2System::leave_out(std::vector<bool> off, bool sticks) {
+void Index2System::deactivate_rows(std::vector<bool> off, bool sticks) {
   constraints.off = std::move(off), constraints.sticks = sticks;
   point.forget();
   for (Numbers* rows : {&point.G, &point.Z, &point.other_G}) std::fill(rows->begin(), rows->end(), 0.0);
@@ -89,15 +89,15 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
 }
 
 void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {
-  if (sliding)
-    *power += sliding.solve(saddle, point.G.data(), Zhat, rhs, f);
+  if (friction)
+    *power += friction.solve(saddle, point.G.data(), Zhat, rhs, f);
   else
     saddle.solve(Zhat, rhs, f);
 }
 
 void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
                               double* rates) {
-  if (sliding) sliding.slips(v);
+  if (friction) friction.slips(v);
   forces(t, q, v, s, vdot, rates);
   if (ng) {
     if (!rows.held) rows.choose_with_reason(point.Z.data(), point.stamp());
@@ -126,7 +126,7 @@ bool Index2System::is_known(double t, const double* q, const double* v, const do
       const double unit = scales ? 1 / (*scales)[i] : 1;
       size = std::max(size, unit * std::fabs(x[i])), apart = std::max(apart, unit * std::fabs(x[i] - y[i]));
     }
-    return apart <= mechanics.limits.same_point * size;
+    return apart <= mechanics.limits.rounding * size;
   };
   if (known.motion != mechanics.motion()) return false;
   return near(&t, &known.t, 1) && near(q, known.q.data(), nq, &mechanics.limits.q_scales) &&
@@ -153,8 +153,8 @@ void Index2System::hidden(double t, const double* y, double* F, double* z) {
   if (!near)
     point.evaluate(q, false);
   else
-    stands && !sliding && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
-  if (sliding) sliding.slips(v);
+    stands && !friction && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
+  if (friction) friction.slips(v);
   if (stands)
     std::copy(known.f.begin(), known.f.end(), f), std::copy(known.rates.begin(), known.rates.end(), rates);
   else
@@ -164,7 +164,7 @@ void Index2System::hidden(double t, const double* y, double* F, double* z) {
   std::fill(gt_.begin(), gt_.end(), 0.0);
   constraints.acceleration(t, gt_.data());
   for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
-  if (sliding)
+  if (friction)
     saddle.symmetric(), solve(point.Z, lam_.data(), f, rates + ns);
   else
     saddle.respond(lam_.data(), f);
@@ -240,12 +240,12 @@ void Index2System::size(const double* y, double* out) {
   }
 }
 
-double Index2System::ratio(const double* q, int rank) {
+double Index2System::pivot_ratio(const double* q, int rank) {
   if (!point.near(q)) point.evaluate(q, false);
   return rows.ratio(constraints, point.Z.data(), rank);
 }
 
-double Index2System::bare(const double* q, const double* v, int repetitions) {
+double Index2System::minimal_stage_seconds(const double* q, const double* v, int repetitions) {
   point.evaluate(q, false);
   Numbers G;
   for (int k : rows.in_use()) {

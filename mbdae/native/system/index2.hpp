@@ -30,7 +30,7 @@ struct State {
 struct EquationPartials {
   Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
   Numbers g_t;            // (r,)
-  Numbers friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no sliding
+  Numbers friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no friction
 };
 
 // Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, accelerations known
@@ -66,7 +66,7 @@ class Index2System {
   IndependentRows rows;
   Configuration point;
   SaddleSystem saddle;
-  ClosureFriction sliding;
+  ClosureFriction friction;
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
@@ -80,11 +80,11 @@ class Index2System {
   int measured() const { return driven() ? ny : ny - 1; }  // components under error control
   // After `saddle.symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
   void probe();
-  void use(const std::vector<int>& in_use, int rank, double floor, bool held);
+  void use_rows(const std::vector<int>& in_use, int rank, double floor, bool held);
   void reset();  // to the state of a new system, in the same mode
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
-  void leave_out(std::vector<bool> off, bool sticks);
+  void deactivate_rows(std::vector<bool> off, bool sticks);
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; begun: with first terms of
   // partials.
@@ -116,7 +116,7 @@ class Index2System {
   // the step where q agrees to rounding.
   void hidden(double t, const double* y, double* F, double* z);
   // The same in raw coordinates, normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
-  void rate(double t, const double* y, double* dy, double* z);
+  void raw_derivative(double t, const double* y, double* dy, double* z);
   // Between two steps: select rows, and measure the violation of all. True if the rows changed; then v is projected
   // onto them, and the carried derivative is recomputed.
   bool update_independent_rows(double t, State& s);
@@ -139,8 +139,8 @@ class Index2System {
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
   const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
   void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
-  double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
-  double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
+  double pivot_ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
+  double minimal_stage_seconds(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
   bool is_known(double t, const double* q, const double* v, const double* s) const;

@@ -19,9 +19,9 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   double* G = all_G_.data();
   constraints.value(mechanics, q, rows.in_use(), G);
   out.friction.clear();
-  if (sliding) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
+  if (friction) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
     constraints.value(mechanics, q, rows.others(), G);
-    sliding.slips(u), sliding.partials(G, lam, out.friction);
+    friction.slips(u), friction.partials(G, lam, out.friction);
   }
   for (int k : rows.in_use())
     for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];

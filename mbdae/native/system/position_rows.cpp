@@ -30,7 +30,7 @@ void PositionRows::open(const double* y) {
   for (size_t i = 0; i < all_.size(); ++i) std::copy_n(&s_.point.Z[all_[i] * nv], nv, &Z_[i * nv]);
   pivots(s_.nv, static_cast<int>(all_.size()), Z_.data(), order_, pivots_, work_);
   if (own_.rank < 0) {
-    const double least = pivots_.empty() ? 0 : s_.mechanics.limits.independent * pivots_[0];
+    const double least = pivots_.empty() ? 0 : s_.mechanics.limits.pivot_rank * pivots_[0];
     own_.rank = static_cast<int>(std::count_if(pivots_.begin(), pivots_.end(), [&](double x) { return x > least; }));
   }
   std::vector<int> kept;

@@ -34,7 +34,7 @@ bool contradicts(const Index2System& s, double t, const double* v) {
     for (int i : s.constraints.rows[k].columns) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
     missed = std::max(missed, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
   }
-  return !(missed <= limits.kept * terms);
+  return !(missed <= limits.visible * terms);
 }
 
 void add_magnitude(const Index2System& s, const double* y, double* size) {
@@ -52,7 +52,7 @@ double largest_move(const Numbers& move, const Numbers& magnitude, int measured,
 bool felt(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
   return s.constraints.sticks ||
-         norm_of(rate, limits.row_scales) > limits.rounding * largest_scaled(v, limits.coordinate_scales);
+         norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
 }
 
 namespace {
@@ -101,8 +101,8 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
   Numbers g(point.g), gap(s.ng), x(s.nv), nearer(s.nq);
   s.constraints.gaps(t, g.data());
   double move = 0;
-  for (int i = 0; i < limits.iterations; ++i) {
-    if (norm_of(g.data(), limits.row_scales) <= limits.rounding * (1 + largest_scaled(q, limits.q_scales))) break;
+  for (int i = 0; i < limits.projection_iterations; ++i) {
+    if (norm_of(g.data(), limits.row_scales) <= limits.sum_rounding * (1 + largest_scaled(q, limits.q_scales))) break;
     const bool by_rows_in_use = least_motion.find(g, true, x.data());
     move = largest_scaled(x.data(), limits.coordinate_scales);
     for (double& c : x) c = -c;
@@ -111,7 +111,7 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
     s.counts.G += 1;
     s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.other_G.data(), gap.data());
     s.constraints.gaps(t, gap.data());
-    if (!(norm_of(gap.data(), limits.row_scales) < limits.falling * norm_of(g.data(), limits.row_scales))) {
+    if (!(norm_of(gap.data(), limits.row_scales) < limits.projection_falling * norm_of(g.data(), limits.row_scales))) {
       if (!by_rows_in_use) break;
       least_motion.insufficient();
       continue;
@@ -123,8 +123,8 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
     std::swap(point.G, point.other_G);
     for (int k : s.constraints.all) point.scale(k);
   }
-  if (!(norm_of(g.data(), limits.row_scales) <= limits.open) &&
-      !(move <= limits.stalled * (1 + largest_scaled(q, limits.q_scales))))
+  if (!(norm_of(g.data(), limits.row_scales) <= limits.projection_open) &&
+      !(move <= limits.projection_stalled * (1 + largest_scaled(q, limits.q_scales))))
     throw FallBackToPython();
 }
 
@@ -143,7 +143,7 @@ void restore_velocities(Index2System& s, double t, double* v) {
   const double before = norm_of(rate.data(), limits.row_scales);
   if (correct()) {
     s.residual_rate(t, v, rate.data());
-    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.falling * before;
+    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_falling * before;
     if (!closed && felt(s, rate.data(), v)) least_motion.insufficient(), correct();
   }
   if (contradicts(s, t, v)) throw FallBackToPython();

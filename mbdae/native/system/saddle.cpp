@@ -148,7 +148,7 @@ bool SaddleSystem::others_depend(const Numbers& probe) {
   for (int k : rows_.others()) {
     double s = 0;
     for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * w[c];
-    if (s * s > limits_.probed * limits_.probed * scale) return false;
+    if (s * s > limits_.probe_tolerance * limits_.probe_tolerance * scale) return false;
   }
   return true;
 }
@@ -188,8 +188,8 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   down(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
-  const double enough = limits_.converged * rho;
-  for (int it = 0; it < d + limits_.spare && rho > enough && rho > 0; ++it) {
+  const double enough = limits_.cg_tolerance * rho;
+  for (int it = 0; it < d + limits_.extra_cg_iterations && rho > enough && rho > 0; ++it) {
     up(p_, u_);
     down(u_, Ap_);
     for (int i = 0; i < d; ++i) Ap_[i] += p_[i];

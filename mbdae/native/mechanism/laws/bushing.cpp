@@ -31,7 +31,7 @@ static Vec3<S> inverse_jacobian(const Tolerances& limits, const Vec3<S>& theta, 
   Vec3<S> out = a + 0.5 * cross(theta, a), term = a;
   for (double b : limits.series) {
     term = cross(theta, cross(theta, term)), out = out + b * term;
-    if (largest(term) * std::fabs(b) <= limits.series_end * largest(a)) break;
+    if (largest(term) * std::fabs(b) <= limits.below_rounding * largest(a)) break;
   }
   return out;
 }
