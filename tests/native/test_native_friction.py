@@ -120,7 +120,7 @@ def test_invalid_interfaces_are_rejected():
     wrong = {
         "kind": ["slip", 3, None],
         "row": [-1, 1, 7, "x"],
-        "carried": [0, 2, 4],
+        "components": [0, 2, 4],
         "grip": [[0], [7], None],
         "axis": [[1.0], None],
         "coefficient": [-1.0, np.nan, np.inf],

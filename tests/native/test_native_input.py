@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formulations.core_description import constraints_of, core_tolerances, laws_of
+from mbdae.mechanism.formulations.core_description import core_tolerances, describe
 from mbdae.methods import METHODS
 
 pytestmark = pytest.mark.native
@@ -20,25 +20,19 @@ REFUSED = (ValueError, TypeError, RuntimeError, OverflowError, IndexError, KeyEr
 def arguments(name="four_bar", **options):
     """The arguments of the core in `Compiled`, except thresholds."""
     mech = mbdae.load(name, **options)
-    system = mech.system()
-    pairs, rows, drivers = constraints_of(system.constraints)
-    law_pairs, laws = laws_of(system.laws)
-    m = system.manifold
-    flat, angular = m.flat, m.angular.astype(int).tolist()
-    lists = angular, m.angles, system.place.tolist(), [1.0] * mech.nv
-    return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], *lists]
+    return [mech.model, describe(mech.system())]
 
 
-def make_core(model, *rest, more=0):
+def make_core(model, description, more=0):
     """A core, all of whose scales are 1; ``more`` of each than required."""
     native = backend.load()
     sizes = {
-        "row_scales": len(rest[2]),
+        "row_scales": len(description["rows"]),
         "q_scales": getattr(model, "nq", 0),
         "coordinate_scales": getattr(model, "nv", 0),
     }
     scales = SimpleNamespace(**{name: np.ones(n + more) for name, n in sizes.items()})
-    return native.Core(model, core_tolerances(native, scales), *rest)
+    return native.Core(model, core_tolerances(native, scales), description)
 
 
 def tableau_arrays(name="pherk5"):
@@ -260,7 +254,7 @@ def test_wrong_mechanisms_are_refused_or_computed(given):
     """Indices out of range, missing keys, wrong kinds, numbers of any size: an exception, or a core that computes."""
     try:
         core = make_core(*given)
-        y = np.concatenate([[1.2, -0.9, 1.4, 0.1, 0.2, 0.3], np.zeros(RIGHT[7] + 1)])
+        y = np.concatenate([[1.2, -0.9, 1.4, 0.1, 0.2, 0.3], np.zeros(RIGHT[1]["ns"] + 1)])
         found = core.derivative(0.0, y)
     except REFUSED:
         return
@@ -269,16 +263,16 @@ def test_wrong_mechanisms_are_refused_or_computed(given):
 
 def test_indices_that_overflow_are_refused():
     for change in ({"state": 2**31 - 1, "states": 1}, {"state": 1, "states": 2**31 - 1}):
-        wrong = [list(x) if isinstance(x, list) else x for x in RIGHT]
-        wrong[6] = [{**law, **change} for law in wrong[6]]
         with pytest.raises(ValueError, match="out of range"):
-            make_core(*wrong)
-    for frame in ((), (0,), (0, [1.0] * 9)):
-        wrong = [*RIGHT[:2], [(frame, frame)], *RIGHT[3:]]
-        with pytest.raises(ValueError, match="a frame is"):
-            make_core(*wrong)
+            make_core(RIGHT[0], RIGHT[1] | {"laws": [{**law, **change} for law in RIGHT[1]["laws"]]})
+    for frame in ({}, {"joint": 0}, {"joint": 0, "R": [1.0] * 9}):
+        with pytest.raises(ValueError, match="missing key"):
+            make_core(RIGHT[0], RIGHT[1] | {"pairs": [(frame, frame)]})
+    for frame in ({"joint": 2**31 - 1, "R": [1.0] * 9, "p": [0.0] * 3}, {"joint": 0, "R": [1.0], "p": [0.0] * 3}):
+        with pytest.raises(ValueError, match=r"joint of a frame out of range|expected 9 numbers"):
+            make_core(RIGHT[0], RIGHT[1] | {"pairs": [(frame, frame)]})
     with pytest.raises(ValueError, match="sizes"):
-        make_core(*RIGHT[:7], 2**31 - 1, *RIGHT[8:])
+        make_core(RIGHT[0], RIGHT[1] | {"ns": 2**31 - 1})
     with pytest.raises(ValueError, match="as many scales as rows"):
         make_core(*RIGHT, more=1)
 
@@ -286,9 +280,9 @@ def test_indices_that_overflow_are_refused():
 @pytest.mark.parametrize("model", [None, 3, "four_bar", object(), pin.Data(pin.Model()), pin.Model])
 def test_what_is_no_model_is_refused(model):
     with pytest.raises(REFUSED):
-        make_core(model, *RIGHT[1:])
+        make_core(model, RIGHT[1])
 
 
 def test_a_model_without_joints():
-    core = make_core(pin.Model(), True, [], [], [], [], [], 0, [], [], [], [], [])
+    core = make_core(pin.Model(), describe(mbdae.Mechanism(pin.Model()).system()))
     assert core.derivative(0.0, np.zeros(1))[0].tolist() == [0.0]

@@ -137,8 +137,9 @@ class PlaneCurve:
     def core_data(self) -> dict[str, Any]:
         """Core data."""
         kind = {"harmonic": self.harmonic, "closed": self.closed, "side": self.side}
-        sizes = {"starts": self.starts.tolist(), "numbers": self.numbers.ravel().tolist(), "degree": DEGREE}
-        return {**kind, **sizes, "samples": self.samples.tolist(), "search": [ITERATIONS, BELOW_ROUNDING, SHARP]}
+        sizes = {"starts": self.starts.tolist(), "coefficients": self.numbers.ravel().tolist()}
+        search = {"iterations": ITERATIONS, "rounding": BELOW_ROUNDING, "tolerance": SHARP}
+        return {**kind, **sizes, **search, "degree": DEGREE, "samples": self.samples.tolist()}
 
 
 class PointProfile(Table):

@@ -1,6 +1,6 @@
 """Core data of the parameters of a mechanism."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...finite_differences import weights
 from ..forces.force import PairElement
@@ -14,8 +14,23 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
     from ..formulations.index2 import Index2System
 
-ModelComponent = tuple[str, int, bool, bool]  # kind, index, whether the pair of a law, and whether its second frame
-CoreData = tuple[list[ModelComponent], list[Any], list[Any]]
+CoreData = tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]
+
+
+class ModelComponent(NamedTuple):
+    """A component of a model that parameters can change.
+
+    Attributes:
+        kind: inertia, placement, frame, gravity or armature.
+        id: the joint of the body or of the placement; or the index of a pair of frames.
+        of_law: whether the pair belongs to a law.
+        second: whether it is the pair's second frame.
+    """
+
+    kind: str
+    id: int = 0
+    of_law: bool = False
+    second: bool = False
 
 
 def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "NativeParameters":
@@ -32,29 +47,37 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
 def _core_data(parameters: Parameters) -> CoreData:
     """Return the changed components, the change by each parameter, and perturbed laws and rows."""
     numbers: dict[ModelComponent, int] = {}
-    directions: list[tuple[int, int, list[float]]] = []
+    directions: list[dict[str, Any]] = []
     ends = _ends(parameters.system)
     for i, p in enumerate(parameters.all):
         for component, x in _made_of(p, ends):
-            directions.append((i, numbers.setdefault(component, len(numbers)), x.tolist()))
-    changed: list[tuple[int, list[int], list[Any], list[Any]]] = []
+            k = numbers.setdefault(component, len(numbers))
+            directions.append({"parameter": i, "component": k, "x": x.tolist()})
+    changed: list[dict[str, Any]] = []
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
         factors = weights(p.places_beside, p.h)
         if laws.near:
-            near = [(factors[k], *laws_of(x)) for k, x in laws.near.items()]
-            changed.append((i, laws.at.tolist(), near, []))
+            near = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.near.items()]
+            changed.append({"parameter": i, "at": laws.at.tolist(), "laws": near, "rows": []})
         if rows.near:
-            beside = [(factors[k], *constraints_of(x)) for k, x in rows.near.items()]
-            changed.append((i, rows.at.tolist(), [], beside))
-    return list(numbers), directions, changed
+            keys = "pairs", "rows", "drivers"
+            near = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.near.items()]
+            changed.append({"parameter": i, "at": rows.at.tolist(), "laws": [], "rows": near})
+    return [component._asdict() for component in numbers], directions, changed
+
+
+def _perturbed(weight: float, keys: tuple[str, ...], elements: tuple[list[Any], ...]) -> dict[str, Any]:
+    """Return perturbed laws, or rows and drivers, whose weighted sum is a difference quotient."""
+    empty: dict[str, Any] = {"pairs": [], "laws": [], "rows": [], "drivers": []}
+    return {"weight": weight, **empty, **dict(zip(keys, elements, strict=True))}
 
 
 def _made_of(p: Parameter, ends: dict[int, list[ModelComponent]]) -> list[tuple[ModelComponent, Any]]:
     """Return the components that a parameter changes, and the changes."""
-    out: list[tuple[ModelComponent, Any]] = [(("inertia", j, False, False), x) for j, x in p.inertias.items()]
-    out += [(("place", j, False, False), x) for j, x in p.places.items()]
+    out: list[tuple[ModelComponent, Any]] = [(ModelComponent("inertia", j), x) for j, x in p.inertias.items()]
+    out += [(ModelComponent("placement", j), x) for j, x in p.places.items()]
     out += [(component, x) for i, x in p.frames.items() for component in ends.get(i, ())]
-    out += [((kind, 0, False, False), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
+    out += [(ModelComponent(kind), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
     return out
 
 
@@ -65,7 +88,9 @@ def _ends(system: "Index2System") -> dict[int, list[ModelComponent]]:
 
     def add_frames(number: int, pair: Pair, of_law: bool) -> None:
         for a, second in ((pair.a, False), (pair.b, True)):
-            out.setdefault(frames.index(find_frame(model, a.name)), []).append(("frame", number, of_law, second))
+            out.setdefault(frames.index(find_frame(model, a.name)), []).append(
+                ModelComponent("frame", number, of_law, second)
+            )
 
     for i, (pair, _) in enumerate(system.constraints.frame_parts.values()):
         add_frames(i, pair, False)

@@ -12,11 +12,9 @@ import numpy as np
 
 from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
-from ..closures.independent_rows import random_probe
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
-from ..manifold import GROUPS
-from .core_description import constraints_of, core_tolerances, laws_of, samplers_of
+from .core_description import core_tolerances, describe, samplers_of
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
@@ -44,17 +42,10 @@ class CompiledSystem(Index2System):
 
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
         super().__init__(mechanism)
-        m = self.manifold
-        pairs, rows, drivers = constraints_of(self.constraints)
-        law_pairs, laws = laws_of(self.laws)
-        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
-        angles = m.angular.astype(int).tolist()
         self.native = native
-        lists = self.place.tolist(), random_probe(self.nv).tolist()
-        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, angles, m.angles, *lists
-        form = self.formulation, *self.baumgarte
+        description = describe(self)
         try:
-            self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), m.flat, *tables, *form)
+            self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), description)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.set_sampled_controllers(samplers_of(self.laws))

@@ -13,11 +13,13 @@ from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
+from ..manifold import GROUPS
 from . import closure_friction, friction_interface, ggl, projection
 
 if TYPE_CHECKING:
     from ..._native import Tolerances
     from ..mechanism import Mechanism
+    from .index2 import Index2System
 
 Plain = dict[str, Any]
 STAGE_ITERATIONS = 20  # iterations of stages that a derivative of a run computes again
@@ -64,6 +66,37 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
     return tolerances
 
 
+def describe(system: "Index2System") -> Plain:
+    """Return the description of a mechanism for the core, the `Description` of `native/system/index2.hpp`.
+
+    Raises:
+        NotCompiled: for rows and laws that the core does not support.
+    """
+    m = system.manifold
+    pairs, rows, drivers = constraints_of(system.constraints)
+    law_pairs, laws = laws_of(system.laws)
+    alpha, beta = system.baumgarte
+    return {
+        "formulation": system.formulation,
+        "alpha": alpha,
+        "beta": beta,
+        "flat": m.flat,
+        "ns": system.ns,
+        "pairs": pairs,
+        "rows": rows,
+        "drivers": drivers,
+        "law_pairs": law_pairs,
+        "laws": laws,
+        "blocks": [
+            {"kind": GROUPS[ad], "iv": s.start, "iq": iq} for (_, s, ad, _), iq in zip(m.blocks, m.places, strict=True)
+        ],
+        "angular": m.angular.astype(int).tolist(),
+        "angles": [{"iv": iv, "iq": iq} for iv, iq in m.angles],
+        "order": system.place.tolist(),
+        "probe": independent_rows.random_probe(system.nv).tolist(),
+    }
+
+
 def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:
     """Return pairs of frames, rows and drivers.
 
@@ -87,8 +120,8 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
     return pairs, rows, drivers
 
 
-def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
-    return a.joint, a.R.ravel().tolist(), a.p.tolist()
+def _frame(a: Anchor) -> Plain:
+    return {"joint": a.joint, "R": a.R.ravel().tolist(), "p": a.p.tolist()}
 
 
 def samplers_of(laws: ForceElements) -> list[Plain]:

@@ -84,7 +84,7 @@ class FrictionInterface(NamedTuple):
         return {
             "kind": "grips" if force.sticks else self.closure.friction,
             "row": self.rows.start,
-            "carried": self.rows.stop - self.rows.start,
+            "components": self.rows.stop - self.rows.start,
             "grip": list(range(self.grip.start, self.grip.stop)) if force.sticks else [],
             "axis": self.axis.tolist(),
             "coefficient": force.coefficient * (force.radius or 1.0),

@@ -66,7 +66,7 @@ double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitio
     s.partials(0, at.data(), u.data(), vdot.data(), lam.data(), out);
     std::swap(u, other);
   }
-  s.counts = counts, s.point.forget();
+  s.counts = counts, s.point.invalidate();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
 }
 

@@ -8,7 +8,7 @@
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 
-#include "bindings/description.hpp"
+#include "bindings/structs.hpp"
 
 namespace mbdae {
 

@@ -2,15 +2,37 @@
 // readers of dicts.
 #pragma once
 
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
-#include "bindings/description.hpp"
-#include "math/fields.hpp"
+#include "run/time_loop.hpp"
 
 namespace mbdae {
+
+namespace nb = nanobind;
+using Array = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+
+[[noreturn]] inline void refuse(const std::string& text) { throw std::invalid_argument(text); }
+
+// A kind of row, law or signal that Python has and this core does not: the core was built before it was written.
+struct UnknownKind : std::invalid_argument {
+  explicit UnknownKind(const std::string& name)
+      : std::invalid_argument("kind '" + name + "': it was built before that was written") {}
+};
+
+inline nb::object item(const nb::dict& d, const char* key) {
+  if (!d.contains(key)) refuse(std::string("missing key ") + key);
+  return d[key];
+}
 
 inline std::vector<std::string> split_names(const std::string& list) {
   std::vector<std::string> out(1);
@@ -147,10 +169,7 @@ class Reader {
     size_t i = 0;
     auto one = [&](auto& field) {
       const char* name = names[i++].c_str();
-      if (d.contains(name))
-        static_cast<Derived*>(this)->read(d[name], field);
-      else if (all)
-        refuse(std::string("missing key ") + name);
+      if (all || d.contains(name)) static_cast<Derived*>(this)->read(item(d, name), field);
     };
     std::apply([&](auto&... field) { (one(field), ...); }, out.fields());
   }

@@ -25,8 +25,8 @@ struct Tolerances {
   int projection_iterations;
   // formulations/ggl.py, closure_friction.py, friction_interface.py
   int ggl_iterations, friction_iterations;
-  double slip_cosine;    // of the rotation of a slip within one step
-  int stage_iterations;  // of stages that derivatives of runs recompute
+  double slip_cosine;                                           // of the rotation of a slip within one step
+  int stage_iterations;                                         // of stages that derivatives of runs recompute
   std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
 
   FIELDS(eps, tiny, below_rounding, rounding, sum_rounding, evaluation_rounding, solution_rounding, search_tolerance,

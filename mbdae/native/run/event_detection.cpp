@@ -94,7 +94,8 @@ class Search {
     for (int k = 0; k < all_.iterations; ++k) {
       if (sign(b.f) == sign(c.f)) c = a, move = before = b.theta - a.theta;
       if (std::fabs(c.f) < std::fabs(b.f)) a = b, b = c, c = a;
-      const double tolerance = 0.5 * (resolution + all_.step_tolerance * std::fabs(b.theta)), half = 0.5 * (c.theta - b.theta);
+      const double tolerance = 0.5 * (resolution + all_.step_tolerance * std::fabs(b.theta)),
+                   half = 0.5 * (c.theta - b.theta);
       if (b.f == 0 || std::fabs(half) <= tolerance) break;
       const bool converges = std::fabs(before) > tolerance && std::fabs(b.f) < std::fabs(a.f);
       const double guess = converges ? interpolated(a, b, c) : 0.0;
@@ -119,7 +120,8 @@ class Search {
   // Fraction of the step at which the signal may have crossed its level and returned; 0 for none.
   double extremum(double f0, double f1) {
     const SignalValue& signal = event_.signal;
-    if ((signal.kind != SignalValue::Kind::y && signal.kind != SignalValue::Kind::angle) || signal.rate < 0 || f0 * f1 <= 0)
+    if ((signal.kind != SignalValue::Kind::y && signal.kind != SignalValue::Kind::angle) || signal.rate < 0 ||
+        f0 * f1 <= 0)
       return 0;
     const double m1 = h_ * rate(step_.t1, step_.y1, step_.carry1);
     if (m1 * f1 <= 0) return 0;
@@ -152,15 +154,17 @@ class Search {
 
 }  // namespace
 
-EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter) {
+EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
+                        const PartialStep& shorter) {
   EventScan out;
   out.nodes = events.nodes;
   std::vector<Crossing> crossings;
   for (size_t i = 0; i < events.events.size(); ++i)
     Search(s, values, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), crossings);
   if (crossings.empty()) return out;
-  std::sort(crossings.begin(), crossings.end(),
-            [](const Crossing& a, const Crossing& b) { return a.theta != b.theta ? a.theta < b.theta : a.event < b.event; });
+  std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
+    return a.theta != b.theta ? a.theta < b.theta : a.event < b.event;
+  });
   const double h = step.t1 - step.t, agreement = events.agreement * std::max(1.0, std::fabs(step.t));
   for (const Crossing& crossing : crossings) {
     if (out.stop >= 0 && (crossing.theta - out.stop) * std::fabs(h) > agreement) break;

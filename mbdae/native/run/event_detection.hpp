@@ -33,9 +33,9 @@ struct Events {
   std::vector<SignalEvent> events;
   std::vector<Node> nodes;  // current node of each event
   std::vector<LocatedEvent> located;
-  bool stopped = false;     // a terminal one ends the run
-  double start = 0;         // s: start of the run, where an event counts as located
-  double agreement = 0;     // s, or relative to t: an event so close to the start is the start
+  bool stopped = false;                     // a terminal one ends the run
+  double start = 0;                         // s: start of the run, where an event counts as located
+  double agreement = 0;                     // s, or relative to t: an event so close to the start is the start
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;
 
@@ -58,6 +58,7 @@ struct EventScan {
 // y (length,) at the end of a partial step of fraction theta; throws if it cannot be taken.
 using PartialStep = std::function<Numbers(double theta)>;
 
-EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter);
+EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
+                        const PartialStep& shorter);
 
 }  // namespace mbdae

@@ -19,7 +19,8 @@ double Jumps::next(const std::vector<SampledController>& samplers, double t, dou
 }
 
 // The last of the jumps after t that follow one another within `gap`; t if there is none.
-bool Jumps::last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap, double& found) const {
+bool Jumps::last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap,
+                            double& found) const {
   for (int i = 0; i < max_cluster; ++i) {
     const double later = next(samplers, t, sign);
     if (sign * (later - t) > gap) {

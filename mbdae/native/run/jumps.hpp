@@ -9,11 +9,11 @@
 namespace mbdae {
 
 struct Jumps {
-  bool in_core = false;   // whether the core crosses them, not Python
-  Numbers times;          // s, increasing
-  double margin = 0;      // roundings of t by which a step stays before a jump
-  int max_cluster = 0;    // jumps within roundings of one another that count as one
-  double restart = NAN;   // s: start of the next interval; nan after the end
+  bool in_core = false;  // whether the core crosses them, not Python
+  Numbers times;         // s, increasing
+  double margin = 0;     // roundings of t by which a step stays before a jump
+  int max_cluster = 0;   // jumps within roundings of one another that count as one
+  double restart = NAN;  // s: start of the next interval; nan after the end
 
   FIELDS(in_core, times, margin, max_cluster, restart)
 
@@ -22,7 +22,8 @@ struct Jumps {
 
  private:
   double next(const std::vector<SampledController>& samplers, double t, double sign) const;
-  bool last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap, double& found) const;
+  bool last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap,
+                       double& found) const;
 };
 
 }  // namespace mbdae

@@ -14,21 +14,21 @@ void PointValues::set_point(double t, const double* y) {
 
 void PointValues::evaluate_hidden() {
   if (hidden_current_) return;
-  if (!s_.point.near(y_.data())) exchange();
+  if (!s_.point.is_current(y_.data())) exchange();
   const Counts counts = s_.counts;
   F_.resize(s_.ny), z_.resize(s_.ng);
-  s_.hidden(t_, y_.data(), F_.data(), z_.data());
+  s_.hidden_derivative(t_, y_.data(), F_.data(), z_.data());
   s_.counts = counts, hidden_current_ = true;
 }
 
 void PointValues::evaluate_residuals() {
   if (residuals_current_) return;
-  if (s_.point.exactly(y_.data()))
+  if (s_.point.is_exactly_current(y_.data()))
     s_.mechanics.inertia(y_.data());
   else
     exchange(), s_.point.evaluate(y_.data(), false);
   g_ = s_.point.g, rate_.resize(s_.ng);
-  s_.constraints.gaps(t_, g_.data());
+  s_.constraints.complete_g(t_, g_.data());
   s_.residual_rate(t_, y_.data() + s_.nq, rate_.data());
   energy_ = mbdae::energy(s_, y_.data()), residuals_current_ = true;
 }
@@ -41,7 +41,7 @@ double PointValues::moment(const std::vector<int>& rows) {
     const Row& row = s_.constraints.rows[k];
     Pair& pair = s_.constraints.pairs[row.pair];
     double w[6], arm[3];
-    pair.locate(s_.mechanics);
+    pair.update_poses(s_.mechanics);
     row.wrench(pair, w);
     cross(pair.pb, w, arm);
     for (int i = 0; i < 3; ++i) sum[i] += z_[k] * (w[3 + i] - arm[i]);
@@ -53,7 +53,8 @@ bool SignalValue::is_valid(const Index2System& s) const {
   for (int k : rows)
     if (k < 0 || k >= s.ng || (kind == Kind::torque && s.constraints.rows[k].pair < 0)) return false;
   if (rate < -1 || rate >= s.ny || (kind == Kind::angle && (rate < 0 || rate >= s.nv))) return false;
-  return i >= 0 && i + (kind == Kind::angle) < (kind == Kind::rate ? s.ny : s.length) && (kind != Kind::lam || rows.size() == 1);
+  return i >= 0 && i + (kind == Kind::angle) < (kind == Kind::rate ? s.ny : s.length) &&
+         (kind != Kind::lam || rows.size() == 1);
 }
 
 double SignalValue::at(PointValues& values, double t, const double* y) const {

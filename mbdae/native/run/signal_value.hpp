@@ -22,9 +22,9 @@ class PointValues {
   }
 
   void set_point(double t, const double* y);
-  const Numbers& F() { return evaluate_hidden(), F_; }        // (ny,) y'
-  const Numbers& lam() { return evaluate_hidden(), z_; }      // (ng,) of the hidden constraint
-  const Numbers& gaps() { return evaluate_residuals(), g_; }    // (ng,) g
+  const Numbers& F() { return evaluate_hidden(), F_; }            // (ny,) y'
+  const Numbers& lam() { return evaluate_hidden(), z_; }          // (ng,) of the hidden constraint
+  const Numbers& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
   const Numbers& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
   const Energy& energy() { return evaluate_residuals(), energy_; }
   double moment(const std::vector<int>& rows);  // of lam on the body of the second frame, at its origin

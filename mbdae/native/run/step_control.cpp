@@ -55,7 +55,9 @@ double StepControl::next_step(double taken, double error) {
   return taken * factor;
 }
 
-double Grid::at(const SmoothInterval& interval, long k) const { return k >= n ? interval.t1 : t0 + interval.sign * k * step; }
+double Grid::at(const SmoothInterval& interval, long k) const {
+  return k >= n ? interval.t1 : t0 + interval.sign * k * step;
+}
 
 Proposal Grid::propose(const SmoothInterval& interval) {
   const bool started = on_grid;
@@ -67,6 +69,8 @@ Proposal Grid::propose(const SmoothInterval& interval) {
   return {started ? step : std::fabs(t - interval.t), t};
 }
 
-bool Grid::more_before_end(const SmoothInterval& interval) const { return on_grid && i < n && interval.sign * (interval.stop - at(interval, i + 1)) >= 0; }
+bool Grid::more_before_end(const SmoothInterval& interval) const {
+  return on_grid && i < n && interval.sign * (interval.stop - at(interval, i + 1)) >= 0;
+}
 
 }  // namespace mbdae

@@ -18,8 +18,8 @@ TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
       other_configuration_(s_.mechanics, s_.constraints, s_.counts) {}
 
 double TimeLoop::error_norm(const double* e, int errors, double noise) const {
-  return run_.control.error_norm(e, errors, s_.ny, s_.measured(), size0_.data(), size1_.data(), s_.nv, 2 * s_.nv,
-                                 noise);
+  return run_.control.error_norm(e, errors, s_.ny, s_.controlled_components(), size0_.data(), size1_.data(), s_.nv,
+                                 2 * s_.nv, noise);
 }
 
 bool TimeLoop::ends_singular() {
@@ -28,7 +28,8 @@ bool TimeLoop::ends_singular() {
   const double nearest = std::min(std::sqrt(s_.rows.least_pivot_ratio), w.last_ratio);
   const double limit = w.singular_ratio * std::min(w.largest_ratio, w.last_ratio);
   if (nearest < limit) return true;
-  return nearest < w.suspicious_ratio * w.largest_ratio && s_.pivot_ratio(next_.y.data(), std::max(s_.rows.rank, 1)) < limit;
+  return nearest < w.suspicious_ratio * w.largest_ratio &&
+         s_.pivot_ratio(next_.y.data(), std::max(s_.rows.rank, 1)) < limit;
 }
 
 bool TimeLoop::accept(double h) {
@@ -45,14 +46,14 @@ bool TimeLoop::accept(double h) {
     control.h = std::max(control.h, control.cut);
     return true;
   }
-  if (!std::isfinite(error)) s_.point.forget();
+  if (!std::isfinite(error)) s_.point.invalidate();
   return false;
 }
 
 bool TimeLoop::shorten(double h) {
   run_.control.h = run_.control.next_step(h, INFINITY);
   if (!run_.control.large_enough(run_.interval, run_.control.h)) return false;
-  s_.point.forget();
+  s_.point.invalidate();
   ++run_.rejected;
   return true;
 }
@@ -61,7 +62,7 @@ double TimeLoop::move_norm(const Numbers& move) const {
   if (run_.adaptive) return error_norm(move.data(), 1, 0);
   Numbers magnitude(size1_);
   add_magnitude(s_, next_.y.data(), magnitude.data());
-  return largest_move(move, magnitude, s_.measured(), run_.tolerated_move, run_.tiny);
+  return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
 
 bool TimeLoop::taken_back(double h, const Numbers& y, const Numbers& move) const {
@@ -93,9 +94,9 @@ void TimeLoop::project(double t) {
 
 void TimeLoop::detect_events(Proposal& p) {
   const double t = run_.interval.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
-  const IndependentRows::Aside aside(s_.rows);
+  const IndependentRows::Freeze freeze(s_.rows);
   // the input of `update_independent_rows` at the end, to the last bit
-  const bool near = s_.point.near(next_.y.data()) && !s_.point.exactly(next_.y.data());
+  const bool near = s_.point.is_current(next_.y.data()) && !s_.point.is_exactly_current(next_.y.data());
   PointValues values(s_, near ? &other_configuration_ : nullptr);
   State end;  // swapped with `next_` while shorter steps are taken: arrays keep their addresses
   Numbers z, size;
@@ -117,7 +118,8 @@ void TimeLoop::detect_events(Proposal& p) {
   const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
   scan_ = mbdae::detect_events(s_, values, run_.events, taken, shorter);
   if (scan_.stop >= 0) {
-    const bool monitored = run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
+    const bool monitored =
+        run_.monitored && std::sqrt(least) < run_.monitor.monitored_ratio * run_.monitor.largest_ratio;
     if (monitored || scan_.stop * h == 0) throw FallBackToPython();
     if (last != scan_.stop) shorter(scan_.stop);
     p.t_next = t + scan_.stop * h;
@@ -149,12 +151,12 @@ bool TimeLoop::cross_jump() {
   const long node = static_cast<long>(run_.steps.t.size());
   try {
     if (!jumps.next_interval(s_.samplers, t, interval)) return false;
-    s_.jump(t, next.y.data());
+    s_.apply_jumps(t, next.y.data());
     if (s_.update_independent_rows(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
     s_.derivative(t, next.y.data(), F.data(), z.data());
   } catch (const FallBackToPython&) {
     if (!run_.steps.changes.empty() && run_.steps.changes.back().first == node) run_.steps.changes.pop_back();
-    s_.point.forget();
+    s_.point.invalidate();
     return false;
   }
   next.carry = s_.carry(F);
@@ -211,7 +213,9 @@ void TimeLoop::advance() {
   SingularityMonitor& monitor = run_.monitor;
   if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
   while (run_.taken + run_.rejected < run_.max_steps) {
-    if (run_.interval.t == run_.interval.end && (!run_.jumps.in_core || std::isnan(run_.jumps.restart) || !cross_jump())) return;
+    if (run_.interval.t == run_.interval.end &&
+        (!run_.jumps.in_core || std::isnan(run_.jumps.restart) || !cross_jump()))
+      return;
     const StepMemory control = run_.control;  // must be unchanged after an abandoned step
     const GridMemory grid = run_.grid;
     const Counts counts = s_.counts;
@@ -219,7 +223,7 @@ void TimeLoop::advance() {
     if (!attempt()) {
       static_cast<StepMemory&>(run_.control) = control;
       static_cast<GridMemory&>(run_.grid) = grid;
-      s_.counts = counts, s_.point.forget(), run_.needs_python = true;
+      s_.counts = counts, s_.point.invalidate(), run_.needs_python = true;
       return;
     }
     if (run_.taken == taken) continue;

@@ -15,7 +15,7 @@ namespace mbdae {
 
 // Singularity monitor, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
 struct SingularityMonitor {
-  double largest_ratio = 0, last_ratio = 0;                                // the largest so far, and the last
+  double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
   double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
   double steps_ahead = 0;  // in which a decreasing ratio would vanish: then Python takes over
   bool entered = false;    // it does so already
@@ -25,8 +25,8 @@ struct SingularityMonitor {
 
 // The nodes of n steps and jumps.
 struct Steps {
-  Numbers t, least_pivot_ratio;  // (n,); smallest ratio of pivots in the step to each node
-  Numbers y, z;                 // (n, length), (n, nz) by rows
+  Numbers t, least_pivot_ratio;                            // (n,); smallest ratio of pivots in the step to each node
+  Numbers y, z;                                            // (n, length), (n, nz) by rows
   std::vector<std::pair<long, std::vector<int>>> changes;  // nodes at which rows came into use, and these rows
   Numbers carry;                                           // (k, nc) by rows: carry from the first k nodes
   std::vector<long> restarted;                             // nodes at which it was recomputed
@@ -42,9 +42,9 @@ struct Run {
   SingularityMonitor monitor;
   Events events;
   Jumps jumps;
-  bool adaptive = false;   // with step-size control; otherwise on the grid
-  bool project = false;    // the ends of steps
-  bool monitored = false;  // by the singularity monitor
+  bool adaptive = false;      // with step-size control; otherwise on the grid
+  bool project = false;       // the ends of steps
+  bool monitored = false;     // by the singularity monitor
   double tolerated_move = 0;  // of the magnitude of a state: by a projection after fixed steps that keeps the carry
   double tiny = 0;            // keeps it positive where a state is zero
   double taken_back = 0;      // of the motion of a step: what a projection may undo beyond tolerances
@@ -56,8 +56,8 @@ struct Run {
   long taken = 0, rejected = 0;
   bool needs_python = false;  // for the next step
 
-  FIELDS(interval, control, grid, monitor, events, jumps, adaptive, project, monitored, tolerated_move, tiny, taken_back,
-         seconds, max_steps, max_carries, taken, rejected, needs_python)
+  FIELDS(interval, control, grid, monitor, events, jumps, adaptive, project, monitored, tolerated_move, tiny,
+         taken_back, seconds, max_steps, max_carries, taken, rejected, needs_python)
 };
 
 // A method that takes the steps of a run.
@@ -107,27 +107,27 @@ class TimeLoop {
 
  private:
   bool attempt();          // a step; false if Python must handle the failure
-  bool accept(double h);    // is it accepted?
+  bool accept(double h);   // is it accepted?
   bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
   double move_norm(const Numbers& move) const;  // of the projected end of a step, in tolerances
   bool taken_back(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
-  bool cross_jump();            // the jump after an interval; false if Python must handle it
-  void record();             // record the state
-  bool ends_singular();          // does a fixed step end in a singular configuration although another step is possible?
+  bool cross_jump();                // the jump after an interval; false if Python must handle it
+  void record();                    // record the state
+  bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;
 
   Method& method_;
   Index2System& s_;
   Run& run_;
   State next_;
-  bool restarted_ = false;   // its carry was recomputed
-  EventScan scan_;              // on the accepted step
+  bool restarted_ = false;  // its carry was recomputed
+  EventScan scan_;          // on the accepted step
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method
-  Configuration other_configuration_;            // storage for that of the run during event location
+  Configuration other_configuration_;  // storage for that of the run during event location
 };
 
 }  // namespace mbdae

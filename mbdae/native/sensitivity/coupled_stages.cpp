@@ -65,7 +65,7 @@ void CoupledStages::repeat(double t, double h, const State& in, State& out) {
   linearize(in.y);
   Vector<double> x = Vector<double>::Zero(s_.ny);
   for (int i = 0; i < a_.n; ++i) x += h * a_.b[i] * steps_->F.row(i).transpose();
-  s_.manifold.turned(x.data(), x.data(), end_);
+  s_.manifold.integrate_partials(x.data(), x.data(), end_);
 }
 
 void CoupledStages::newton(double t, double h, const State& in, int left) {
@@ -81,13 +81,15 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
       Vector<double> right(n * m);
-      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->miss(i);
+      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->negative_residual(i);
       const Matrix change = systems_[0].solve(right);
       if (!change.allFinite()) break;
       const Rows<double> moves = RowsIn(change.data(), n, m);
       const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
-      steps_->move(moves);
-      if (size <= s_.mechanics.limits.solution_rounding * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+      steps_->correct(moves);
+      if (size <= s_.mechanics.limits.solution_rounding *
+                      (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff()))
+        return;
     }
   }
   throw StepTooLong();

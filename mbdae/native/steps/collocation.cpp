@@ -42,7 +42,8 @@ Rows<double> lagrange(const Numbers& c, const Numbers& x) {
 int iterations_left(const Radau& a, double size, double rate) {
   if (rate * size <= a.below_rounding) return 0;
   if (!(rate < 1)) return a.extra_iterations;
-  return static_cast<int>(std::fmin(a.extra_iterations, std::ceil(std::log(a.below_rounding / size) / std::log(rate)) - 1));
+  return static_cast<int>(
+      std::fmin(a.extra_iterations, std::ceil(std::log(a.below_rounding / size) / std::log(rate)) - 1));
 }
 
 }  // namespace
@@ -113,16 +114,16 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
 void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
   Numbers scale(size_);
   double most = 0;
-  for (int k = 0; k < s_.measured(); ++k) {
+  for (int k = 0; k < s_.controlled_components(); ++k) {
     double move = 0;
     for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(moves[i * ny_ + k]));
     scale[k] += move, most = std::max(most, scale[k]);
   }
-  for (int k = 0; k < s_.measured(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.negligible * most);
+  for (int k = 0; k < s_.controlled_components(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.negligible * most);
 }
 
 bool CollocationStep::solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m) {
-  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.controlled_components();
   const double h = m.h, near = std::max(a.iteration_rounding, accuracy);
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
@@ -160,7 +161,8 @@ bool CollocationStep::solve(const Radau& a, int patience, double accuracy, doubl
       m.rate = rate;
       return true;
     }
-    const bool slow = k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
+    const bool slow =
+        k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }
@@ -174,11 +176,11 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   y0_ = in.y;
   const double* y = y0_.data();
   IndependentRows& rows = s_.rows;
-  if (s_.ng && !rows.held) {
-    if (!s_.point.near(y)) s_.point.evaluate(y, true);
-    rows.choose_with_reason(s_.point.Z.data(), s_.point.stamp());
+  if (s_.ng && !rows.frozen) {
+    if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
+    rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
   }
-  open(y);
+  begin_step(y);
   auto m = std::make_shared<StageMemory>();
   m->unknowns = unknowns();
   const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
@@ -227,7 +229,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();
   if (!in.low.empty()) x += In(in.low.data(), ny_);
   out.y.resize(s_.length), out.low.assign(ny_, 0.0), out.carry.clear(), out.memory = m;
-  s_.manifold.within(x.data());
+  s_.manifold.check_rotations(x.data());
   s_.add(y, x.data(), out.y.data());
   for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
     const int i = k < nv_ ? k : k - nv_ + nq_;
@@ -239,15 +241,15 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   std::fill(lam_.begin(), lam_.end(), 0.0);
   for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
   if (used) {
-    s_.saddle.symmetric();
+    s_.saddle.factorize_symmetric();
     for (int i = 0; i < used; ++i) rates_[m->unknowns[i]] = -C[i];
-    s_.saddle.normal(rates_.data(), f_.data());
+    s_.saddle.minimum_norm_motion(rates_.data(), f_.data());
     for (int i = 0; i < nv_; ++i) {
       x[nv_ + i] -= f_[i];
       out.y[nq_ + i] = y[nq_ + i] + x[nv_ + i];
       out.low[nv_ + i] = x[nv_ + i] - (out.y[nq_ + i] - y[nq_ + i]);
     }
-    s_.saddle.balance(R.data() + nv_, lam_.data());
+    s_.saddle.update_multipliers(R.data() + nv_, lam_.data());
   }
   all_multipliers(t + h, Z3.row(s - 1).data(), z);
   errors.clear();
