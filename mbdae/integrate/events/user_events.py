@@ -111,7 +111,7 @@ class UserEvents(EventSource):
         if not self.events or not self.by_signal:
             return
         self.checked_in_core, self.stopped = True, native.stopped
-        for i, t, y in native.located:
+        for i, t, y in native.located():
             self.found[i].append(self.origin if t == self.origin[0] else (t, y))
         for signal, node in zip(self.signals.values(), native.nodes, strict=True):
             signal.node = node

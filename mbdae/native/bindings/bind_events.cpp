@@ -38,7 +38,7 @@ void bind_events(nb::module_& m) {
                      for (const Node& n : e.nodes) out.emplace_back(n.t, n.f, n.w);
                      return out;
                    })
-      .def_prop_ro("located", [](const Events& e) {
+      .def("located", [](const Events& e) {
         std::vector<std::tuple<int, double, Out>> out;
         for (const LocatedEvent& f : e.located) out.emplace_back(f.event, f.t, vector(f.y));
         return out;
