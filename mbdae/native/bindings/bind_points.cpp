@@ -100,6 +100,24 @@ nb::object ratio(PyCore& c, const Array& q, int rank) {
   }
 }
 
+// M by rows, nle, J by columns, M a + nle; velocities and accelerations of joints for v' = a, (joints, 6).
+nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
+  const CoreLock turn(c);
+  Mechanics& m = c.core->system.mechanics;
+  c.core->system.point.forget();
+  const size_t nv = m.nv, n = m.joints;
+  Numbers at = numbers(q, m.nq, "q"), u = numbers(v, nv, "v"), rate = numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
+  m.dynamics(at.data(), u.data());
+  Numbers M(m.M(), m.M() + nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
+  for (size_t i = 0; i < nv; ++i)
+    for (size_t k = i + 1; k < nv; ++k) M[i * nv + k] = M[k * nv + i];
+  m.inverse(at.data(), u.data(), rate.data(), full.data());
+  m.motions(at.data(), u.data(), rate.data());
+  for (size_t j = 0; j < n; ++j) m.velocity(j, &V[6 * j]), m.acceleration(j, &A[6 * j]);
+  return nb::make_tuple(array(M, {nv, nv}), vector(nle), array(J, {nv, 6}), vector(full), array(V, {n, 6}),
+                        array(A, {n, 6}));
+}
+
 double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock turn(c);
   Index2System& s = c.core->system;
@@ -127,6 +145,8 @@ void bind_points(nb::class_<PyCore>& core) {
       .def("every", every, nb::arg("t"), nb::arg("y"), "Return g and G v + g_t over all rows whatever the mode, or None.")
       .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
+      .def("dynamics", dynamics, nb::arg("q"), nb::arg("v"), nb::arg("a"),
+           "Return M, nle, J^T, M a + nle, and velocities and accelerations of joints in the world, (njoints, 6).")
       .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
            "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }

@@ -152,6 +152,8 @@ void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool h
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
+  m.def("sweeps", [](nb::handle model) { return model_sweeps(model_pointer(model.ptr())); }, nb::arg("model"),
+        "Return whether the core computes M, nle and J of a model itself; otherwise Pinocchio does.");
   nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
   bind_limits(m), bind_tableau(m), bind_radau(m), bind_events(m), bind_run(m);
 

@@ -19,8 +19,14 @@ Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& cou
       U_(static_cast<size_t>(m.nv) * m.nv),
       root_(m.nv) {}
 
-void Configuration::inertia(const double* q, const double* v) {
-  v ? m_.inertia(q, v) : m_.inertia(q);
+void Configuration::inertia(const double* q) { m_.inertia(q), factorize(); }
+
+void Configuration::dynamics(const double* q, const double* v, bool with_partials) {
+  with_partials ? m_.inertia(q, v) : m_.dynamics(q, v);
+  factorize();
+}
+
+void Configuration::factorize() {
   forget();
   const int nv = m_.nv;
   const double* M = m_.M();

@@ -15,7 +15,8 @@ class Configuration {
  public:
   Configuration(Mechanics& m, Constraints& constraints, Counts& counts);
 
-  void inertia(const double* q, const double* v = nullptr);     // M, its factors; v: first partials; G, Z invalid
+  void inertia(const double* q);                                // M, its factors; G, Z invalid
+  void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
   void scale(int row) { scale(row, G, Z); }                     // Z of a row, from G
   void scale(int row, const Numbers& G, Numbers& Z) const;      // the same of other rows (ng, nv)
@@ -35,6 +36,8 @@ class Configuration {
   Numbers other_G;  // (ng, nv) scratch, zero outside the columns of rows
 
  private:
+  void factorize();  // M
+
   Mechanics& m_;
   Constraints& constraints_;
   Counts& counts_;
