@@ -20,8 +20,10 @@ struct Kind {
 
 const std::map<std::string, Kind>& kinds() {
   static const std::map<std::string, Kind> all = [] {
-    std::map<std::string, Kind> out{{"Spherical", {TreeJoint::quaternion, 0}}, {"FreeFlyer", {TreeJoint::quaternion, 3}},
-                                    {"Planar", {TreeJoint::circle, 2}}, {"Translation", {TreeJoint::none, 3}}};
+    std::map<std::string, Kind> out{{"Spherical", {TreeJoint::quaternion, 0}},
+                                    {"FreeFlyer", {TreeJoint::quaternion, 3}},
+                                    {"Planar", {TreeJoint::circle, 2}},
+                                    {"Translation", {TreeJoint::none, 3}}};
     for (const char* name : {"RX", "RY", "RZ", "RevoluteUnaligned", "HX", "HY", "HZ", "HelicalUnaligned"})
       out[name] = {TreeJoint::angle, 0};
     for (const char* name : {"RUBX", "RUBY", "RUBZ", "RevoluteUnboundedUnaligned"}) out[name] = {TreeJoint::circle, 0};
@@ -78,7 +80,8 @@ class Chains {
   static void along(TreeJoint& x, const Eigen::Vector3d& axis) {
     Eigen::Map<Eigen::Vector3d>(x.axis) = axis;
     for (int i = 0; i < 3; ++i)
-      if (axis == Eigen::Vector3d::Unit(i)) x.along = i;
+      for (const double sense : {1.0, -1.0})
+        if (axis == sense * Eigen::Vector3d::Unit(i)) x.along = i, x.sense = sense;
   }
 
   void append(TreeJoint x, const SE3& placement, int& end) {

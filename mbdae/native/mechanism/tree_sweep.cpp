@@ -1,6 +1,7 @@
 #include "mechanism/tree_sweep.hpp"
 
 #include <cmath>
+#include <cstring>
 
 namespace mbdae {
 
@@ -10,16 +11,17 @@ inline void rotate(const double* R, const double* x, double* out) {  // R by col
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 
+inline void copy(const double* R, double* out) { std::memcpy(out, R, 9 * sizeof(double)); }
+
 inline void rotate_columns(const double* R, const double* X, double* out) {
   for (int j = 0; j < 3; ++j) rotate(R, X + 3 * j, out + 3 * j);
 }
 
-// R := R Rot(e_i, angle)
-inline void turn_about(int i, double c, double s, double* R) {
-  double *y = R + 3 * ((i + 1) % 3), *z = R + 3 * ((i + 2) % 3);
-  for (int k = 0; k < 3; ++k) {
-    const double yk = y[k], zk = z[k];
-    y[k] = c * yk + s * zk, z[k] = c * zk - s * yk;
+inline void turn_about(int i, double c, double s, const double* R, double* out) {  // out = R Rot(e_i, angle)
+  const int j = 3 * ((i + 1) % 3), k = 3 * ((i + 2) % 3);
+  for (int l = 0; l < 3; ++l) {
+    const double y = R[j + l], z = R[k + l];
+    out[3 * i + l] = R[3 * i + l], out[j + l] = c * y + s * z, out[k + l] = c * z - s * y;
   }
 }
 
@@ -73,36 +75,36 @@ TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vecto
 inline void TreeSweep::place(int j, const double* q, const double* before, double* pose) {
   const TreeJoint& x = joints_[j];
   const double* at = q + x.q;
-  double step[3], along[3];
+  double R[9], step[3];
   if (x.parent)
-    rotate_columns(before, x.R, pose), rotate(before, x.p, step);
+    rotate_columns(before, x.R, R), rotate(before, x.p, step);
   else
-    std::copy(x.R, x.R + 9, pose), std::copy(x.p, x.p + 3, step);
+    copy(x.R, R), std::memcpy(step, x.p, sizeof(step));
   if (x.slides == 1 || x.pitch != 0) {
     const double far = x.slides ? at[0] : x.pitch * at[0];
-    rotate(pose, x.axis, along);
+    double along[3];
+    rotate(R, x.axis, along);
     for (int i = 0; i < 3; ++i) step[i] += far * along[i];
   } else {
     for (int k = 0; k < x.slides; ++k)
-      for (int i = 0; i < 3; ++i) step[i] += at[k] * pose[3 * k + i];
+      for (int i = 0; i < 3; ++i) step[i] += at[k] * R[3 * k + i];
   }
   for (int i = 0; i < 3; ++i) {  // arms apart: differences of positions far from the origin have lost digits
     pose[9 + i] = x.parent ? before[9 + i] + step[i] : step[i];
     arms_[j][i] = x.parent ? arms_[x.parent][i] + step[i] : 0;
   }
   at += x.slides;
-  if (x.turn == TreeJoint::none) return;
-  double local[9], unturned[9];
+  if (x.turn == TreeJoint::none) return copy(R, pose);
+  double local[9];
   if (x.turn == TreeJoint::quaternion) {
     of_quaternion(at, local);
   } else {
     const bool angle = x.turn == TreeJoint::angle;
     const double c = angle ? std::cos(at[0]) : at[0], s = angle ? std::sin(at[0]) : at[1];
-    if (x.along >= 0) return turn_about(x.along, c, s, pose);
+    if (x.along >= 0) return turn_about(x.along, c, x.sense * s, R, pose);
     about_axis(x.axis, c, s, local);
   }
-  std::copy(pose, pose + 9, unturned);
-  rotate_columns(unturned, local, pose);
+  rotate_columns(R, local, pose);
 }
 
 // Sliding axes of a joint come first, then those of rotation.
@@ -127,7 +129,7 @@ inline void TreeSweep::columns(int j, const double* pose, double* J) {
   }
   double e[3];
   if (x.along >= 0)
-    std::copy(pose + 3 * x.along, pose + 3 * x.along + 3, e);
+    for (int i = 0; i < 3; ++i) e[i] = x.sense * pose[3 * x.along + i];
   else
     rotate(pose, x.axis, e);
   x.slides ? slide(e) : turn(e);

@@ -1,5 +1,5 @@
-// Poses, joint Jacobian, mass matrix and bias of a tree in one pass outward and one inward, in the world's frame (R.
-// Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6), for joints whose axes are fixed in their bodies.
+// Poses, joint Jacobian, mass matrix and bias of a tree in one pass outward and one inward, in the world's frame, for
+// joints whose axes are fixed in their bodies (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6).
 #pragma once
 
 #include <array>
@@ -18,10 +18,11 @@ struct TreeJoint {
   int q = 0, v = 0, nv = 0;
   int slides = 0;       // coordinates of position: one along the axis, or along the axes of the placement
   double axis[3] = {};  // unit vector of a joint with one velocity, and of the rotation of a planar one
-  int along = -1;       // the frame's axis that this is; -1: none
+  int along = -1;       // the frame's axis that this is, times `sense`; -1: none
+  double sense = 1;
   double pitch = 0;     // m/rad
-  const double *R = nullptr, *p = nullptr;                             // placement on the parent, by columns
-  const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body, about its centre: xx, xy, yy, xz, yz, zz
+  const double *R = nullptr, *p = nullptr;                       // placement on the parent, by columns
+  const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body; about its centre, xx, xy, yy, xz, yz, zz
 };
 
 class TreeSweep {
@@ -70,7 +71,7 @@ class TreeSweep {
   std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
   const double *gravity_, *armature_;
   std::vector<Six> about_;  // (nv,) columns of J about the root's position, where few digits cancel
-  std::vector<Six> V_, A_;  // (joints,) likewise
+  std::vector<Six> V_, A_;  // (joints,) about the same points
   std::vector<std::array<double, 3>> arms_, from_;  // (joints,) from the root's position; about which V_ and A_ are
   std::vector<Subtree> subtrees_;
 };

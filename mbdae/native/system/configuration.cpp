@@ -37,18 +37,18 @@ void Configuration::factorize() {
     for (int i : m_.ancestors[k]) c[i] = from[i];
   }
   for (int k = nv - 1; k >= 0; --k) {
-    const double* c = &U_[static_cast<size_t>(k) * nv];
+    double* c = &U_[static_cast<size_t>(k) * nv];
     const double d = c[k];
     if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
-    root_[k] = std::sqrt(d);
-    double* write = &U_[static_cast<size_t>(k) * nv];
+    root_[k] = 1 / std::sqrt(d);
+    const double over = 1 / d;
     for (int i : m_.ancestors[k]) {
-      const double a = c[i] / d;
+      const double a = c[i] * over;
       double* ci = &U_[static_cast<size_t>(i) * nv];
       ci[i] -= a * c[i];
       for (int j : m_.ancestors[i]) ci[j] -= a * c[j];
+      c[i] = a;
     }
-    for (int i : m_.ancestors[k]) write[i] /= d;
   }
 }
 
@@ -57,7 +57,7 @@ void Configuration::half(double* x) const {
   for (int k = nv - 1; k >= 0; --k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
     for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
-    x[k] /= root_[k];
+    x[k] *= root_[k];
   }
 }
 
@@ -66,7 +66,7 @@ void Configuration::half(double* x, const std::vector<int>& columns) const {
     const int k = columns[j];
     const double* c = &U_[static_cast<size_t>(k) * m_.nv];
     for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
-    x[k] /= root_[k];
+    x[k] *= root_[k];
   }
 }
 
@@ -74,7 +74,7 @@ void Configuration::back(double* x) const {
   const int nv = m_.nv;
   for (int k = 0; k < nv; ++k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
-    double s = x[k] / root_[k];
+    double s = x[k] * root_[k];
     for (int i : m_.ancestors[k]) s -= c[i] * x[i];
     x[k] = s;
   }

@@ -45,7 +45,7 @@ class Configuration {
   long stamp_ = 0;
   Numbers q_;     // (nq,) where it is current
   Numbers U_;     // (nv, nv) by columns: above the diagonal, U
-  Numbers root_;  // (nv,) D^1/2
+  Numbers root_;  // (nv,) D^-1/2
 };
 
 }  // namespace mbdae

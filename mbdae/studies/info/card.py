@@ -51,7 +51,7 @@ class Card(Tabular):
         solve: settings of runs in the file.
         not_modelled: features that the motion ignores.
         fixed: links without a parent joint: their base is fixed to the world.
-        inertia: what computes M, nle and J in runs of the compiled core: its sweep through the tree, or Pinocchio's
+        inertia: the source of M, nle and J in runs of the compiled core: its sweep through the tree, or Pinocchio's
             routines where the sweep does not know a kind of joint; empty without the core.
     """
 
