@@ -1,98 +1,100 @@
-"""The compiled core for type checkers; what fields mean stands in mbdae/native/*/*.hpp."""
+"""The compiled core for type checkers; tests/native_stub.py writes this file. Fields: native/*/*.hpp."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, overload
 
 import numpy as np
-import pinocchio as pin
 
 Array = np.ndarray
 
 def version() -> str: ...
-def sweeps(model: pin.Model) -> bool: ...
+def sweeps(model: Any) -> bool: ...
 
-class UnknownKind(ValueError): ...
+class UnknownKind(ValueError):
+    pass
 
 class Tolerances:
     def __init__(
         self,
         *,
-        largest_turn: float,
-        series: Sequence[float],
-        series_end: float,
-        same_point: float,
-        smallest_pivot: float,
-        independent: float,
-        worst_conditioning: float,
-        grown: float,
-        many: int,
-        reason: float,
-        probed: float,
-        converged: float,
         eps: float,
-        spare: int,
-        truncation: float,
+        tiny: float,
+        below_rounding: float,
         rounding: float,
-        falling: float,
-        open: float,
-        stalled: float,
-        kept: float,
-        iterations: int,
-        unmoved: float,
-        row_scales: list[float],
-        q_scales: list[float],
-        coordinate_scales: list[float],
-        meeting: int,
-        met: float,
-        halted: float,
-        gaping: float,
+        sum_rounding: float,
+        evaluation_rounding: float,
+        solution_rounding: float,
+        search_tolerance: float,
+        same_state: float,
         still: float,
-        turned: float,
-        loading: int,
-        loaded: float,
-        settled: float,
-        nothing: float,
-        restages: int,
-        restaged: float,
+        pivot_rank: float,
+        truncation: float,
+        visible: float,
+        max_rotation: float,
+        series: Array,
+        smallest_pivot: float,
+        worst_conditioning: float,
+        growth_tolerance: float,
+        reselection_ratio: float,
+        probe_tolerance: float,
+        cg_tolerance: float,
+        many_rows: int,
+        extra_cg_iterations: int,
+        projection_falling: float,
+        projection_open: float,
+        projection_stalled: float,
+        projection_iterations: int,
+        ggl_iterations: int,
+        friction_iterations: int,
+        slip_cosine: float,
+        stage_iterations: int,
+        row_scales: Array,
+        q_scales: Array,
+        coordinate_scales: Array,
     ) -> None: ...
 
 class Tableau:
     def __init__(
         self,
+        *,
         A: Array,
         Ahat: Array,
         b: Array,
         c: Array,
         chat: Array,
-        e: Array,
-        first: bool,
-        project: bool,
-        doubled: int,
+        error_weights: Array,
+        explicit_first: bool,
+        project_embedded: bool,
+        doubling_order: int,
         noise: float,
     ) -> None: ...
 
-class StageMemory: ...
+class StageMemory:
+    pass
+
+class EigenMode:
+    def __init__(self, *, value: complex, column: Sequence[complex], row: Sequence[complex]) -> None: ...
 
 class Radau:
     def __init__(
         self,
+        *,
         c: Array,
         A: Array,
-        modes: list[tuple[complex, list[complex], list[complex]]],
+        modes: Sequence[EigenMode],
         real: int,
         gamma: float,
         start: Array,
         middle: int,
-        *,
         patience: int,
         short_patience: int,
-        tolerance: float,
-        near: float,
-        further: int,
-        first: int,
-        expected: float,
+        extra_iterations: int,
+        first_iterations: int,
+        below_rounding: float,
+        iteration_rounding: float,
+        negligible: float,
+        expected_rate: float,
         reuse: float,
-        share: float,
     ) -> None: ...
 
 class SmoothInterval:
@@ -110,7 +112,7 @@ class StepControl:
     largest: float
     rtol: float
     atol: list[float]
-    nothing: float
+    tiny: float
     companion: float
     blend: float
     power: float
@@ -122,7 +124,7 @@ class StepControl:
     steady: float
     smallest_error: float
     smallest_last: float
-    nearly: float
+    agreement: float
     spacings: float
 
 class Grid:
@@ -131,141 +133,82 @@ class Grid:
     step: float
     t0: float
     n: int
-    near: float
+    coincident: float
 
 class SingularityMonitor:
-    usual: float
-    before: float
-    suspect: float
-    landed: float
-    zone: float
-    ahead: float
+    largest_ratio: float
+    last_ratio: float
+    suspicious_ratio: float
+    singular_ratio: float
+    monitored_ratio: float
+    steps_ahead: float
     entered: bool
 
-class Events:
-    start: float
-    same: float
-    spacings: float
-    share: float
-    iterations: int
-    @property
-    def nodes(self) -> list[tuple[float, float, float]]: ...
-    @property
-    def found(self) -> list[tuple[int, float, Array]]: ...
-    @property
-    def stopped(self) -> bool: ...
-    def watch(self, events: list[tuple[tuple[str, int, int, list[int]], float, int, bool]]) -> None: ...
-    def stand(self, nodes: list[tuple[float, float, float]]) -> None: ...
-
 class Jumps:
-    crossed: bool
+    in_core: bool
     times: list[float]
     margin: float
-    crowd: int
+    max_cluster: int
     restart: float
 
-class Run:
-    events: Events
-    jumps: Jumps
-    leg: SmoothInterval
-    control: StepControl
-    grid: Grid
-    watch: SingularityMonitor
-    adaptive: bool
-    project: bool
-    watched: bool
-    tolerated: float
-    taken_back: float
-    nothing: float
-    seconds: float
-    budget: int
-    kept: int
+class Events:
+    stopped: bool
+    start: float
+    agreement: float
+    spacings: float
+    step_tolerance: float
+    iterations: int
+    def set_events(self, events: list) -> None: ...
+    def set_nodes(self, nodes: Sequence[tuple[float, float, float]]) -> None: ...
     @property
-    def taken(self) -> int: ...
-    @property
-    def rejected(self) -> int: ...
-    @property
-    def stuck(self) -> bool: ...
-    @property
-    def changes(self) -> list[tuple[int, list[int]]]: ...
-    @property
-    def behind(self) -> list[int]: ...
-    def carried(self) -> tuple[Array, list[int]]: ...
-    def begin(self, y: Array, carry: Any, low: Array | None) -> None: ...
-    def state(self) -> tuple[Array, Any, Array | None]: ...
-    def steps(self) -> tuple[Array, Array, Array, Array]: ...
-
-class Parameters: ...
+    def nodes(self) -> list[tuple[float, float, float]]: ...
+    def located(self) -> list[tuple[int, float, Array]]: ...
 
 class Core:
-    def __init__(
-        self,
-        model: pin.Model,
-        limits: Tolerances,
-        flat: bool,
-        pairs: list[Any],
-        rows: list[dict[str, Any]],
-        drivers: list[dict[str, Any]],
-        law_pairs: list[Any],
-        laws: list[dict[str, Any]],
-        ns: int,
-        blocks: list[tuple[str, int, int]],
-        turning: list[int],
-        angles: list[tuple[int, int]],
-        place: list[int],
-        probe: list[float],
-        formulation: str = "index2",
-        alpha: float = 0.0,
-        beta: float = 0.0,
-    ) -> None: ...
+    def __init__(self, model: Any, tolerances: Tolerances, description: dict) -> None: ...
     @property
     def rows(self) -> list[int]: ...
     @property
     def rank(self) -> int: ...
-    def every(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
-    def slowest_slip(self, speed: float) -> None: ...
-    def restore(self, t: float, y: Array) -> Array | None: ...
+    def take_record(self) -> tuple: ...
+
     accuracy: float
+    def use_rows(self, rows: Sequence[int], rank: int, floor: float, frozen: bool) -> None: ...
     def reset(self) -> None: ...
-    def take_record(self) -> tuple[Any, ...]: ...
-    def change_law(self, k: int, a: list[float]) -> None: ...
-    def leave_out(self, off: list[bool], sticks: bool) -> None: ...
-    def use(self, rows: list[int], rank: int, floor: float, held: bool) -> None: ...
-    def update_independent_rows(self, t: float, y: Array, carry: Any) -> tuple[bool, Array, Any] | None: ...
-    def expand(self, model: pin.Model) -> None: ...
+    def change_law(self, k: int, a: Sequence[float]) -> None: ...
+    def deactivate_rows(self, off: Sequence[bool], sticks: bool) -> None: ...
+    def update_independent_rows(self, t: float, y: Array, carry: Any | None) -> tuple[bool, Array, Any] | None: ...
+    @overload
+    def step(
+        self, tableau: Tableau, t: float, h: float, y: Array, carry: Any | None, low: Array | None
+    ) -> tuple[Array, Any, Array | None, Array, Array] | None: ...
+    @overload
+    def step(
+        self, radau: Radau, t: float, h: float, y: Array, carry: Any | None, low: Array | None, controlled: bool
+    ) -> tuple[Array, Any, Array | None, Array, Array] | None: ...
+    @overload
+    def advance(self, tableau: Tableau, run: Run) -> None: ...
+    @overload
+    def advance(self, radau: Radau, run: Run) -> None: ...
+    def expand(self, model: Any) -> None: ...
+    def set_sampled_controllers(self, controllers: list) -> None: ...
+    def set_friction_interfaces(self, interfaces: list, active: Array, directions: Array) -> None: ...
+    def set_smallest_slip(self, speed: float) -> None: ...
+    def restore(self, t: float, y: Array) -> Array | None: ...
     def partials(
         self, t: float, q: Array, u: Array, vdot: Array, lam: Array
     ) -> tuple[Array, Array, Array, Array, Array, Array] | None: ...
-    def step(
-        self, method: Any, t: float, h: float, y: Array, carry: Any, low: Array | None, *controlled: bool
-    ) -> tuple[Array, Any, Array | None, Array, Array] | None: ...
-    def advance(self, method: Any, run: Run) -> None: ...
     def derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
-    def rate(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
+    def raw_derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
     def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]: ...
-    def sample(self, samplers: list[dict[str, Any]]) -> None: ...
-    def slide(self, places: list[dict[str, Any]], active: Array, heading: Array) -> None: ...
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]: ...
-    def ratio(self, q: Array, rank: int) -> float | None: ...
+    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
+    def pivot_ratio(self, q: Array, rank: int) -> float | None: ...
+    def minimal_stage_seconds(self, q: Array, v: Array, repetitions: int) -> float: ...
+    def bind_parameters(self, count: int, components: list, directions: list, changed: list) -> Parameters: ...
     def dynamics(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array, Array, Array]: ...
-    def bare(self, q: Array, v: Array, repetitions: int) -> float: ...
-    def vary(
-        self,
-        count: int,
-        stuff: list[tuple[str, int, bool, bool]],
-        directions: list[tuple[int, int, list[float]]],
-        changed: list[tuple[int, list[int], list[Any], list[Any]]],
-    ) -> Parameters: ...
     def recompute(
-        self,
-        method: Any,
-        halved: bool,
-        run: Run,
-        t: Array,
-        y: Array,
-        carry: Array,
-        repeated: float,
-        synchronous: float,
+        self, method: Any, halved: bool, run: Run, t: Array, y: Array, carry: Array, same_state: float, agreement: float
     ) -> tuple[Array, list[int], int, Array] | None: ...
     def adjoint(
         self,
@@ -278,7 +221,7 @@ class Core:
         carries: Array,
         extra: Array,
         bar: Array,
-        friction: Callable[..., tuple[Array, Array, Array]] | None = None,
+        friction: Any | None = None,
     ) -> tuple[Array, Array] | None: ...
     def tangent(
         self,
@@ -292,10 +235,41 @@ class Core:
         first: Array,
         dp: Array,
         dh: Array | None = None,
-        friction: Callable[..., tuple[Array, Array, Array]] | None = None,
+        friction: Any | None = None,
     ) -> Array | None: ...
-    def projection(
-        self, parameters: Parameters, t: float, y: Array, positions: bool
-    ) -> tuple[Array, Array] | None: ...
+    def projection(self, parameters: Parameters, t: float, y: Array, positions: bool) -> tuple[Array, Array] | None: ...
+
+class Run:
+    def __init__(self) -> None: ...
+
+    interval: SmoothInterval
+    control: StepControl
+    grid: Grid
+    monitor: SingularityMonitor
+    events: Events
+    jumps: Jumps
+    adaptive: bool
+    project: bool
+    monitored: bool
+    tolerated_move: float
+    tiny: float
+    taken_back: float
+    seconds: float
+    max_steps: int
+    max_carries: int
+    taken: int
+    rejected: int
+    needs_python: bool
+    @property
+    def row_changes(self) -> list[tuple[int, list[int]]]: ...
+    @property
+    def after_jumps(self) -> list[int]: ...
+    def carries(self) -> tuple[Array, list[int]]: ...
+    def set_state(self, y: Array, carry: Any | None, low: Array | None) -> None: ...
+    def state(self) -> tuple[Array, Any, Array | None]: ...
+    def steps(self) -> tuple[Array, Array, Array, Array]: ...
 
 def partials_seconds(core: Core, q: Array, v: Array, repetitions: int) -> float: ...
+
+class Parameters:
+    pass

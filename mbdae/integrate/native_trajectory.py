@@ -64,16 +64,16 @@ class NativeTrajectory:
         self.trajectory, self.core, self.varied = trajectory, system.core, parameters
         self.method = system.method(trajectory.tableau)
         self.run = system.native.Run()
-        self.run.project, self.run.adaptive, self.run.tolerated = (
+        self.run.project, self.run.adaptive, self.run.tolerated_move = (
             trajectory.project,
             trajectory.controlled,
             FIXED_STEP_TOLERANCE,
         )
-        self.run.nothing = TINY
+        self.run.tiny = TINY
         if trajectory.controlled:
             control = self.run.control
             control.rtol, control.atol = trajectory.stepper.rtol, np.atleast_1d(trajectory.stepper.atol).tolist()
-            control.nothing = TINY
+            control.tiny = TINY
         self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
 
     def segment_end(self, i: int, ends: bool = False) -> int:

@@ -115,8 +115,9 @@ class ExplicitMethod:
 
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core."""
-        a = self.arrays
-        return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, self.noise)
+        return self.arrays.compiled(
+            native, explicit_first=True, project_embedded=False, doubling_order=0, noise=self.noise
+        )
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step, see `mbdae.methods.half_explicit_step.half_explicit_step`, with unconstrained stages."""

@@ -153,15 +153,29 @@ class RadauIIA:
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core, with the thresholds of its iteration."""
         a = self.arrays
-        modes = [(complex(m.value), m.column.astype(complex).tolist(), m.row.astype(complex).tolist()) for m in a.modes]
-        real = -1 if a.real is None else a.real
         return native.Radau(
-            a.c, a.A, modes, real, a.gamma, a.start, a.middle,
-            patience=MAX_ITERATIONS, short_patience=MAX_ITERATIONS_CONTROLLED,
-            tolerance=BELOW_ROUNDING, near=ITERATION_ROUNDING,
-            further=collocation.MAX_FURTHER_ITERATIONS, first=collocation.FIRST_ITERATIONS,
-            expected=collocation.EXPECTED_RATE, reuse=collocation.REUSE_RATE, share=NEGLIGIBLE,
-        )  # fmt: skip
+            c=a.c,
+            A=a.A,
+            modes=[
+                native.EigenMode(
+                    value=m.value, column=m.column.astype(complex).tolist(), row=m.row.astype(complex).tolist()
+                )
+                for m in a.modes
+            ],
+            real=-1 if a.real is None else a.real,
+            gamma=a.gamma,
+            start=a.start,
+            middle=a.middle,
+            patience=MAX_ITERATIONS,
+            short_patience=MAX_ITERATIONS_CONTROLLED,
+            extra_iterations=collocation.MAX_FURTHER_ITERATIONS,
+            first_iterations=collocation.FIRST_ITERATIONS,
+            below_rounding=BELOW_ROUNDING,
+            iteration_rounding=ITERATION_ROUNDING,
+            negligible=NEGLIGIBLE,
+            expected_rate=collocation.EXPECTED_RATE,
+            reuse=collocation.REUSE_RATE,
+        )
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""

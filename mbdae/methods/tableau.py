@@ -170,9 +170,13 @@ class Tableau:
 
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core."""
-        a, doubled = self.arrays, 0 if self.b_embedded else self.order
-        flags = bool(self.explicit_first), bool(self.project_embedded), doubled, self.noise
-        return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
+        return self.arrays.compiled(
+            native,
+            explicit_first=bool(self.explicit_first),
+            project_embedded=bool(self.project_embedded),
+            doubling_order=0 if self.b_embedded else self.order,
+            noise=self.noise,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entries as JSON data, from which `mbdae.methods.custom_tableau.tableau` recreates it."""
@@ -210,6 +214,12 @@ class ButcherArrays:
     c: np.ndarray
     chat: np.ndarray
     e: np.ndarray
+
+    def compiled(self, native: Any, **settings: Any) -> Any:
+        """Return these coefficients for the compiled core, with further settings of the method."""
+        return native.Tableau(
+            A=self.A, Ahat=self.Ahat, b=self.b, c=self.c, chat=self.chat, error_weights=self.e, **settings
+        )
 
 
 def _row(text: Text, n: int) -> Row:

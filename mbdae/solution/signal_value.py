@@ -46,9 +46,9 @@ class SignalValue(NamedTuple):
         """Whether the core supports it."""
         return self.kind not in PYTHON_KINDS
 
-    def core_data(self) -> tuple[str, int, int, list[int]]:
+    def core_data(self) -> dict[str, Any]:
         """Core data."""
-        return self.kind, self.i, self.rate, list(self.rows)
+        return {"kind": self.kind, "i": self.i, "rate": self.rate, "rows": list(self.rows)}
 
 
 @dataclass(frozen=True)

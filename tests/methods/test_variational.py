@@ -182,3 +182,8 @@ def test_wrong_weights_are_refuted():
     powers = check_composition(Composition("three", "", "", ("1", "-1", "1"), 4))  # symmetric, sum 1, no order 4
     assert powers.symmetric
     assert powers.order == 2
+
+
+def test_times_of_a_comparison_are_those_of_one_back_end():
+    study = mbdae.compare("pendulum", (0, 0.1), methods=["rattle2", "pherk6"], steps=[5], repeats=0)
+    assert "steps of rattle2" in str(study.to_dict())

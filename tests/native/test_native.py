@@ -1,5 +1,6 @@
 """The compiled core against Python: the same trajectories, evaluations, statuses and tableaus."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -275,7 +276,9 @@ def test_the_core_satisfies_the_constraint_at_the_points_of_the_tableau(name):
         carry = np.array([float(stage == 0), 0.0]) if first else None
         for i in range(first, n):  # weights that select one derivative
             seen.clear()
-            show = system.native.Tableau(a.A, a.Ahat, np.eye(n)[i], a.c, a.chat, a.e[:0], bool(first), False, 0, 0.0)
+            settings = {"project_embedded": False, "doubling_order": 0, "noise": 0.0}
+            weights = replace(a, b=np.eye(n)[i], e=a.e[:0])
+            show = weights.compiled(system.native, explicit_first=bool(first), **settings)
             slopes[i, stage] = system.core.step(show, t, h, np.zeros(3), carry, None)[0][1] / h
         np.testing.assert_allclose(seen[::2], t + h * a.chat[first:], rtol=0, atol=1e-15)
     slopes[0, 0] += first

@@ -116,11 +116,11 @@ def test_invalid_interfaces_are_rejected():
     (right,) = system.closure_friction.core_data()
     acts, headings = system.closure_friction.active, system.closure_friction.slip_directions
     core = system.core
-    core.slide([right], acts, headings)
+    core.set_friction_interfaces([right], acts, headings)
     wrong = {
         "kind": ["slip", 3, None],
         "row": [-1, 1, 7, "x"],
-        "carried": [0, 2, 4],
+        "components": [0, 2, 4],
         "grip": [[0], [7], None],
         "axis": [[1.0], None],
         "coefficient": [-1.0, np.nan, np.inf],
@@ -130,10 +130,10 @@ def test_invalid_interfaces_are_rejected():
     for key, values in wrong.items():
         for value in values:
             with pytest.raises(refused):
-                core.slide([{**right, key: value}], acts, headings)
+                core.set_friction_interfaces([{**right, key: value}], acts, headings)
     for place in ({}, {**right, "kind": "grips"}, {**right, "kind": "grips", "grip": [0, 0, 0]}):
         with pytest.raises(refused):
-            core.slide([place], acts, headings)
+            core.set_friction_interfaces([place], acts, headings)
     for numbers in ((acts[:0], headings), (acts, headings[:0]), (acts.astype(float), headings)):
         with pytest.raises(refused):
-            core.slide([right], *numbers)
+            core.set_friction_interfaces([right], *numbers)

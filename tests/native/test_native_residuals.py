@@ -11,6 +11,7 @@ import mbdae
 from mbdae import backend
 from mbdae.mechanism.formulations.core_description import samplers_of
 from mbdae.mechanism.formulations.index2 import Index2System
+from mbdae.solution.signal_value import SignalValue
 
 pytestmark = pytest.mark.native
 REFUSED = (ValueError, TypeError, RuntimeError, OverflowError, IndexError, KeyError)
@@ -58,28 +59,29 @@ def test_wrong_signals_are_refused():
     native, mech = backend.load(), mbdae.load("four_bar")
     system = mech.system(native=native)
     events = native.Run().events
-    right = ("y", 1, 1, [])
-    events.watch([(right, 0.0, 0, False)])
+    right = SignalValue("y", 1, 1).core_data()
+    event = {"signal": right, "level": 0.0, "direction": 0, "terminal": False}
+    events.set_events([event])
     for wrong in (
-        [(("speed", 1, 1, []), 0.0, 0, False)],
-        [(right, 0.0, 0)],
-        [(right[:3], 0.0, 0, False)],
-        [(right, "high", 0, False)],
+        [event | {"signal": right | {"kind": "speed"}}],
+        [{key: x for key, x in event.items() if key != "terminal"}],
+        [event | {"signal": {key: x for key, x in right.items() if key != "rows"}}],
+        [event | {"level": "high"}],
         [right],
         [None],
         3,
     ):
         with pytest.raises(REFUSED):
-            events.watch(wrong)
+            events.set_events(wrong)
     with pytest.raises(ValueError, match="as many nodes as events"):
-        events.stand([(0.0, 0.0, 0.0)] * 7)
+        events.set_nodes([(0.0, 0.0, 0.0)] * 7)
     method = system.method(mbdae.METHODS["herk3"])
     system.derivative(0.0, mech.point())
     for wrong in (("y", 99, 1, []), ("y", -1, 1, []), ("y", 1, 99, []), ("angle", 6, 1, []), ("angle", 1, -1, []),
                   ("lam", 0, -1, []), ("lam", 0, -1, [9]), ("force", 0, -1, [-1])):  # fmt: skip
         run = native.Run()
-        run.begin(mech.point(), None, None)
-        run.events.watch([(wrong, 0.0, 0, False)])
+        run.set_state(mech.point(), None, None)
+        run.events.set_events([event | {"signal": SignalValue(*wrong).core_data()}])
         with pytest.raises(ValueError, match="a signal does not fit"):
             system.core.advance(method, run)
 
@@ -89,7 +91,7 @@ def test_wrong_samplers_are_refused():
     own = mbdae.Sampled(lambda t, q, v: -v, rate=10.0)
     system = mbdae.load("four_bar", forces=[pid, own]).system(native=backend.load())
     right = samplers_of(system.laws)
-    system.core.sample(right)
+    system.core.set_sampled_controllers(right)
     for key, values in {
         "kind": ["pd", None],
         "rate": [0.0, -1.0, np.nan, "fast"],
@@ -104,8 +106,8 @@ def test_wrong_samplers_are_refused():
     }.items():
         for value in values:
             with pytest.raises(REFUSED):
-                system.core.sample([{**right[0], key: value}])
+                system.core.set_sampled_controllers([{**right[0], key: value}])
         with pytest.raises(REFUSED):
-            system.core.sample([{k: x for k, x in right[0].items() if k != key}])
+            system.core.set_sampled_controllers([{k: x for k, x in right[0].items() if k != key}])
     with pytest.raises(REFUSED):
-        system.core.sample([{**right[1], "call": 3}, None])
+        system.core.set_sampled_controllers([{**right[1], "call": 3}, None])

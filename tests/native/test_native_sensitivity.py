@@ -5,6 +5,7 @@ import pytest
 
 import mbdae
 from mbdae import backend
+from mbdae.mechanism.discrete_sensitivity.core_parameters import ModelComponent
 from mbdae.methods import METHODS
 
 pytestmark = pytest.mark.native
@@ -21,7 +22,7 @@ def system():
 
 def given(system, m=2, d=3):
     """Parameters, input at the first node, nodes, and the carry."""
-    parameters = system.core.vary(0, [], [], [])
+    parameters = system.core.bind_parameters(0, [], [], [])
     y = np.array([system.mechanism.point()] * (m + 1))
     carries = np.array([system.derivative(0.0, y[0])[0][system.nv :]] * (m + 1))
     method = METHODS["pherk5"].compiled(backend.load())
@@ -51,23 +52,40 @@ def test_what_does_not_fit_is_refused(system):
         other.core.tangent(*nodes, first, np.empty((3, 0)))
 
 
+NONE = {"weight": 1.0, "pairs": [], "laws": [], "rows": [], "drivers": []}
+
+
+def component(*fields):
+    return ModelComponent(*fields)._asdict()
+
+
+def direction(parameter, component, n):
+    return {"parameter": parameter, "component": component, "x": [1.0] * n}
+
+
+def changed(at, laws=(), rows=()):
+    return {"parameter": 0, "at": at, "laws": list(laws), "rows": list(rows)}
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
         (-1, [], [], []),
-        (1, [("mass", 1, False, False)], [], []),
-        (1, [("inertia", 9, False, False)], [], []),
-        (1, [("frame", 5, True, False)], [], []),
-        (1, [("place", 1, False, False)], [(0, 0, [1.0] * 5)], []),
-        (1, [("place", 1, False, False)], [(1, 0, [1.0] * 6)], []),
-        (1, [("place", 1, False, False)], [(0, 1, [1.0] * 6)], []),
-        (1, [], [], [(0, [0], [(1.0, [], [{"kind": "nothing"}])], [])]),
-        (1, [], [], [(0, [7], [], [(1.0, [], [], [])])]),
+        (1, [component("mass", 1)], [], []),
+        (1, [component("inertia", 9)], [], []),
+        (1, [component("inertia", 0)], [], []),
+        (1, [component("frame", 5, True)], [], []),
+        (1, [component("placement", 1)], [direction(0, 0, 5)], []),
+        (1, [component("placement", 1)], [direction(1, 0, 6)], []),
+        (1, [component("placement", 1)], [direction(0, 1, 6)], []),
+        (1, [], [], [changed([0], laws=[{**NONE, "laws": [{"kind": "nothing"}]}])]),
+        (1, [], [], [changed([7], rows=[NONE])]),
+        (1, [], [], [changed([0], rows=[{key: x for key, x in NONE.items() if key != "weight"}])]),
     ],
 )
 def test_wrong_parameters_are_refused(system, wrong):
     with pytest.raises(REFUSED):
-        system.core.vary(*wrong)
+        system.core.bind_parameters(*wrong)
 
 
 def test_steps_that_cannot_be_taken(system):

@@ -94,16 +94,24 @@ class UserEvents(EventSource):
         modes = [] if named or others or self.by_signal else ["modes switch in Python"]
         return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
 
-    def core_data(self) -> list[Any]:
+    def core_data(self) -> list[dict[str, Any]]:
         """Return core data of the signals."""
-        return [(s.signal.core_data(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
+        return [
+            {
+                "signal": s.signal.core_data(),
+                "level": s.level,
+                "direction": s.direction,
+                "terminal": self.events[i].terminal,
+            }
+            for i, s in self.signals.items()
+        ]
 
     def adopt_native(self, native: Any) -> None:
         """Record the events found by the core, and its current values of the signals."""
         if not self.events or not self.by_signal:
             return
         self.checked_in_core, self.stopped = True, native.stopped
-        for i, t, y in native.found:
+        for i, t, y in native.located():
             self.found[i].append(self.origin if t == self.origin[0] else (t, y))
         for signal, node in zip(self.signals.values(), native.nodes, strict=True):
             signal.node = node

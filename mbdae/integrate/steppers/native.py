@@ -91,27 +91,26 @@ class NativeStepper(Stepper):
 
     def _to_native(self, run: "RunState", max_steps: int) -> None:
         """Pass the position of the run, its step size, and all thresholds to the core."""
-        r, leg, monitor, inner = self.run, self.run.leg, run.singularity_monitor, self.inner
-        r.begin(run.state.y, self.system.core_carry(run.state), run.state.compensation)
+        r, interval, monitor, inner = self.run, self.run.interval, run.singularity_monitor, self.inner
+        r.set_state(run.state.y, self.system.core_carry(run.state), run.state.compensation)
         self._events_to_native(run)
-        r.kept = run.carries.capacity_left(len(run.ts))
-        r.taken_back, r.nothing = MAX_UNDONE, TINY
-        r.budget, r.watched, r.adaptive = max_steps, monitor is not None, isinstance(inner, Adaptive)
-        leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.interval.stop, run.interval.end
+        r.max_carries = run.carries.capacity_left(len(run.ts))
+        r.taken_back, r.tiny = MAX_UNDONE, TINY
+        r.max_steps, r.monitored, r.adaptive = max_steps, monitor is not None, isinstance(inner, Adaptive)
+        interval.t, interval.t1, interval.sign = run.t, run.t1, run.sign
+        interval.stop, interval.end = run.interval.stop, run.interval.end
         if monitor:
-            w = r.watch
-            w.usual, w.before, w.suspect, w.landed, w.zone, w.ahead = monitor.limits()
-            w.entered = monitor.zone_entry is not None
+            m = r.monitor
+            m.largest_ratio, m.last_ratio, m.suspicious_ratio, m.singular_ratio, m.monitored_ratio, m.steps_ahead = (
+                monitor.limits()
+            )
+            m.entered = monitor.zone_entry is not None
         if isinstance(inner, Adaptive):
             c, pi = r.control, inner.controller
             c.h, c.cut, c.last, c.rejected = inner.h, inner.size_before_truncation, pi.last, pi.rejected
-            c.largest, c.nearly, c.spacings = min(inner.max_step, inner.cap), AGREEMENT, SPACINGS
-            c.rtol, c.atol, c.nothing, c.companion = (
-                float(inner.rtol),
-                inner.atol.ravel().tolist(),
-                TINY,
-                COMPANION,
-            )
+            c.largest, c.agreement, c.spacings = min(inner.max_step, inner.cap), AGREEMENT, SPACINGS
+            c.rtol, c.atol = float(inner.rtol), inner.atol.ravel().tolist()
+            c.tiny, c.companion = TINY, COMPANION
             c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
             c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
             c.blend = self.tableau.blend
@@ -119,23 +118,24 @@ class NativeStepper(Stepper):
         elif isinstance(inner, Fixed):
             g = r.grid
             g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
-            g.near, r.tolerated = COINCIDENT, FIXED_STEP_TOLERANCE
+            g.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
 
     def _events_to_native(self, run: "RunState") -> None:
         """Pass events of signals and upcoming jumps to the core; Python evaluates event functions after each step."""
         e, j, events = self.run.events, self.run.jumps, run.user_events
         if self.passed_events is not events:
             self.passed_events = events
-            e.watch(events.core_data() if events.by_signal else [])
-            e.same, e.spacings, e.share, e.iterations = AGREEMENT, TIME_SPACINGS, RELATIVE_TOLERANCE, MAX_ITERATIONS
+            e.set_events(events.core_data() if events.by_signal else [])
+            e.agreement, e.iterations = AGREEMENT, MAX_ITERATIONS
+            e.spacings, e.step_tolerance = TIME_SPACINGS, RELATIVE_TOLERANCE
             of_drivers = self.system.constraints.breaks
             j.times = sorted({*run.jumps.times, *self.system.laws.breaks(), *of_drivers})
-            j.margin, j.crowd = MARGIN, MAX_CLUSTER
-        j.crossed = (events.by_signal or not events.events) and not run.mode_changes
+            j.margin, j.max_cluster = MARGIN, MAX_CLUSTER
+        j.in_core = (events.by_signal or not events.events) and not run.mode_changes
         j.restart = np.nan if run.interval.restart is None else run.interval.restart
         if events.events and events.by_signal:
             e.start = events.origin[0]
-            e.stand([signal.node for signal in events.signals.values()])
+            e.set_nodes([signal.node for signal in events.signals.values()])
 
     def _from_native(self) -> None:
         c, g, inner = self.run.control, self.run.grid, self.inner
@@ -154,16 +154,16 @@ class NativeStepper(Stepper):
         ts, ys, zs, least_pivot_ratio = r.steps()
         if not len(ts):
             return
-        run.carries.extend(first, *r.carried())
-        run.in_use += [(first + k, tuple(rows)) for k, rows in r.changes]
+        run.carries.extend(first, *r.carries())
+        run.in_use += [(first + k, tuple(rows)) for k, rows in r.row_changes]
         run.user_events.adopt_native(r.events)
-        state, leg = State(*r.state()), r.leg
+        state, interval = State(*r.state()), r.interval
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
-        times, i, behind = ts.tolist(), 0, r.behind
+        times, i, after_jumps = ts.tolist(), 0, r.after_jumps
         finished = times[-1] == run.t1
         if monitor:
             monitor.begin_step()
-        for n in [*behind, len(times)]:
+        for n in [*after_jumps, len(times)]:
             end = finished and n == len(times)
             while i < n:
                 regular = (
@@ -187,4 +187,4 @@ class NativeStepper(Stepper):
         if monitor and run.mode_changes:  # guards are checked first, and may truncate the step
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             monitor.store_ratio()
-        run.interval = SmoothInterval(leg.stop, leg.end, restart)
+        run.interval = SmoothInterval(interval.stop, interval.end, restart)

@@ -62,7 +62,11 @@ class ConvexBody:
         """Return the core data of the shape."""
         nil = (0.0, 0.0, 0.0)
         return {
-            "shape": [self.rim, self.tyre, self.curve, PARALLEL, POLAR],
+            "rim": self.rim,
+            "tyre": self.tyre,
+            "curve": self.curve,
+            "parallel": PARALLEL,
+            "polar": POLAR,
             "axle": list(self.axle or nil),
             "squares": [a * a for a in self.semi_axes or nil],
             "centre": list(self.centre),
@@ -141,7 +145,7 @@ class ContactHeightRow(LineRows):
         self.shape = shape
 
     def core_data(self) -> list[dict[str, Any]]:
-        return [{"kind": "height", **self.shape.core_data()}]
+        return [{"kind": "height", "shape": self.shape.core_data()}]
 
     def residual(self, pair: Pair) -> Array:
         return np.array([self.shape.height(pair)])
@@ -160,7 +164,8 @@ class NoSlipRows(LineRows):
         self.directions[np.abs(self.directions) < ROUNDING] = 0.0
 
     def core_data(self) -> list[dict[str, Any]]:
-        return [{"kind": "grip", **self.shape.core_data(), "share": d.tolist()} for d in self.directions.T]
+        shape = self.shape.core_data()
+        return [{"kind": "grip", "shape": shape, "share": share.tolist()} for share in self.directions.T]
 
     def lines(self, pair: Pair) -> Lines:
         n, p, dn, dp = self.shape.contact_kinematics(pair)

@@ -118,7 +118,7 @@ class BoundJointRow:
 
     def core_data(self) -> dict[str, Any]:
         """Return the core data of the row."""
-        joints = [[j.idx_q, j.nq, j.idx_v] for j in self.joints]
+        joints = [{"iq": j.idx_q, "nq": j.nq, "iv": j.idx_v} for j in self.joints]
         return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}
 
     def value(self) -> tuple[float, list[float]]:

@@ -26,7 +26,7 @@ class Roller(LineRows):
         self.path, self.radius = path, radius
 
     def core_data(self) -> list[dict[str, Any]]:
-        return [{"kind": "roller", "length": self.radius, "path": self.path.core_data()}]
+        return [{"kind": "roller", "length": self.radius, "profile": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:
         x = pair.Ra.T.dot(pair.pb - pair.pa)[:2]
@@ -57,7 +57,7 @@ class FlatFace(LineRows):
         self.path, self.normal = path, normal[:, None]
 
     def core_data(self) -> list[dict[str, Any]]:
-        return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "path": self.path.core_data()}]
+        return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "profile": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:
         e, p = self.lines(at_rest(pair))[:2]

@@ -140,9 +140,9 @@ class PlaneCurve:
     def core_data(self) -> dict[str, Any]:
         """Return the core data."""
         kind = {"harmonic": self.harmonic, "closed": self.closed, "side": self.side}
-        data = {"starts": self.starts.tolist(), "numbers": self.coefficients.ravel().tolist(), "degree": DEGREE}
-        search = [ITERATIONS, BELOW_ROUNDING, CENTRE_TOLERANCE]
-        return {**kind, **data, "samples": self.samples.tolist(), "search": search}
+        sizes = {"starts": self.starts.tolist(), "coefficients": self.coefficients.ravel().tolist()}
+        search = {"iterations": ITERATIONS, "rounding": BELOW_ROUNDING, "tolerance": CENTRE_TOLERANCE}
+        return {**kind, **sizes, **search, "degree": DEGREE, "samples": self.samples.tolist()}
 
 
 class PointProfile(Table):

@@ -1,9 +1,8 @@
 """Core data of the parameters of a mechanism."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...finite_differences import weights
-from ...system import Array
 from ..forces.force import PairElement
 from ..formulations.core_description import constraints_of, laws_of
 from ..frames import Pair, find_frame
@@ -15,8 +14,23 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
     from ..formulations.index2 import Index2System
 
-ModelComponent = tuple[str, int, bool, bool]  # kind, index, whether of the pair of a law, whether its second frame
-CoreData = tuple[list[ModelComponent], list[Any], list[Any]]
+CoreData = tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]
+
+
+class ModelComponent(NamedTuple):
+    """A component of a model that parameters can change.
+
+    Attributes:
+        kind: inertia, placement, frame, gravity or armature.
+        id: the joint of the body or of the placement; or the index of a pair of frames.
+        of_law: whether the pair belongs to a law.
+        second: whether it is the pair's second frame.
+    """
+
+    kind: str
+    id: int = 0
+    of_law: bool = False
+    second: bool = False
 
 
 def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "NativeParameters":
@@ -27,35 +41,43 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     """
     system.expand()
     data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
-    return system.core.vary(len(parameters), *data)
+    return system.core.bind_parameters(len(parameters), *data)
 
 
 def _core_data(parameters: Parameters) -> CoreData:
     """Return the changed components, the change by each parameter, and perturbed laws and rows."""
-    indices: dict[ModelComponent, int] = {}
-    directions: list[tuple[int, int, list[float]]] = []
-    anchors = _anchors(parameters.system)
+    numbers: dict[ModelComponent, int] = {}
+    directions: list[dict[str, Any]] = []
+    ends = _anchors(parameters.system)
     for i, p in enumerate(parameters.all):
-        for component, x in _changed_components(p, anchors):
-            directions.append((i, indices.setdefault(component, len(indices)), x.tolist()))
-    changed: list[tuple[int, list[int], list[Any], list[Any]]] = []
+        for component, x in _changed_components(p, ends):
+            k = numbers.setdefault(component, len(numbers))
+            directions.append({"parameter": i, "component": k, "x": x.tolist()})
+    changed: list[dict[str, Any]] = []
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
         factors = weights(p.stencil, p.h)
         if laws.perturbed:
-            perturbed_laws = [(factors[k], *laws_of(x)) for k, x in laws.perturbed.items()]
-            changed.append((i, laws.at.tolist(), perturbed_laws, []))
+            near = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
+            changed.append({"parameter": i, "at": laws.at.tolist(), "laws": near, "rows": []})
         if rows.perturbed:
-            perturbed_rows = [(factors[k], *constraints_of(x)) for k, x in rows.perturbed.items()]
-            changed.append((i, rows.at.tolist(), [], perturbed_rows))
-    return list(indices), directions, changed
+            keys = "pairs", "rows", "drivers"
+            near = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
+            changed.append({"parameter": i, "at": rows.at.tolist(), "laws": [], "rows": near})
+    return [component._asdict() for component in numbers], directions, changed
 
 
-def _changed_components(p: Parameter, anchors: dict[int, list[ModelComponent]]) -> list[tuple[ModelComponent, Array]]:
-    """Return the components that a parameter changes, and their derivatives."""
-    out: list[tuple[ModelComponent, Array]] = [(("inertia", j, False, False), x) for j, x in p.inertias.items()]
-    out += [(("place", j, False, False), x) for j, x in p.placements.items()]
-    out += [(component, x) for i, x in p.frames.items() for component in anchors.get(i, ())]
-    out += [((kind, 0, False, False), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
+def _perturbed(weight: float, keys: tuple[str, ...], elements: tuple[list[Any], ...]) -> dict[str, Any]:
+    """Return perturbed laws, or rows and drivers, whose weighted sum is a difference quotient."""
+    empty: dict[str, Any] = {"pairs": [], "laws": [], "rows": [], "drivers": []}
+    return {"weight": weight, **empty, **dict(zip(keys, elements, strict=True))}
+
+
+def _changed_components(p: Parameter, ends: dict[int, list[ModelComponent]]) -> list[tuple[ModelComponent, Any]]:
+    """Return the components that a parameter changes, and the changes."""
+    out: list[tuple[ModelComponent, Any]] = [(ModelComponent("inertia", j), x) for j, x in p.inertias.items()]
+    out += [(ModelComponent("placement", j), x) for j, x in p.placements.items()]
+    out += [(component, x) for i, x in p.frames.items() for component in ends.get(i, ())]
+    out += [(ModelComponent(kind), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
     return out
 
 
@@ -67,7 +89,9 @@ def _anchors(system: "Index2System") -> dict[int, list[ModelComponent]]:
 
     def add_frames(number: int, pair: Pair, of_law: bool) -> None:
         for a, second in ((pair.a, False), (pair.b, True)):
-            out.setdefault(frames.index(find_frame(model, a.name)), []).append(("frame", number, of_law, second))
+            out.setdefault(frames.index(find_frame(model, a.name)), []).append(
+                ModelComponent("frame", number, of_law, second)
+            )
 
     for i, (pair, _) in enumerate(system.constraints.frame_rows.values()):
         add_frames(i, pair, False)

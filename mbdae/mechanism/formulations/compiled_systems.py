@@ -12,11 +12,9 @@ import numpy as np
 
 from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
-from ..closures.independent_rows import random_probe
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
-from ..manifold import GROUPS
-from .core_description import constraints_of, core_tolerances, laws_of, samplers_of
+from .core_description import core_tolerances, describe, samplers_of
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
@@ -44,22 +42,15 @@ class CompiledSystem(Index2System):
 
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
         super().__init__(mechanism)
-        m = self.manifold
-        pairs, rows, drivers = constraints_of(self.constraints)
-        law_pairs, laws = laws_of(self.laws)
-        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.block_starts, strict=True)]
-        angles = m.angular.astype(int).tolist()
         self.native = native
-        row_data = self.elimination_order.tolist(), random_probe(self.nv).tolist()
-        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, angles, m.angles, *row_data
-        form = self.formulation, *self.baumgarte
+        description = describe(self)
         try:
-            self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), m.flat, *tables, *form)
+            self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), description)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
-        self.core.sample(samplers_of(self.laws))
+        self.core.set_sampled_controllers(samplers_of(self.laws))
         friction = self.closure_friction
-        self.core.slide(friction.core_data(), friction.active, friction.slip_directions)
+        self.core.set_friction_interfaces(friction.core_data(), friction.active, friction.slip_directions)
         self._deactivate_rows()
         self._expanded = False
 
@@ -137,7 +128,7 @@ class CompiledSystem(Index2System):
             self.core.advance(self.method(method), run)
         finally:
             self.take_core_record()
-            if run.changes:
+            if run.row_changes:
                 self.rows = np.array(self.core.rows, int)
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
@@ -181,8 +172,8 @@ class CompiledSystem(Index2System):
 
     def pivot_ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`."""
-        ratio = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
-        return super().pivot_ratio(t, y) if ratio is None else ratio
+        found = self.core.pivot_ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
+        return super().pivot_ratio(t, y) if found is None else found
 
     def take_core_record(self) -> None:
         """Add the core's counts to those of the system, and update its extremes."""
@@ -204,7 +195,7 @@ class CompiledSystem(Index2System):
     def rows_to_core(self) -> None:
         """Use Python's rows in use in the core."""
         rows = [] if self.rows is None else self.rows.tolist()
-        self.core.use(rows, len(rows), self.rank_threshold, self.rows_frozen)
+        self.core.use_rows(rows, len(rows), self.rank_threshold, self.rows_frozen)
         self._rank_known = True
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
@@ -215,7 +206,7 @@ class CompiledSystem(Index2System):
 
     def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
         """See `Index2System.rows_of_all_modes`."""
-        return self.core.every(t, y)
+        return self.core.rows_of_all_modes(t, y)
 
     def enter(self, mode: Mode) -> None:
         """See `Index2System.enter`."""
@@ -230,8 +221,8 @@ class CompiledSystem(Index2System):
     def _deactivate_rows(self) -> None:
         inactive = self.constraints.inactive
         if len(self.mechanism.switches):
-            self.core.leave_out([k in inactive for k in range(self.ng)], self.sticks)
-            self.core.slowest_slip(self.closure_friction.min_slip_speed)
+            self.core.deactivate_rows([k in inactive for k in range(self.ng)], self.sticks)
+            self.core.set_smallest_slip(self.closure_friction.min_slip_speed)
 
     def use_rows(self, rows: tuple[int, ...], held: bool = True) -> None:
         """See `mbdae.system.System`."""
@@ -263,9 +254,9 @@ class CompiledIndex1(Index1System, CompiledSystem):
     """`Index1System` in the compiled core."""
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
-        """See `Index1System.rate`; `update_independent_rows` adds the core's counts after the step."""
-        result = self.core.rate(t, y) if self._rank_known else None
-        return super().rate(t, y) if result is None else result
+        """See `Index1System.rate`; `update_independent_rows` takes over its counters after the step."""
+        found = self.core.raw_derivative(t, y) if self._rank_known else None
+        return super().rate(t, y) if found is None else found
 
 
 COMPILED: dict[str, Callable[..., CompiledSystem]] = {

@@ -3,6 +3,8 @@
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ... import tolerances as tol
 from ...errors import NotCompiled
 from .. import manifold
@@ -11,60 +13,90 @@ from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
+from ..manifold import GROUPS
 from . import closure_friction, friction_interface, ggl, projection
 
 if TYPE_CHECKING:
     from ..._native import Tolerances
     from ..mechanism import Mechanism
+    from .index2 import Index2System
 
 CoreData = dict[str, Any]
-FrameData = tuple[int, list[float], list[float]]  # joint, R, p
-FramePair = tuple[FrameData, FrameData]
-RESTAGES = 20  # iterations of a stage that a derivative of a run recomputes
+FramePair = tuple[CoreData, CoreData]
+STAGE_ITERATIONS = 20  # iterations of stages that a derivative of a run computes again
 
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
-    """Return all tolerances of points and steps; those of step-size control belong to the run."""
+    """Return all thresholds of points and steps; those of step-size control belong to the run."""
     tolerances: Tolerances = native.Tolerances(
-        largest_turn=manifold.MAX_ROTATION,
-        series=manifold.SERIES,
-        series_end=tol.BELOW_ROUNDING,
-        same_point=tol.ROUNDING,
-        smallest_pivot=independent_rows.SMALLEST_PIVOT,
-        independent=tol.PIVOT_RANK,
-        worst_conditioning=independent_rows.WORST_CONDITIONING,
-        grown=independent_rows.GROWTH_TOLERANCE,
-        many=independent_rows.MANY_ROWS,
-        reason=independent_rows.RESELECTION_RATIO,
-        probed=independent_rows.PROBE_TOLERANCE,
-        converged=independent_rows.CONVERGED,
         eps=tol.EPS,
-        spare=independent_rows.EXTRA_CG_ITERATIONS,
-        truncation=tol.TRUNCATION,
-        rounding=tol.SUM_ROUNDING,
-        falling=projection.MAX_REMAINING,
-        open=projection.OPEN,
-        stalled=projection.STALLED,
-        kept=tol.VISIBLE,
-        iterations=projection.ITERATIONS,
-        unmoved=tol.EVALUATION_ROUNDING,
-        row_scales=mechanism.row_scales.tolist(),
-        q_scales=mechanism.q_scales.tolist(),
-        coordinate_scales=mechanism.coordinate_scales.tolist(),
-        meeting=ggl.ITERATIONS,
-        met=tol.ROUNDING,
-        halted=tol.SEARCH_TOLERANCE,
-        gaping=tol.SAME_STATE,
+        tiny=tol.TINY,
+        below_rounding=tol.BELOW_ROUNDING,
+        rounding=tol.ROUNDING,
+        sum_rounding=tol.SUM_ROUNDING,
+        evaluation_rounding=tol.EVALUATION_ROUNDING,
+        solution_rounding=tol.SOLUTION_ROUNDING,
+        search_tolerance=tol.SEARCH_TOLERANCE,
+        same_state=tol.SAME_STATE,
         still=tol.STILL,
-        turned=friction_interface.MIN_COSINE,
-        loading=closure_friction.ITERATIONS,
-        loaded=tol.ROUNDING,
-        settled=tol.SOLUTION_ROUNDING,
-        nothing=tol.TINY,
-        restages=RESTAGES,
-        restaged=tol.SOLUTION_ROUNDING,
+        pivot_rank=tol.PIVOT_RANK,
+        truncation=tol.TRUNCATION,
+        visible=tol.VISIBLE,
+        max_rotation=manifold.MAX_ROTATION,
+        series=np.array(manifold.SERIES),
+        smallest_pivot=independent_rows.SMALLEST_PIVOT,
+        worst_conditioning=independent_rows.WORST_CONDITIONING,
+        growth_tolerance=independent_rows.GROWTH_TOLERANCE,
+        reselection_ratio=independent_rows.RESELECTION_RATIO,
+        probe_tolerance=independent_rows.PROBE_TOLERANCE,
+        cg_tolerance=independent_rows.CONVERGED,
+        many_rows=independent_rows.MANY_ROWS,
+        extra_cg_iterations=independent_rows.EXTRA_CG_ITERATIONS,
+        projection_falling=projection.MAX_REMAINING,
+        projection_open=projection.OPEN,
+        projection_stalled=projection.STALLED,
+        projection_iterations=projection.ITERATIONS,
+        ggl_iterations=ggl.ITERATIONS,
+        friction_iterations=closure_friction.ITERATIONS,
+        slip_cosine=friction_interface.MIN_COSINE,
+        stage_iterations=STAGE_ITERATIONS,
+        row_scales=mechanism.row_scales,
+        q_scales=mechanism.q_scales,
+        coordinate_scales=mechanism.coordinate_scales,
     )
     return tolerances
+
+
+def describe(system: "Index2System") -> CoreData:
+    """Return the description of a mechanism for the core, the `Description` of `native/system/index2.hpp`.
+
+    Raises:
+        NotCompiled: for rows and laws that the core does not support.
+    """
+    m = system.manifold
+    pairs, rows, drivers = constraints_of(system.constraints)
+    law_pairs, laws = laws_of(system.laws)
+    alpha, beta = system.baumgarte
+    return {
+        "formulation": system.formulation,
+        "alpha": alpha,
+        "beta": beta,
+        "flat": m.flat,
+        "ns": system.ns,
+        "pairs": pairs,
+        "rows": rows,
+        "drivers": drivers,
+        "law_pairs": law_pairs,
+        "laws": laws,
+        "blocks": [
+            {"kind": GROUPS[ad], "iv": s.start, "iq": iq}
+            for (_, s, ad, _), iq in zip(m.blocks, m.block_starts, strict=True)
+        ],
+        "angular": m.angular.astype(int).tolist(),
+        "angles": [{"iv": iv, "iq": iq} for iv, iq in m.angles],
+        "order": system.elimination_order.tolist(),
+        "probe": independent_rows.random_probe(system.nv).tolist(),
+    }
 
 
 def constraints_of(constraints: Constraints) -> tuple[list[FramePair], list[CoreData], list[CoreData]]:
@@ -90,8 +122,8 @@ def constraints_of(constraints: Constraints) -> tuple[list[FramePair], list[Core
     return pairs, rows, drivers
 
 
-def _frame(a: Anchor) -> FrameData:
-    return a.joint, a.R.ravel().tolist(), a.p.tolist()
+def _frame(a: Anchor) -> CoreData:
+    return {"joint": a.joint, "R": a.R.ravel().tolist(), "p": a.p.tolist()}
 
 
 def samplers_of(laws: ForceElements) -> list[CoreData]:

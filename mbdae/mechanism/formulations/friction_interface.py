@@ -84,7 +84,7 @@ class FrictionInterface(NamedTuple):
         return {
             "kind": "grips" if force.sticks else self.closure.friction,
             "row": self.rows.start,
-            "carried": self.rows.stop - self.rows.start,
+            "components": self.rows.stop - self.rows.start,
             "grip": list(range(self.no_slip_rows.start, self.no_slip_rows.stop)) if force.sticks else [],
             "axis": self.axis.tolist(),
             "coefficient": force.coefficient * (force.radius or 1.0),

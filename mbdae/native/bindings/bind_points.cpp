@@ -8,7 +8,7 @@ namespace mbdae {
 
 namespace {
 
-nb::object partials(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
+auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
   return attempt(c, [&](Index2System& s) {
     if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
@@ -17,33 +17,33 @@ nb::object partials(PyCore& c, double t, const Array& q, const Array& u, const A
     EquationPartials out;
     s.partials(t, a.data(), b.data(), d.data(), l.data(), out);
     const size_t r = out.g_t.size();
-    return nb::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
-                          array(out.B, {r, nv}), vector(out.g_t));
+    return std::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
+                           array(out.B, {r, nv}), vector(out.g_t));
   });
 }
 
-nb::object derivative(PyCore& c, double t, const Array& y) {
+auto derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y"), F(s.ny), z(s.ng);
     s.derivative(t, at.data(), F.data(), z.data());
-    return nb::make_tuple(vector(F), vector(z));
+    return std::make_tuple(vector(F), vector(z));
   });
 }
 
-nb::object rate(PyCore& c, double t, const Array& y) {
+auto raw_derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y"), dy(s.length), z(s.ng);
-    s.rate(t, at.data(), dy.data(), z.data());
-    return nb::make_tuple(vector(dy), vector(z));
+    s.raw_derivative(t, at.data(), dy.data(), z.data());
+    return std::make_tuple(vector(dy), vector(z));
   });
 }
 
-nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
-  const CoreLock turn(c);
+auto derivatives(PyCore& c, const Array& t, const Array& y) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
   Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
-  many(c, [&] {
+  run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
       } catch (const FallBackToPython&) {
@@ -51,15 +51,15 @@ nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
         if (c.callbacks->interrupted) break;
       }
   });
-  return nb::make_tuple(array(F, {n, ny}), array(z, {n, ng}));
+  return std::make_tuple(array(F, {n, ny}), array(z, {n, ng}));
 }
 
-nb::object residuals(PyCore& c, const Array& t, const Array& y) {
-  const CoreLock turn(c);
+auto residuals(PyCore& c, const Array& t, const Array& y) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
   Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
-  many(c, [&] {
+  run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
         const Energy e = energy(s, &at[i * length]);
@@ -69,11 +69,11 @@ nb::object residuals(PyCore& c, const Array& t, const Array& y) {
         if (c.callbacks->interrupted) break;
       }
   });
-  return nb::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
+  return std::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
 }
 
 // Including rows inactive in the mode.
-nb::object every(PyCore& c, double t, const Array& y) {
+auto rows_of_all_modes(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
     std::vector<bool> off;
@@ -85,26 +85,26 @@ nb::object every(PyCore& c, double t, const Array& y) {
       throw;
     }
     off.swap(s.constraints.off);
-    return nb::make_tuple(vector(g), vector(rate));
+    return std::make_tuple(vector(g), vector(rate));
   });
 }
 
-nb::object ratio(PyCore& c, const Array& q, int rank) {
+std::optional<double> ratio_of_pivots(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
   Numbers at = numbers(q, s.nq, "q");
   if (rank < 1 || rank > std::min(s.ng, s.nv)) refuse("rank out of range");
   try {
-    return nb::float_(s.ratio(at.data(), rank));
+    return s.pivot_ratio(at.data(), rank);
   } catch (const FallBackToPython&) {
-    return nb::none();
+    return std::nullopt;
   }
 }
 
 // M by rows, nle, J by columns, M a + nle; velocities and accelerations of joints for v' = a, (joints, 6).
 nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
-  const CoreLock turn(c);
+  const CoreLock lock(c);
   Mechanics& m = c.core->system.mechanics;
-  c.core->system.point.forget();
+  c.core->system.point.invalidate();
   const size_t nv = m.nv, n = m.joints;
   Numbers at = numbers(q, m.nq, "q"), u = numbers(v, nv, "v"), rate = numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
   m.dynamics(at.data(), u.data());
@@ -118,12 +118,12 @@ nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
                         array(A, {n, 6}));
 }
 
-double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
-  const CoreLock turn(c);
+double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   Numbers a = numbers(q, s.nq, "q"), b = numbers(v, s.nv, "v");
   try {
-    return s.bare(a.data(), b.data(), repetitions);
+    return s.minimal_stage_seconds(a.data(), b.data(), repetitions);
   } catch (const FallBackToPython&) {
     refuse("the point is singular");
   }
@@ -132,22 +132,24 @@ double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
 }  // namespace
 
 void bind_points(nb::class_<PyCore>& core) {
-  core.def("partials", partials, nb::arg("t"), nb::arg("q"), nb::arg("u"), nb::arg("vdot"), nb::arg("lam"),
-           "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) stands by row.")
-      .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
+  using nb::arg;
+  core.def("partials", partials, arg("t"), arg("q"), arg("u"), arg("vdot"), arg("lam"),
+           "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) is by row.")
+      .def("derivative", derivative, arg("t"), arg("y"),
            "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
-      .def("rate", rate, nb::arg("t"), nb::arg("y"),
+      .def("raw_derivative", raw_derivative, arg("t"), arg("y"),
            "Return dy/dt (length,) of raw coordinates and lam (ng,) from the hidden constraint, or None.")
-      .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),
-           "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
-      .def("residuals", residuals, nb::arg("t"), nb::arg("y"),
+      .def("derivatives", derivatives, arg("t"), arg("y"),
+           "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be computed.")
+      .def("residuals", residuals, arg("t"), arg("y"),
            "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
-      .def("every", every, nb::arg("t"), nb::arg("y"), "Return g and G v + g_t over all rows whatever the mode, or None.")
-      .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
+      .def("rows_of_all_modes", rows_of_all_modes, arg("t"), arg("y"),
+           "Return g and G v + g_t over all rows whatever the mode, or None.")
+      .def("pivot_ratio", ratio_of_pivots, arg("q"), arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
-      .def("dynamics", dynamics, nb::arg("q"), nb::arg("v"), nb::arg("a"),
+      .def("dynamics", dynamics, arg("q"), arg("v"), arg("a"),
            "Return M, nle, J^T, M a + nle, and velocities and accelerations of joints in the world, (njoints, 6).")
-      .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+      .def("minimal_stage_seconds", minimal_stage_seconds, arg("q"), arg("v"), arg("repetitions"),
            "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }
 

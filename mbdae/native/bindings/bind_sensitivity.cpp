@@ -1,6 +1,4 @@
-// Tangents and adjoints of steps, and their parameters; for type checkers: mbdae/_native.pyi.
-#include <nanobind/stl/optional.h>
-
+// Tangents and adjoints of steps, and their parameters.
 #include "bindings/py_core.hpp"
 #include "sensitivity/trajectory_segment.hpp"
 
@@ -13,91 +11,76 @@ struct PyParameters {
   std::unique_ptr<Parameters> partials;
 };
 
-std::vector<ModelComponent> stuff(const nb::list& list, const Index2System& s) {
-  static const std::map<std::string, ModelComponent::Of> kinds = {{"inertia", ModelComponent::inertia}, {"place", ModelComponent::place},
-                                                         {"frame", ModelComponent::frame}, {"gravity", ModelComponent::gravity},
-                                                         {"armature", ModelComponent::armature}};
-  std::vector<ModelComponent> out;
-  for (nb::handle h : list) {
-    const auto x = nb::cast<nb::tuple>(h);
-    if (x.size() != 4) refuse("stuff is a kind, a number, whether it is of a law, and of a pair's second frame");
-    ModelComponent one{kind(kinds, nb::cast<std::string>(x[0])), nb::cast<int>(x[1]), nb::cast<bool>(x[2]), nb::cast<bool>(x[3])};
-    const auto& pairs = one.of_law ? s.law_pairs() : s.constraints.pairs;
-    if (one.of == ModelComponent::inertia || one.of == ModelComponent::place) {
-      within({one.at - 1}, s.mechanics.joints - 1, "joint");
-    } else {
-      within({one.at}, one.of == ModelComponent::frame ? static_cast<int>(pairs.size()) : 1, "pair");
-    }
-    out.push_back(one);
-  }
-  return out;
-}
-
-std::vector<Direction> directions(const nb::list& list, const std::vector<ModelComponent>& of, int count, int nv) {
-  std::vector<Direction> out;
-  for (nb::handle h : list) {
-    const auto x = nb::cast<nb::tuple>(h);
-    if (x.size() != 3) refuse("a direction is a parameter, stuff and numbers");
-    Direction d{nb::cast<int>(x[0]), nb::cast<int>(x[1]), nb::cast<Numbers>(x[2])};
-    within({d.parameter}, count, "parameter"), within({d.stuff}, static_cast<int>(of.size()), "stuff");
-    if (static_cast<int>(d.x.size()) != size_of(of[d.stuff].of, nv)) refuse("a direction does not fit");
-    out.push_back(std::move(d));
-  }
-  return out;
-}
-
-PerturbedLaws near_laws(const nb::tuple& x, const Sizes& n, int states, const Index2System& s, Callbacks& callbacks) {
-  if (x.size() != 3) refuse("laws nearby are a weight, pairs and laws");
-  std::vector<Pair> found;
-  for (const auto& p : pairs(nb::cast<nb::list>(x[1]), n.joints)) found.emplace_back(p.first, p.second, s.mechanics.supports());
+// Laws, or rows with their drivers, perturbed by a parameter.
+struct PerturbedElements {
+  double weight = 0;
+  Anchors pairs;
   std::vector<Law> laws;
-  std::vector<int> of;
-  for (nb::handle h : nb::cast<nb::list>(x[2])) {
-    int pair;
-    laws.push_back(law(nb::cast<nb::dict>(h), n, states, static_cast<int>(found.size()), pair, callbacks));
-    of.push_back(pair);
+  std::vector<Row> rows;
+  std::vector<Driver> drivers;
+
+  FIELDS(weight, pairs, laws, rows, drivers)
+};
+
+struct ChangedElements {
+  int parameter = 0;
+  std::vector<int> at;  // indices of the laws' states, or of the rows
+  std::vector<PerturbedElements> laws, rows;
+
+  FIELDS(parameter, at, laws, rows)
+};
+
+void check_components(const std::vector<ModelComponent>& components, const Index2System& s) {
+  for (const ModelComponent& x : components)
+    if (x.kind == ModelComponent::inertia || x.kind == ModelComponent::placement) {
+      within({x.id}, s.mechanics.joints, "joint"), within({x.id - 1}, s.mechanics.joints, "joint");
+    } else {
+      const size_t pairs = x.of_law ? s.law_pairs().size() : s.constraints.pairs.size();
+      within({x.id}, x.kind == ModelComponent::frame ? static_cast<int>(pairs) : 1, "pair");
+    }
+}
+
+ChangedElement changed_element(ChangedElements x, const Index2System& s) {
+  ChangedElement out;
+  out.parameter = x.parameter, out.at = x.at;
+  within(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
+  for (PerturbedElements& p : x.laws) {
+    check_anchors(p.pairs, s.mechanics.joints), check_laws(p.laws, p.pairs.size());
+    std::vector<Pair> pairs;
+    for (const auto& [a, b] : p.pairs) pairs.emplace_back(a, b, s.mechanics.supports());
+    out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
-  PerturbedLaws out(std::move(found), std::move(laws), of);
-  out.weight = nb::cast<double>(x[0]);
+  for (PerturbedElements& p : x.rows) {
+    if (p.rows.size() != x.at.size()) refuse("as many perturbed rows as there are");
+    check_anchors(p.pairs, s.mechanics.joints), check_rows(p.rows, p.pairs.size());
+    check_drivers(p.drivers, p.rows.size());
+    out.rows.push_back(
+        {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});
+  }
   return out;
 }
 
-PerturbedRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const Index2System& s, Callbacks& callbacks) {
-  if (x.size() != 4) refuse("rows nearby are a weight, pairs, rows and drivers");
-  auto found = pairs(nb::cast<nb::list>(x[1]), n.joints);
-  std::vector<Row> rows;
-  for (nb::handle h : nb::cast<nb::list>(x[2])) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(found.size()), callbacks));
-  if (rows.size() != count) refuse("as many rows nearby as there are");
-  std::vector<Driver> drivers;
-  for (nb::handle h : nb::cast<nb::list>(x[3])) drivers.push_back(driver(nb::cast<nb::dict>(h), rows.size(), callbacks));
-  return {nb::cast<double>(x[0]),
-          std::make_unique<Constraints>(s.mechanics, std::move(rows), found, std::move(drivers))};
-}
-
-PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::list& direction_list,
-                  const nb::list& changed_list) {
-  const CoreLock turn(c);
+PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_list, const nb::list& direction_list,
+                             const nb::list& changed_list) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (s.formulation == Formulation::index1) refuse("tangents are those of index 2 and GGL");
-  if (count < 0) refuse("how many parameters there are is not negative");
-  const Sizes n{s.nq, s.nv, s.mechanics.joints};
-  auto made_of = stuff(stuff_list, s);
-  auto along = directions(direction_list, made_of, count, s.nv);
-  std::vector<ChangedElement> changed;
-  for (nb::handle h : changed_list) {
-    const auto x = nb::cast<nb::tuple>(h);
-    if (x.size() != 4) refuse("a change is a parameter, numbers of states or rows, laws and rows");
-    changed.emplace_back();
-    ChangedElement& one = changed.back();
-    one.parameter = nb::cast<int>(x[0]), one.at = nb::cast<std::vector<int>>(x[1]);
-    within({one.parameter}, count, "parameter");
-    const auto laws = nb::cast<nb::list>(x[2]), rows = nb::cast<nb::list>(x[3]);
-    within(one.at, laws.size() ? s.ns : s.ng, laws.size() ? "state" : "row");
-    const int states = static_cast<int>(one.at.size());
-    for (nb::handle l : laws) one.laws.push_back(near_laws(nb::cast<nb::tuple>(l), n, states, s, *c.callbacks));
-    for (nb::handle r : rows) one.rows.push_back(near_rows(nb::cast<nb::tuple>(r), n, one.at.size(), s, *c.callbacks));
+  if (count < 0) refuse("the number of parameters is not negative");
+  DescriptionReader reader = c.reader();
+  auto components = reader.read<std::vector<ModelComponent>>(component_list);
+  auto directions = reader.read<std::vector<Direction>>(direction_list);
+  check_components(components, s);
+  for (const Direction& d : directions) {
+    within({d.parameter}, count, "parameter");
+    within({d.component}, static_cast<int>(components.size()), "component");
+    if (static_cast<int>(d.x.size()) != size_of(components[d.component].kind, s.nv)) refuse("a direction does not fit");
   }
-  return {&c, std::make_unique<Parameters>(s, count, std::move(made_of), std::move(along), std::move(changed))};
+  std::vector<ChangedElement> changed;
+  for (ChangedElements& x : reader.read<std::vector<ChangedElements>>(changed_list)) {
+    within({x.parameter}, count, "parameter");
+    changed.push_back(changed_element(std::move(x), s));
+  }
+  return {&c, std::make_unique<Parameters>(s, count, std::move(components), std::move(directions), std::move(changed))};
 }
 
 // Steps and their data, checked; arrays live as long as the call.
@@ -122,10 +105,10 @@ struct Nodes {
 };
 
 template <class F>
-bool done(PyCore& c, F&& compute) {
+bool succeeds(PyCore& c, F&& compute) {
   bool failed = false;
-  c.core->system.point.forget();
-  many(c, [&] {
+  c.core->system.point.invalidate();
+  run_unlocked(c, [&] {
     try {
       compute(c.core->system);
     } catch (const FallBackToPython&) {
@@ -135,19 +118,21 @@ bool done(PyCore& c, F&& compute) {
   return !failed;
 }
 
-nb::object walk_along(PyCore& c, nb::handle a, bool halved, const Run& run, const Array& t, const Array& y,
-                      const Array& carry, double repeated, double synchronous) {
-  const CoreLock turn(c);
+std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(PyCore& c, nb::handle a, bool halved,
+                                                                              const Run& run, const Array& t,
+                                                                              const Array& y, const Array& carry,
+                                                                              double same_state, double agreement) {
+  const CoreLock lock(c);
   const Nodes x(c, a, halved, run.project, t, y);
   if (x.segment.radau) refuse("a collocation method carries nothing");
-  const RepeatTolerances like{run.adaptive, run.control, run.tolerated, run.nothing, repeated, synchronous};
+  const RepeatTolerances like{run.adaptive, run.control, run.tolerated_move, run.tiny, same_state, agreement};
   const size_t sizes = like.control.atol.size();
-  if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.measured()))
+  if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.controlled_components()))
     refuse("atol has the wrong length");
   Recomputed out;
   out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
-  if (!done(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return nb::none();
-  return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
+  if (!succeeds(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return std::nullopt;
+  return std::make_tuple(array(out.carries, {x.nodes, x.nc}), out.restarted, out.steps, vector(out.end));
 }
 
 // While it exists, the core asks a Python function for the partials of friction.
@@ -167,43 +152,44 @@ class WithFriction {
   Parameters& p_;
 };
 
-nb::object go_back(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
-                   const Array& carries, const Array& extra, const Array& bar, const nb::object& friction) {
-  const CoreLock turn(c);
-  const WithFriction sliding(c, *p.partials, friction);
+std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project,
+                                                    const Array& t, const Array& y, const Array& carries,
+                                                    const Array& extra, const Array& bar, const nb::object& friction) {
+  const CoreLock lock(c);
+  const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
   Numbers by_start = numbers(bar, width, "bar"), by_p(p.partials->count());
-  if (!done(c, [&](Index2System& s) {
+  if (!succeeds(c, [&](Index2System& s) {
         adjoint(s, *p.partials, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
       }))
-    return nb::none();
-  return nb::make_tuple(vector(by_start), vector(by_p));
+    return std::nullopt;
+  return std::make_pair(vector(by_start), vector(by_p));
 }
 
-nb::object go_along(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t, const Array& y,
-                    const Array& carries, const Array& first, const Array& dp,
-                    const std::optional<Array>& dh, const nb::object& friction) {
-  const CoreLock turn(c);
-  const WithFriction sliding(c, *p.partials, friction);
+std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t,
+                                    const Array& y, const Array& carries, const Array& first, const Array& dp,
+                                    const std::optional<Array>& dh, const nb::object& friction) {
+  const CoreLock lock(c);
+  const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
   const Numbers start = numbers(first, d * width, "first");
   const Numbers late = dh ? numbers(*dh, d, "dh") : Numbers();
   Numbers along(x.nodes * d * width);
-  if (!done(c, [&](Index2System& s) {
+  if (!succeeds(c, [&](Index2System& s) {
         tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(),
                 dh ? late.data() : nullptr, start.data(), along.data());
       }))
-    return nb::none();
+    return std::nullopt;
   return array(along, {x.nodes, d, width});
 }
 
 // The nearest point on the closures, or with v alone the nearest that they allow; and its partials (ny, ny + k).
-nb::object project_along(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
-  const CoreLock turn(c);
+std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
+  const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (p.core != &c) refuse("the parameters are those of another core");
   if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
@@ -211,32 +197,37 @@ nb::object project_along(PyCore& c, PyParameters& p, double t, const Array& y, b
   Numbers at = numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
   for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;
   for (size_t i = 0; i < k; ++i) dp[(ny + i) * k + i] = 1;
-  if (!done(c, [&](Index2System&) {
+  if (!succeeds(c, [&](Index2System&) {
         ProjectionSensitivity end(s, *p.partials, true);
         end.take(t, at.data(), positions), end.forward(static_cast<int>(d), moved.data(), ny, dp.data(), nullptr);
       }))
-    return nb::none();
-  return nb::make_tuple(vector(at), array(moved, {d, ny}));
+    return std::nullopt;
+  return std::make_pair(vector(at), array(moved, {d, ny}));
 }
 
 }  // namespace
 
-void bind_tangents(nb::module_& m, nb::class_<PyCore>& core) {
-  nb::class_<PyParameters>(m, "Parameters", "Numbers of a mechanism that vary.");
-  core.def("vary", vary, nb::keep_alive<0, 1>(), nb::arg("count"), nb::arg("stuff"), nb::arg("directions"),
-           nb::arg("changed"), "Say how parameters change what the mechanism is made of, its laws and its rows.")
-      .def("recompute", walk_along, nb::arg("method"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
-           nb::arg("carry"), nb::arg("repeated"), nb::arg("synchronous"),
-           "Return what is carried to each node (m + 1, nc), whether it was found anew there, how many steps could be "
-           "repeated, and where they end; or None.")
-      .def("adjoint", go_back, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
-           nb::arg("carries"), nb::arg("extra"), nb::arg("bar"), nb::arg("friction") = nb::none(),
-           "Return the cotangents of y and carry (ny + nc,), and of parameters (k,), of those behind steps, or None.")
-      .def("tangent", go_along, nb::arg("parameters"), nb::arg("method"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
-           nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"), nb::arg("dh") = nb::none(), nb::arg("friction") = nb::none(),
-           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
-      .def("projection", project_along, nb::arg("parameters"), nb::arg("t"), nb::arg("y"), nb::arg("positions"),
-           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and the "
+void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
+  using nb::arg;
+  nb::class_<PyParameters>(m, "Parameters", "Varied parameters of a mechanism.");
+  core.def("bind_parameters", bind_parameters, nb::keep_alive<0, 1>(), arg("count"), arg("components"),
+           arg("directions"), arg("changed"), "Set how parameters change model components, laws and rows.")
+      .def("recompute", recompute_steps, arg("method"), arg("halved"), arg("run"), arg("t"), arg("y"), arg("carry"),
+           arg("same_state"), arg("agreement"),
+           "Return the carry at each node (m + 1, nc), whether it was restarted there, how many steps could be "
+           "repeated,\n"
+           "and their end; or None.")
+      .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
+           arg("y"), arg("carries"), arg("extra"), arg("bar"), arg("friction") = nb::none(),
+           "Return the cotangents of y and carry (ny + nc,) at the first node, and of parameters (k,), or None.")
+      .def(
+          "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
+          arg("y"), arg("carries"), arg("first"), arg("dp"), arg("dh") = nb::none(), arg("friction") = nb::none(),
+          "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None; dh (d,) are those of the step\n"
+          "sizes. friction: (q, v, lam) -> K (n, nv), D (n, n), P (k, n) of friction that depends on multipliers.")
+      .def("projection", projection, arg("parameters"), arg("t"), arg("y"), arg("positions"),
+           "Return the nearest point that satisfies the closures, or the nearest v alone, and its partials by y and "
+           "the\n"
            "parameters, transposed, (ny + k, ny); or None.");
 }
 

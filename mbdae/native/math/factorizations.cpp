@@ -127,8 +127,8 @@ void reflect(int m, int r, const double* A, const double* head, double* y, bool 
 
 }  // namespace
 
-void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
-            std::vector<double>& work) {
+void pivoted_qr(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
+                std::vector<double>& work) {
   work.resize(static_cast<size_t>(m) * n + std::min(m, n));
   std::copy(B, B + static_cast<size_t>(m) * n, work.begin());
   qr(m, n, work.data(), order, diagonal, work.data() + static_cast<size_t>(m) * n);
@@ -153,26 +153,26 @@ double pivot_ratio(std::vector<SparseRow>& S, int rank, double rounding) {
     for (const auto& [i, x] : S[p]) {
       if (i == p || diagonal[i] <= nothing) continue;
       const double f = x / last;
-      double own = 0;
+      double diagonal_entry = 0;
       merged.clear();
       auto a = S[i].begin();
       for (const auto& [j, y] : S[p]) {
         for (; a != S[i].end() && a->first < j; ++a) merged.push_back(*a);
         const bool both = a != S[i].end() && a->first == j;
         if (j != p && diagonal[j] > nothing) merged.emplace_back(j, (both ? a->second : 0.0) - f * y);
-        if (j == i) own = merged.back().second;
+        if (j == i) diagonal_entry = merged.back().second;
         a += both;
       }
       merged.insert(merged.end(), a, S[i].end());
       S[i].swap(merged);
-      diagonal[i] = std::max(0.0, own);
+      diagonal[i] = std::max(0.0, diagonal_entry);
     }
     S[p].clear();
   }
   return std::sqrt(last / first);
 }
 
-void least(int m, int n, const double* B, const double* r, double truncation, double* z) {
+void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z) {
   // B P = Q [R1; 0], R1 (k, n): z = Q1 w with R1^T w = P^T r in the least-squares sense, by a second QR of R1^T.
   std::vector<double> A(B, B + static_cast<size_t>(m) * n), head(std::min(m, n)), diagonal, d2;
   std::vector<int> order, o2;

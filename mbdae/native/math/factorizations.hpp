@@ -17,7 +17,7 @@ class BandLU {
   bool factorize();  // false where a pivot is zero or not finite
   void solve(double* b) const;
   void solve_transposed(double* b) const;
-  double ratio() const { return ratio_; }  // smallest to largest pivot
+  double pivot_ratio() const { return ratio_; }  // smallest to largest pivot
   int half_bandwidth() const { return half_; }
 
  private:
@@ -28,17 +28,17 @@ class BandLU {
 };
 
 // Householder QR with column pivoting of B (m, n), by columns: the order of the columns and |diag R|, decreasing.
-void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
-            std::vector<double>& work);
+void pivoted_qr(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
+                std::vector<double>& work);
 
-// The ratio of the last to the first of so many pivots, in magnitude as |diag R| of `pivots`, from S = B^T B by sparse
-// rows: (column, entry) in order, of the whole matrix. By Cholesky's elimination with diagonal pivoting, in a time that
-// is short for chains; accurate to the square root of rounding. S is overwritten.
+// The ratio of the last to the first of so many pivots, in magnitude as |diag R| of `pivoted_qr`, from S = B^T B by
+// sparse rows: (column, entry) in order, of the whole matrix. By Cholesky's elimination with diagonal pivoting, in a
+// time that is short for chains; accurate to the square root of rounding. S is overwritten.
 using SparseRow = std::vector<std::pair<int, double>>;
 double pivot_ratio(std::vector<SparseRow>& S, int rank, double rounding);
 
 // The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
-void least(int m, int n, const double* B, const double* r, double truncation, double* z);
+void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z);
 
 // The X (n, k) that minimises |A X - B|, A (m, n) of full rank, all by columns: written to the first n rows of B (m, k).
 void least_squares(int m, int n, double* A, int k, double* B);

@@ -17,26 +17,24 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
   const std::vector<std::vector<int>> supports = m.supports();
   for (const auto& x : anchors) {
     pairs.emplace_back(x.first, x.second, supports);
-    pairs.back().turns_a = pairs.back().turns_b = false;
+    pairs.back().needs_Ra = pairs.back().needs_Rb = false;
   }
   of_pair.resize(pairs.size());
   for (Row& r : rows) {
     if (r.between_joints()) {
       std::set<int> columns;
-      for (int i : r.iv)
-        if (i >= 0) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
-      for (int i : r.python ? r.python->iv : std::vector<int>())
-        columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
-      for (const auto& x : r.others) columns.insert(x[2]), columns.insert(m.ancestors[x[2]].begin(), m.ancestors[x[2]].end());
+      std::vector<int> velocities = r.python ? r.python->iv : std::vector<int>();
+      for (const RowJoint& j : r.joints) velocities.push_back(j.iv);
+      for (int i : velocities) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
       r.columns.assign(columns.begin(), columns.end());
       continue;
     }
     of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
     Pair& pair = pairs[r.pair];
     r.columns = pair.columns;
-    if (r.has_a) pair.turns_a = true;
-    if (r.has_b) pair.turns_b = true;
-    if (touches(r) || r.profile) pair.turns_a = pair.turns_b = true;
+    if (r.has_a) pair.needs_Ra = true;
+    if (r.has_b) pair.needs_Rb = true;
+    if (has_contact(r) || r.profile) pair.needs_Ra = pair.needs_Rb = true;
   }
   for (const Driver& d : drivers)
     if (d.speed) rows[d.row].positional = false;
@@ -66,13 +64,13 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
       const double x = row.coordinate_value(q, &first);
       if (g) g[r] = row.positional ? x : 0;
       for (int c : row.columns) out[c] = 0;
-      out[row.iv[0]] = 1;
-      if (row.iv[1] >= 0) out[row.iv[1]] = -first;
-      for (size_t k = 0; k < row.others.size(); ++k) out[row.others[k][2]] = -row.c[k + 1];
+      out[row.joints[0].iv] = 1;
+      for (size_t k = 1; k < row.joints.size(); ++k)
+        if (row.kind == Row::sum || k == 1) out[row.joints[k].iv] = row.kind == Row::sum ? -row.c[k] : -first;
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.locate(m), located = row.pair;
+    if (row.pair != located) pair.update_poses(m), located = row.pair;
     double w[6];
     const double x = row.wrench(pair, w);
     if (g) g[r] = row.positional ? x : 0;
@@ -83,7 +81,7 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
   }
 }
 
-void Constraints::gaps(double t, double* g) const {
+void Constraints::complete_g(double t, double* g) const {
   for (const Driver& d : drivers) {
     double u[3];
     motion(t, d, u);
@@ -107,7 +105,7 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.locate(m), pair.twist(m, falling), located = row.pair;
+    if (row.pair != located) pair.update_poses(m), pair.update_velocities(m, falling), located = row.pair;
     out[r] = row.rate(pair);
   }
 }
@@ -120,7 +118,7 @@ void Constraints::motion(double t, const Driver& d, double* u) const {
   if (d.length && !(u[0] > 0)) throw FallBackToPython();
 }
 
-void Constraints::speed(double t, double* out) const {
+void Constraints::evaluate_g_t(double t, double* out) const {
   for (const Driver& d : drivers) {
     double u[3];
     motion(t, d, u);
@@ -128,7 +126,7 @@ void Constraints::speed(double t, double* out) const {
   }
 }
 
-void Constraints::acceleration(double t, double* out) const {
+void Constraints::evaluate_g_tt(double t, double* out) const {
   for (const Driver& d : drivers) {
     double u[3];
     motion(t, d, u);

@@ -16,9 +16,9 @@ S normalize(Vec3<S>& x) {  // x := x/|x|; |x|
 template <class S>
 Vec3<S> normal(const Shape& shape, const Frames<S>& x) {
   const Vec3<double> z = column(x.Ra, 2);
-  if (shape.surface == Shape::plane) return z;
+  if (shape.surface == Shape::Surface::plane) return z;
   Vec3<S> n = x.pb - x.pa;
-  if (shape.surface == Shape::cylinder) n = n - dot(z, n) * z;
+  if (shape.surface == Shape::Surface::cylinder) n = n - dot(z, n) * z;
   if (!(value(normalize(n)) > 0)) throw FallBackToPython();
   return shape.curve < 0 ? -1.0 * n : n;
 }
@@ -26,34 +26,34 @@ Vec3<S> normal(const Shape& shape, const Frames<S>& x) {
 }  // namespace
 
 template <class S>
-Contact<S> touch(const Shape& shape, const Frames<S>& x) {
+Contact<S> contact_of(const Shape& shape, const Frames<S>& x) {
   Contact<S> out;
   const Vec3<S> n = out.n = normal(shape, x);
   out.p = x.pb;
-  if (shape.body == Shape::ellipsoid) {
+  if (shape.body == Shape::Body::ellipsoid) {
     const Vec3<S> Dn = x.Rb * scaled(shape.squares, transposed(x.Rb, n));
     out.p = out.p + x.Rb * Vec3<double>(shape.centre) - 1 / sqrt(dot(n, Dn)) * Dn;
   }
   out.p = out.p - shape.tyre * n;
-  if (shape.body == Shape::wheel) {
+  if (shape.body == Shape::Body::wheel) {
     const Vec3<S> axle = x.Rb * Vec3<double>(shape.axle);
     out.ahead = cross(axle, n);
-    if (!(value(normalize(out.ahead)) > shape.flat)) throw FallBackToPython();
+    if (!(value(normalize(out.ahead)) > shape.parallel)) throw FallBackToPython();
     // ahead x axle is the unit vector along n - (n . s) s
     if (shape.rim > 0) out.p = out.p - shape.rim * cross(out.ahead, axle);
-  } else if (shape.surface == Shape::plane) {
+  } else if (shape.surface == Shape::Surface::plane) {
     out.ahead = column(x.Ra, 0);
   } else {
     Vec3<double> d = column(x.Ra, 2);
-    if (shape.surface == Shape::ball && std::fabs(value(dot(n, d))) > shape.polar) d = column(x.Ra, 0);
+    if (shape.surface == Shape::Surface::sphere && std::fabs(value(dot(n, d))) > shape.polar) d = column(x.Ra, 0);
     out.ahead = cross(d, n), normalize(out.ahead);
   }
   out.left = cross(n, out.ahead);
   return out;
 }
 
-template Contact<double> touch(const Shape&, const Frames<double>&);
-template Contact<Dual<1>> touch(const Shape&, const Frames<Dual<1>>&);
-template Contact<Dual<6>> touch(const Shape&, const Frames<Dual<6>>&);
+template Contact<double> contact_of(const Shape&, const Frames<double>&);
+template Contact<Dual<1>> contact_of(const Shape&, const Frames<Dual<1>>&);
+template Contact<Dual<6>> contact_of(const Shape&, const Frames<Dual<6>>&);
 
 }  // namespace mbdae

@@ -1,9 +1,7 @@
 // A convex body of frame b on a surface of frame a: contact kinematics (mbdae/mechanism/closures/contact.py).
 #pragma once
 
-#include <map>
-#include <string>
-
+#include "math/fields.hpp"
 #include "math/geometry.hpp"
 
 namespace mbdae {
@@ -12,17 +10,16 @@ template <class S>
 struct Frames;
 
 struct Shape {
-  enum Body { sphere, wheel, ellipsoid } body = sphere;
-  enum Surface { plane, ball, cylinder } surface = plane;
-  double rim = 0, tyre = 0, curve = 0;
-  double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // of semi-axes
-  double flat = 0, polar = 0;  // thresholds
-};
+  NAMED_ENUM(enum class, Body, sphere, wheel, ellipsoid)
+  NAMED_ENUM(enum class, Surface, plane, sphere, cylinder)
+  Body body = Body::sphere;
+  Surface surface = Surface::plane;
+  double rim = 0, tyre = 0, curve = 0;  // radii; that of the surface is negative where the body rolls inside
+  double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // squares: of semi-axes
+  double parallel = 0, polar = 0;                                             // thresholds
 
-inline const std::map<std::string, Shape::Body> BODIES = {
-    {"sphere", Shape::sphere}, {"wheel", Shape::wheel}, {"ellipsoid", Shape::ellipsoid}};
-inline const std::map<std::string, Shape::Surface> SURFACES = {
-    {"plane", Shape::plane}, {"sphere", Shape::ball}, {"cylinder", Shape::cylinder}};
+  FIELDS(body, surface, rim, tyre, curve, axle, squares, centre, parallel, polar)
+};
 
 // The normal towards b, the lowest point, the tangents ahead and to the left.
 template <class S>
@@ -31,6 +28,6 @@ struct Contact {
 };
 
 template <class S>
-Contact<S> touch(const Shape& shape, const Frames<S>& frames);
+Contact<S> contact_of(const Shape& shape, const Frames<S>& frames);
 
 }  // namespace mbdae

@@ -29,9 +29,9 @@ struct FrameLaw {
   }
 
   static void add(const Law& law, const ForcePoint& p, const Forces& f) {
-    Pair& pair = *law.pair;
+    Pair& pair = *law.frames;
     double V[6] = {0, 0, 0, 0, 0, 0}, w[6];
-    pair.locate(p.m);
+    pair.update_poses(p.m);
     if (F::damped(law)) pair.relative(p.m, p.v, V);
     const auto all = F::wrenches(law, now(p, p.t), frames_of(pair), velocity_of(V));
     read(all.conservative, w, nullptr), pair.torque(p.m, w, 1, f.conservative);
@@ -40,8 +40,8 @@ struct FrameLaw {
   }
 
   static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
-    Pair& pair = *law.pair;
-    pair.locate(p.m);
+    Pair& pair = *law.frames;
+    pair.update_poses(p.m);
     const PairPartials here(p.m, pair, p.v);
     WrenchPartials conservative, other;
     const auto all = F::wrenches(law, now(p, p.t), moving_frames(pair), velocity_of(here.V));
@@ -57,9 +57,9 @@ struct FrameLaw {
 
   static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
     static const double still[6] = {0, 0, 0, 0, 0, 0};
-    Pair& pair = *law.pair;
+    Pair& pair = *law.frames;
     double V[6] = {0, 0, 0, 0, 0, 0}, w[6], rate[6];
-    pair.locate(p.m);
+    pair.update_poses(p.m);
     if (F::damped(law)) pair.relative(p.m, p.v, V);
     Dual<1> t(p.t);
     t.d[0] = 1;
@@ -69,8 +69,8 @@ struct FrameLaw {
   }
 
   static double potential(const Law& law, const ForcePoint& p) {
-    law.pair->locate(p.m);
-    return F::potential(law, frames_of(*law.pair));
+    law.frames->update_poses(p.m);
+    return F::potential(law, frames_of(*law.frames));
   }
 };
 

@@ -33,7 +33,7 @@ struct Forces {
 // A wrench between two frames; for a law: whether it derives from a potential.
 struct ActingWrench {
   const Pair* pair;
-  WrenchPartials turning;
+  WrenchPartials partials;
   bool conservative;
 };
 
@@ -86,18 +86,20 @@ struct Law {
   std::vector<int> rows, columns;  // indices
   std::vector<int> orders;         // of derivatives of the signals
   std::vector<double> a;           // numbers
-  std::vector<TimeFunction> signals;     // functions of time
-  Pair* pair = nullptr;
-  bool paired = false;            // whether it has a pair
+  std::vector<TimeFunction> signals;  // functions of time
+  int pair = -1;                      // its frames, of the pairs of laws; -1: none
+  Pair* frames = nullptr;
   double offset = 0;              // of the potential, in J
   int state = 0, states = 0;      // first index of its states in s, and their number
-  bool turning = false;           // its axes rotate with the frame
+  bool rotating = false;          // its axes rotate with the frame
   bool steady = false;            // it has a potential
   Call call;                      // Python
-  EquationPartials partials;                  // by Python, too
-  EquationPartials time_rate;                 // of (tau, s'), (nv + states,)
+  EquationPartials partials;      // Python
+  EquationPartials time_rate;     // Python, of (tau, s'), (nv + states,)
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
+
+  FIELDS(rows, columns, orders, a, signals, pair, offset, state, states, rotating, steady)
 
   // Add to conservative and other (nv,); write s'. The kinematics are current at q.
   void add(const Mechanics& m, double t, const double* q, const double* v, const double* s, double* conservative,

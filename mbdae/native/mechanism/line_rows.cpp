@@ -37,7 +37,7 @@ template <class S>
 struct ProfilePoint {
   Vec2<S> c, d;
 
-  ProfilePoint(const Profile::Place& at, const S& ds)
+  ProfilePoint(const Profile::Point& at, const S& ds)
       : c{{at.c[0] + at.d[0] * ds, at.c[1] + at.d[1] * ds}}, d{{at.d[0] + at.dd[0] * ds, at.d[1] + at.dd[1] * ds}} {}
 };
 
@@ -51,7 +51,7 @@ template <class S>
 Line<S> of_roller(const Row& r, const Frames<S>& x) {
   const Vec2<S> at = in_plane(x, x.pb - x.pa);
   const double known[2] = {value(at.x[0]), value(at.x[1])};
-  const Profile::Place place = r.profile->nearest(known);
+  const Profile::Point place = r.profile->nearest(known);
   const Vec2<S> off{{at.x[0] - place.c[0], at.x[1] - place.c[1]}};
   const double bend = place.d[0] * place.d[0] + place.d[1] * place.d[1] -
                       (place.dd[0] * value(off.x[0]) + place.dd[1] * value(off.x[1]));
@@ -68,7 +68,7 @@ Line<S> of_flat_face(const Row& r, const Frames<S>& x) {
   const Vec3<S> e = x.Rb * Vec3<double>(r.b);
   const Vec2<S> n = in_plane(x, e);
   const double known[2] = {value(n.x[0]), value(n.x[1])};
-  const Profile::Place place = r.profile->support(known);
+  const Profile::Point place = r.profile->support(known);
   const S ds = -1 / (place.dd[0] * known[0] + place.dd[1] * known[1]) * dot(place.d, n);
   const ProfilePoint<S> c(place, ds);
   const Vec3<S> p = x.pa + in_world(x, c.c.x[0], c.c.x[1]);
@@ -89,7 +89,8 @@ template <class S>
 Line<S> line_of(const Row& r, const Frames<S>& x, const Contact<S>* contact) {
   switch (r.kind) {
     case Row::height:
-      return {contact->n, contact->p, dot(contact->n, contact->p - x.pa) - (r.shape.surface == Shape::plane ? 0 : r.shape.curve)};
+      return {contact->n, contact->p,
+              dot(contact->n, contact->p - x.pa) - (r.shape.surface == Shape::Surface::plane ? 0 : r.shape.curve)};
     case Row::grip:
       return {r.share[0] * contact->ahead + r.share[1] * contact->left, contact->p, 0};
     case Row::roller:
@@ -113,7 +114,7 @@ Line<S> line_of(const Row& r, const Frames<S>& x, const Contact<S>* contact) {
 
 }  // namespace
 
-bool touches(const Row& r) { return r.kind == Row::height || r.kind == Row::grip; }
+bool has_contact(const Row& r) { return r.kind == Row::height || r.kind == Row::grip; }
 
 template <class S>
 S line_wrench(const Row& r, const Frames<S>& x, const Contact<S>* contact, Wrench<S>& w) {

@@ -6,7 +6,7 @@
 
 namespace mbdae {
 
-bool touches(const Row& r);  // along a line through a contact point
+bool has_contact(const Row& r);  // along a line through a contact point
 
 // g, and the wrench on b; the contact of rows that touch.
 template <class S>

@@ -47,7 +47,7 @@ static void right_jacobian(const Tolerances& limits, int n, const double* X, con
   for (size_t k = 1; k < 2 * limits.series.size(); ++k) {
     times(n, X, term, next);
     for (int i = 0; i < n; ++i) term[i] = -next[i] / (k + 1), y[i] += term[i];
-    if (largest(term, n) <= limits.series_end * size) break;
+    if (largest(term, n) <= limits.below_rounding * size) break;
   }
 }
 
@@ -60,7 +60,7 @@ static void inverse_jacobian(const Tolerances& limits, int n, const double* X, c
   for (double b : limits.series) {
     times(n, X, term, next), times(n, X, next, term);
     for (int i = 0; i < n; ++i) y[i] += b * term[i];
-    if (largest(term, n) * std::fabs(b) <= limits.series_end * size) break;
+    if (largest(term, n) * std::fabs(b) <= limits.below_rounding * size) break;
   }
 }
 
@@ -76,16 +76,16 @@ static void inverse_jacobian_rate(const Tolerances& limits, int n, const double*
     for (int i = 0; i < n; ++i) dnext[i] += work[i];
     times(n, X, next, term), times(n, dX, next, dterm), times(n, X, dnext, work);
     for (int i = 0; i < n; ++i) dterm[i] += work[i], out[i] += b * dterm[i];
-    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.series_end * size) break;
+    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.below_rounding * size) break;
   }
 }
 
-Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vector<int> turning,
+Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vector<int> angular,
                    std::vector<Angle> angles)
     : flat(flat_),
       m_(m),
       blocks_(std::move(blocks)),
-      turning_(std::move(turning)),
+      angular_(std::move(angular)),
       angles_(std::move(angles)),
       neutral_(m.nq) {
   m.neutral(neutral_.data());
@@ -105,13 +105,13 @@ void Manifold::integrate(const double* q, const double* x, double* out) const {
   std::vector<double> moved;
   for (const Block& b : blocks_) {
     if (b.kind != Block::se2) continue;
-    const double *p = q + b.place, *u = x + b.at;
+    const double *p = q + b.iq, *u = x + b.iv;
     chord(p, u[2], &c, &s, &share);
     moved.push_back(p[0] + share * (c * u[0] - s * u[1])), moved.push_back(p[1] + share * (s * u[0] + c * u[1]));
   }
   m_.integrate(q, x, out);  // out may be q
   for (size_t k = 0, i = 0; i < blocks_.size(); ++i)
-    if (blocks_[i].kind == Block::se2) std::copy_n(&moved[2 * k++], 2, out + blocks_[i].place);
+    if (blocks_[i].kind == Block::se2) std::copy_n(&moved[2 * k++], 2, out + blocks_[i].iq);
 }
 
 void Manifold::difference(const double* q0, const double* q1, double* out) const {
@@ -119,48 +119,48 @@ void Manifold::difference(const double* q0, const double* q1, double* out) const
   if (flat) return;
   m_.difference(q0, q1, out);
   for (const Angle& a : angles_) {  // Pinocchio takes points as equal where rounding puts this cosine above 1
-    const double *p = q0 + a.place, *p1 = q1 + a.place;
-    out[a.at] = std::atan2(p[0] * p1[1] - p[1] * p1[0], p[0] * p1[0] + p[1] * p1[1]);
+    const double *p = q0 + a.iq, *p1 = q1 + a.iq;
+    out[a.iv] = std::atan2(p[0] * p1[1] - p[1] * p1[0], p[0] * p1[0] + p[1] * p1[1]);
   }
   double c, s, share;
   for (const Block& b : blocks_) {
     if (b.kind != Block::se2) continue;
-    const double *p = q0 + b.place, dx = q1[b.place] - p[0], dy = q1[b.place + 1] - p[1];
-    chord(p, out[b.at + 2], &c, &s, &share);
-    out[b.at] = (c * dx + s * dy) / share, out[b.at + 1] = (c * dy - s * dx) / share;
+    const double *p = q0 + b.iq, dx = q1[b.iq] - p[0], dy = q1[b.iq + 1] - p[1];
+    chord(p, out[b.iv + 2], &c, &s, &share);
+    out[b.iv] = (c * dx + s * dy) / share, out[b.iv + 1] = (c * dy - s * dx) / share;
   }
 }
 
 void Manifold::size(const double* q, double* out) const {
   if (!flat) difference(neutral_.data(), q, out);
-  for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : turning_[i] ? 1.0 : std::fabs(out[i]);
+  for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : angular_[i] ? 1.0 : std::fabs(out[i]);
 }
 
-void Manifold::within(const double* x) const {
+void Manifold::check_rotations(const double* x) const {
   for (const Block& b : blocks_) {
     const double turn =
-        b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
-    if (turn > m_.limits.largest_turn) throw StepTooLong();
+        b.kind == Block::se2 ? std::fabs(x[b.iv + 2]) : norm(x + b.iv + (b.kind == Block::se3 ? 3 : 0), 3);
+    if (turn > m_.limits.max_rotation) throw StepTooLong();
   }
 }
 
 void Manifold::tangent(const double* x, double* dx) const {
   if (blocks_.empty()) return;
-  within(x);
+  check_rotations(x);
   for (const Block& b : blocks_) {
     double X[36], out[6];
-    const int n = ad(b, x + b.at, X);
-    inverse_jacobian(m_.limits, n, X, dx + b.at, out);
-    std::copy(out, out + n, dx + b.at);
+    const int n = ad(b, x + b.iv, X);
+    inverse_jacobian(m_.limits, n, X, dx + b.iv, out);
+    std::copy(out, out + n, dx + b.iv);
   }
 }
 
 void Manifold::velocity(const double* x, double* v) const {
   for (const Block& b : blocks_) {
     double X[36], out[6];
-    const int n = ad(b, x + b.at, X);
-    right_jacobian(m_.limits, n, X, v + b.at, out);
-    std::copy(out, out + n, v + b.at);
+    const int n = ad(b, x + b.iv, X);
+    right_jacobian(m_.limits, n, X, v + b.iv, out);
+    std::copy(out, out + n, v + b.iv);
   }
 }
 
@@ -170,8 +170,8 @@ void Manifold::transfer(const double* x, const double* to, std::vector<TangentBl
     const Block& b = blocks_[i];
     TangentBlock& t = out[i];
     double from[36], X[36], middle[6], column[6];
-    t.at = b.at, t.n = ad(b, x + b.at, from);
-    ad(b, to + b.at, X);
+    t.at = b.iv, t.n = ad(b, x + b.iv, from);
+    ad(b, to + b.iv, X);
     for (int k = 0; k < t.n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};
       e[k] = 1;
@@ -188,20 +188,20 @@ void Manifold::partials(const double* x, const double* v, std::vector<TangentBlo
     const Block& b = blocks_[i];
     TangentBlock& t = out[i];
     double X[36], dX[36], column[6];
-    t.at = b.at, t.n = ad(b, x + b.at, X);
+    t.at = b.iv, t.n = ad(b, x + b.iv, X);
     for (int k = 0; k < t.n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};
       e[k] = 1;
       inverse_jacobian(m_.limits, t.n, X, e, column);
       for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
       ad(b, e, dX);
-      inverse_jacobian_rate(m_.limits, t.n, X, dX, v + b.at, column);
-      for (int j = 0; j < t.n; ++j) t.turn[j * t.n + k] = column[j];
+      inverse_jacobian_rate(m_.limits, t.n, X, dX, v + b.iv, column);
+      for (int j = 0; j < t.n; ++j) t.dJv[j * t.n + k] = column[j];
     }
   }
 }
 
-void Manifold::turned(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const {
+void Manifold::integrate_partials(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const {
   std::vector<TangentBlock> tangents;
   partials(x, v, tangents);
   out.resize(blocks_.size());
@@ -209,7 +209,7 @@ void Manifold::turned(const double* x, const double* v, std::vector<IntegratePar
     IntegratePartialsBlock& t = out[i];
     const int n = t.n = tangents[i].n, at = t.at = tangents[i].at;
     double X[36], column[6], moved[6];
-    std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].turn, n * n, t.T);
+    std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].dJv, n * n, t.T);
     ad(blocks_[i], x + at, X);
     for (int k = 0; k < n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};

@@ -4,25 +4,31 @@
 #include <vector>
 
 #include "math/factorizations.hpp"
+#include "math/fields.hpp"
 #include "mechanism/mechanics.hpp"
 
 namespace mbdae {
 
 // A block of the tangent map: a spherical, free-flying or planar joint.
 struct Block {
-  enum Kind { so3, se3, se2 } kind;
-  int at, place;  // first index in the tangent, and in q
+  NAMED_ENUM(enum, Kind, so3, se3, se2)
+  Kind kind;
+  int iv, iq;  // first index in the tangent, and in q
+
+  FIELDS(kind, iv, iq)
 };
 
 // An angle with cosine and sine in q: an unbounded revolute joint, or that of a planar one.
 struct Angle {
-  int at, place;  // in the tangent, and of the cosine in q
+  int iv, iq;  // in the tangent, and of the cosine in q
+
+  FIELDS(iv, iq)
 };
 
 // J(x) and d(J(x) v)/dx at a block, (n, n) by rows.
 struct TangentBlock {
   int at, n;
-  double J[36], turn[36];
+  double J[36], dJv[36];
 };
 
 // Partials of a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
@@ -33,8 +39,7 @@ struct IntegratePartialsBlock {
 
 class Manifold {
  public:
-  Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning,
-           std::vector<Angle> angles);
+  Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> angular, std::vector<Angle> angles);
 
   const bool flat;  // a vector space
   bool curved() const { return !blocks_.empty(); }  // does J(x) differ from 1?
@@ -42,18 +47,18 @@ class Manifold {
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
   void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
-  void within(const double* x) const;               // throws if a joint rotates too far in one step
+  void check_rotations(const double* x) const;      // throws if a joint rotates too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
   void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
   void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
-  void turned(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const;
+  void integrate_partials(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const;
   // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
   void partials(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 
  private:
   Mechanics& m_;
   std::vector<Block> blocks_;
-  std::vector<int> turning_;  // (nv,) flags: rotations, whose magnitude is no scale
+  std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
   std::vector<Angle> angles_;
   Numbers neutral_;           // (nq,)
 };

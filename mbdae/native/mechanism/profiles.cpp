@@ -8,18 +8,18 @@
 
 namespace mbdae {
 
-Profile::Place Profile::at(double s) const {
+Profile::Point Profile::at(double s) const {
   const double length = starts.back() - starts[0];
   if (closed) s -= length * std::floor((s - starts[0]) / length);
   if (!std::isfinite(s)) throw FallBackToPython();
-  Place out{s, {0, 0}, {0, 0}, {0, 0}};
+  Point out{s, {0, 0}, {0, 0}, {0, 0}};
   if (harmonic) {
-    for (int j = 0; j < 2; ++j) out.c[j] = numbers[j];
-    for (size_t i = 1; 2 * i < numbers.size(); ++i) {
+    for (int j = 0; j < 2; ++j) out.c[j] = coefficients[j];
+    for (size_t i = 1; 2 * i < coefficients.size(); ++i) {
       const double k = static_cast<double>((i + 1) / 2), wave[2] = {std::cos(k * s), std::sin(k * s)};
       const int odd = i % 2 == 0;
       for (int j = 0; j < 2; ++j) {
-        const double a = numbers[2 * i + j];
+        const double a = coefficients[2 * i + j];
         out.c[j] += wave[odd] * a, out.d[j] += (odd ? k : -k) * wave[1 - odd] * a, out.dd[j] -= k * k * wave[odd] * a;
       }
     }
@@ -27,7 +27,7 @@ Profile::Place Profile::at(double s) const {
   }
   const auto next = std::upper_bound(starts.begin(), starts.end() - 1, s) - starts.begin();
   const size_t i = static_cast<size_t>(std::max<std::ptrdiff_t>(0, next - 1));
-  const double x = s - starts[i], *row = &numbers[2 * i * (static_cast<size_t>(degree) + 1)];
+  const double x = s - starts[i], *row = &coefficients[2 * i * (static_cast<size_t>(degree) + 1)];
   for (int p = 0; p <= degree; ++p)
     for (int j = 0; j < 2; ++j) {
       out.dd[j] = out.dd[j] * x + 2 * out.d[j], out.d[j] = out.d[j] * x + out.c[j];
@@ -36,7 +36,7 @@ Profile::Place Profile::at(double s) const {
   return out;
 }
 
-Profile::Place Profile::nearest(const double* x) const {
+Profile::Point Profile::nearest(const double* x) const {
   size_t best = 0;
   double least = INFINITY;
   for (size_t i = 0; i < samples.size(); ++i) {
@@ -45,25 +45,25 @@ Profile::Place Profile::nearest(const double* x) const {
   }
   const double length = starts.back() - starts[0];
   double s = samples[best], size = 0, derivative = 0, off[2];
-  auto look = [&](const Place& p) {
+  auto is_regular = [&](const Point& p) {
     for (int j = 0; j < 2; ++j) off[j] = x[j] - p.c[j];
     size = dot(p.d, p.d, 2), derivative = size - dot(off, p.dd, 2);
-    return derivative > sharp * size;
+    return derivative > tolerance * size;
   };
   for (int k = 0; k < iterations; ++k) {
-    const Place p = at(s);
-    const double step = look(p) ? dot(off, p.d, 2) / derivative : 0.0;
+    const Point p = at(s);
+    const double step = is_regular(p) ? dot(off, p.d, 2) / derivative : 0.0;
     s += step;
     if (std::fabs(step) <= rounding * length) break;
   }
-  const Place out = at(s);
-  if (!look(out)) throw FallBackToPython();
+  const Point out = at(s);
+  if (!is_regular(out)) throw FallBackToPython();
   const double share = (out.s - starts[0]) / length;
-  if (!closed && !(-sharp <= share && share <= 1 + sharp)) throw FallBackToPython();
+  if (!closed && !(-tolerance <= share && share <= 1 + tolerance)) throw FallBackToPython();
   return out;
 }
 
-Profile::Place Profile::support(const double* n) const {
+Profile::Point Profile::support(const double* n) const {
   size_t best = 0;
   double most = -INFINITY;
   for (size_t i = 0; i < samples.size(); ++i) {
@@ -73,12 +73,12 @@ Profile::Place Profile::support(const double* n) const {
   const double length = starts.back() - starts[0];
   double s = samples[best];
   for (int k = 0; k < iterations; ++k) {
-    const Place p = at(s);
+    const Point p = at(s);
     const double bend = dot(p.dd, n, 2), step = bend < 0 ? dot(p.d, n, 2) / bend : 0.0;
     s -= step;
     if (std::fabs(step) <= rounding * length) break;
   }
-  const Place out = at(s);
+  const Point out = at(s);
   if (!(dot(out.dd, n, 2) < 0)) throw FallBackToPython();
   return out;
 }

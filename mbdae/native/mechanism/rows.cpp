@@ -30,7 +30,7 @@ Six difference(const double* a, const double* b) {  // b - a
   return {b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3], b[4] - a[4], b[5] - a[5]};
 }
 
-double angle(const double* q, int nq) { return nq == 1 ? q[0] : std::atan2(q[1], q[0]); }
+double angle(const double* q, const RowJoint& j) { return j.nq == 1 ? q[j.iq] : std::atan2(q[j.iq + 1], q[j.iq]); }
 
 void horner(const std::vector<double>& c, double x, double& p, double& first, double& curve) {
   p = first = curve = 0;
@@ -49,29 +49,31 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
 }
 
-void Pair::locate(const Mechanics& m) {
-  if (located_ == m.placed()) return;
-  place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb);
-  known_ = known_moving_ = false, located_ = m.placed();
+void Pair::update_poses(const Mechanics& m) {
+  if (poses_of_ == m.placed()) return;
+  place(m, a, needs_Ra, Ra, pa), place(m, b, needs_Rb, Rb, pb);
+  contact_current_ = moving_contact_current_ = false, poses_of_ = m.placed();
 }
 
-void Pair::twist(const Mechanics& m, bool falling) {
+void Pair::update_velocities(const Mechanics& m, bool falling) {
   double other[6];
   m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
   const auto of = falling ? &Mechanics::falling : &Mechanics::acceleration;
   (m.*of)(a.joint, other), (m.*of)(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
-  known_moving_ = false;
+  moving_contact_current_ = false;
 }
 
-const Contact<double>& Pair::touch(const Shape& s) const {
-  if (!known_) touch_ = mbdae::touch(s, frames_of(*this)), known_ = true;
-  return touch_;
+const Contact<double>& Pair::contact(const Shape& s) const {
+  if (!contact_current_) contact_ = mbdae::contact_of(s, frames_of(*this)), contact_current_ = true;
+  return contact_;
 }
 
-const Contact<Dual<1>>& Pair::moving_touch(const Shape& s) const {
-  if (!known_moving_) moving_touch_ = mbdae::touch(s, moving_frames(*this, difference(Va, Vb).data())), known_moving_ = true;
-  return moving_touch_;
+const Contact<Dual<1>>& Pair::moving_contact(const Shape& s) const {
+  if (!moving_contact_current_)
+    moving_contact_ = mbdae::contact_of(s, moving_frames(*this, difference(Va, Vb).data())),
+    moving_contact_current_ = true;
+  return moving_contact_;
 }
 
 void Pair::relative(const Mechanics& m, const double* v, double* out) const {
@@ -104,7 +106,7 @@ double Row::wrench(const Pair& pair, double* w) const {
   double g = 0;
   if (kind >= height) {
     Wrench<double> line;
-    g = line_wrench(*this, frames_of(pair), touches(*this) ? &pair.touch(shape) : nullptr, line);
+    g = line_wrench(*this, frames_of(pair), has_contact(*this) ? &pair.contact(shape) : nullptr, line);
     read(line, w, nullptr);
     return g;
   }
@@ -134,7 +136,7 @@ double Row::rate(const Pair& pair) const {
     Wrench<Dual<1>> line;
     double common[6];
     const auto frames = moving_frames(pair, relative.data());
-    line_wrench(*this, frames, touches(*this) ? &pair.moving_touch(shape) : nullptr, line);
+    line_wrench(*this, frames, has_contact(*this) ? &pair.moving_contact(shape) : nullptr, line);
     read(line, w, dw), wrench_cross(pair.Va, w, common);
     for (int i = 0; i < 6; ++i) out += pair.A[i] * w[i] + relative[i] * (dw[i] + common[i]);
     return out;
@@ -173,7 +175,7 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
     const Frames<Dual<6>> frames = moving_frames(pair);
     Contact<Dual<6>> contact;
     Wrench<Dual<6>> line;
-    if (touches(*this)) contact = mbdae::touch(shape, frames);
+    if (has_contact(*this)) contact = mbdae::contact_of(shape, frames);
     line_wrench(*this, frames, &contact, line);
     return read(line, t.F, t.Db), t.complete();
   }
@@ -195,10 +197,10 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
 double Row::coordinate_value(const double* q, double* first) const {
   if (kind == ratio) {
     double by, curve;
-    horner(c, iv[2] < 0 ? 0 : angle(q + iq[2], nq[2]), *first, by, curve);
+    horner(c, joints.size() < 3 ? 0 : angle(q, joints[2]), *first, by, curve);
     return 0;
   }
-  const double x = angle(q + iq[0], nq[0]);
+  const double x = angle(q, joints[0]);
   double p = 0, curve = 0;
   *first = 0;
   if (kind == curved) {
@@ -207,25 +209,25 @@ double Row::coordinate_value(const double* q, double* first) const {
     return x - p - law.at(at);
   }
   if (kind == sum) {
-    for (size_t k = 0; k < others.size(); ++k) p += c[k + 1] * angle(q + others[k][0], others[k][1]);
+    for (size_t k = 1; k < joints.size(); ++k) p += c[k] * angle(q, joints[k]);
     return x - c[0] - p;
   }
-  if (iv[1] < 0) {
+  if (joints.size() < 2) {
     for (double k : c) p += k;
     return x - p;
   }
-  horner(c, angle(q + iq[1], nq[1]), p, *first, curve);
+  horner(c, angle(q, joints[1]), p, *first, curve);
   return x - p;
 }
 
 double Row::coordinate_bias(const double* q, const double* v) const {
   if (python) return python->bias(q, v);
-  const int k = kind == ratio ? iv[2] : iv[1];
-  return k < 0 ? 0 : -curvature(q) * v[iv[1]] * v[k];
+  const size_t k = kind == ratio ? 2 : 1;
+  return kind == sum || joints.size() <= k ? 0 : -curvature(q) * v[joints[1].iv] * v[joints[k].iv];
 }
 
 double Row::folded(const double* q, double* rise) const {
-  const double x = angle(q + iq[1], nq[1]), turns = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
+  const double x = angle(q, joints[1]), turns = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
   *rise = turns * fold[2];
   return x - turns * fold[1];
 }
@@ -237,7 +239,7 @@ double Row::curvature(const double* q) const {
   }
   double p, first, curve;
   const int k = kind == ratio ? 2 : 1;
-  horner(c, angle(q + iq[k], nq[k]), p, first, curve);
+  horner(c, angle(q, joints[k]), p, first, curve);
   return kind == ratio ? first : curve;
 }
 
@@ -254,8 +256,9 @@ void Row::coordinate_partials(const double* q, const double* v, double lam, doub
       }
     return;
   }
-  const int j = iv[1], k = kind == ratio ? iv[2] : j;
-  if (k < 0) return;
+  const size_t last = kind == ratio ? 2 : 1;
+  if (kind == sum || joints.size() <= last) return;
+  const int j = joints[1].iv, k = joints[last].iv;
   const double curve = curvature(q);
   if (K) K[j * width + k] -= lam * curve;
   if (B) B[k] -= curve * v[j];

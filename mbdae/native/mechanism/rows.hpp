@@ -1,11 +1,9 @@
 // Rows of closures and drivers, and the frame pairs of rows and forces (mbdae/mechanism/closures/rows.py).
 #pragma once
 
-#include <array>
 #include <map>
 #include <functional>
 #include <memory>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -22,33 +20,35 @@ struct Anchor {
   double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // by rows
   double p[3] = {0, 0, 0};
   bool straight = false;  // R = 1
+
+  FIELDS(joint, R, p)
 };
 
 // Two anchors, and the columns of J that move them: +1 where a joint moves b alone, -1 where it moves a alone.
 struct Pair {
   Pair(const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
 
-  void locate(const Mechanics& m);  // Ra, pa, Rb, pb in the world, at the current poses
+  void update_poses(const Mechanics& m);  // Ra, pa, Rb, pb in the world, at the current poses
   // Va, Vb, and A, the relative acceleration for v' = 0; falling: of `Mechanics::falling`, where gravity cancels.
-  void twist(const Mechanics& m, bool falling);
+  void update_velocities(const Mechanics& m, bool falling);
   void relative(const Mechanics& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
   void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
 
   Anchor a, b;
-  bool turns_a = true, turns_b = true;  // Ra, Rb are needed
+  bool needs_Ra = true, needs_Rb = true;  // of the world: Ra, Rb
   std::vector<int> columns;             // that move a or b, in increasing order, common ancestors included
   std::vector<double> sign;             // of each of them; 0 for common ancestors
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
   // For the rows of a pair, which share one shape; and along the motion V_b - V_a of b.
-  const Contact<double>& touch(const Shape& s) const;
-  const Contact<Dual<1>>& moving_touch(const Shape& s) const;
+  const Contact<double>& contact(const Shape& s) const;
+  const Contact<Dual<1>>& moving_contact(const Shape& s) const;
 
  private:
-  long located_ = -1;  // Mechanics::placed of the last location
-  mutable bool known_ = false, known_moving_ = false;
-  mutable Contact<double> touch_;
-  mutable Contact<Dual<1>> moving_touch_;
+  long poses_of_ = -1;  // Mechanics::placed of the last update
+  mutable bool contact_current_ = false, moving_contact_current_ = false;
+  mutable Contact<double> contact_;
+  mutable Contact<Dual<1>> moving_contact_;
 };
 
 struct WrenchPartials;
@@ -59,13 +59,20 @@ struct RowFunction {  // Python, of the coordinates of some joints with n veloci
   std::vector<int> iq, iv;
   std::function<void(const double* q, Numbers& out)> value, partials;  // g and G (n,), and dG/dq (n, n)
   std::function<double(const double* q, const double* v)> bias;        // Gdot v
+
+  FIELDS(iq, iv)
+};
+
+struct RowJoint {  // a joint of one velocity: its first coordinate, their number, and its velocity
+  int iq, nq, iv;
+
+  FIELDS(iq, nq, iv)
 };
 
 struct Row {
-  enum Kind {
-    dot_product_1, dot_product_2, distance, coordinate, curved, sum, function, ratio,
-    height, grip, knife_edge, gear, bevel, screw, roller, flat_face
-  } kind = distance;
+  NAMED_ENUM(enum, Kind, dot_product_1, dot_product_2, distance, coordinate, curved, sum, function, ratio, height, grip,
+             knife_edge, gear, bevel, screw, roller, flat_face)
+  Kind kind = distance;
   bool positional = true;  // has a g; otherwise g = 0
   int pair = -1;
   bool has_a = false, has_b = false;
@@ -75,13 +82,12 @@ struct Row {
   Shape shape;              // of the rolling body
   std::shared_ptr<const Profile> profile;  // in contact with a roller or a flat face
   double share[2] = {0, 0};  // of the tangents ahead and to the left in a no-slip row
-  int iq[3] = {-1, -1, -1}, iv[3] = {-1, -1, -1}, nq[3] = {1, 1, 1};  // joints of a row between joints; -1: missing
-  std::vector<double> c;                                              // its polynomial
-  std::vector<std::array<int, 3>> others;  // iq, nq, iv of the joints of a sum after the first
-  TimeFunction law;                              // of a motion-law row
+  std::vector<RowJoint> joints;               // of a row between joints
+  std::vector<double> c;                      // its polynomial, or its factors
+  TimeFunction law;                           // of a motion-law row
   std::shared_ptr<const RowFunction> python;  // of a function
-  double fold[3] = {0, 0, 0};              // start, length and rise of its period; length 0 without one
-  double period = 0;
+  double fold[3] = {0, 0, 0};                 // start, length and rise of the law's period; length 0 without one
+  double period = 0;                          // of g
   std::vector<int> columns;  // where G can be nonzero, with all their ancestors, in increasing order
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
@@ -93,38 +99,41 @@ struct Row {
   // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,), unless they are null.
   void coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
 
+  FIELDS(kind, positional, pair, a, b, length, other_length, shape, profile, share, joints, c, law, fold, period)
+
  private:
   double folded(const double* q, double* rise) const;  // x_j within a period of the law
-  double curvature(const double* q) const;  // p''(x_j), or r'(x_k)
+  double curvature(const double* q) const;             // p''(x_j), or r'(x_k)
 };
 
-struct RowKind {  // and its properties: an axis in a, an axis in b, a length
-  Row::Kind kind;
-  bool a, b, length, positional = true;
+struct RowKind {
+  const char* needs;  // fields of a row of this kind
+  bool positional = true;
 };
 
-inline const std::map<std::string, RowKind> ROW_KINDS = {
-    {"dot_product_1", {Row::dot_product_1, true, true, false}},
-    {"dot_product_2", {Row::dot_product_2, true, false, false}},
-    {"distance", {Row::distance, false, false, true}},
-    {"coordinate", {Row::coordinate, false, false, false}},
-    {"curved", {Row::curved, false, false, false}},
-    {"sum", {Row::sum, false, false, false}},
-    {"function", {Row::function, false, false, false}},
-    {"ratio", {Row::ratio, false, false, false, false}},
-    {"height", {Row::height, false, false, false}},
-    {"grip", {Row::grip, false, false, false, false}},
-    {"knife_edge", {Row::knife_edge, false, true, false, false}},
-    {"gear", {Row::gear, true, false, true, false}},
-    {"bevel", {Row::bevel, true, true, true, false}},
-    {"screw", {Row::screw, true, false, true, false}},
-    {"roller", {Row::roller, false, false, true}},
-    {"flat_face", {Row::flat_face, false, true, false}}};
+inline const std::map<Row::Kind, RowKind> ROW_KINDS = {{Row::dot_product_1, {"pair, a, b"}},
+                                                       {Row::dot_product_2, {"pair, a"}},
+                                                       {Row::distance, {"pair, length"}},
+                                                       {Row::coordinate, {"joints, c, period"}},
+                                                       {Row::curved, {"joints, c, period, law, fold"}},
+                                                       {Row::sum, {"joints, c, period"}},
+                                                       {Row::function, {"positional"}},
+                                                       {Row::ratio, {"joints, c, period", false}},
+                                                       {Row::height, {"pair, shape"}},
+                                                       {Row::grip, {"pair, shape, share", false}},
+                                                       {Row::knife_edge, {"pair, b", false}},
+                                                       {Row::gear, {"pair, a, length", false}},
+                                                       {Row::bevel, {"pair, a, b, length, other_length", false}},
+                                                       {Row::screw, {"pair, a, length"}},
+                                                       {Row::roller, {"pair, length, profile"}},
+                                                       {Row::flat_face, {"pair, b, profile"}}};
 
 struct Driver {
   int row;
   bool length, speed;  // a distance, which is positive; the motion is u', and there is no u
   TimeFunction motion;
+
+  FIELDS(row, length, speed, motion)
 };
 
 // All rows of a mechanism, at the current kinematics of its workspace.
@@ -143,12 +152,12 @@ class Constraints {
 
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g if requested.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
-  void gaps(double t, double* g) const;  // g -= u, reduced by periods
+  void complete_g(double t, double* g) const;  // g -= u, reduced by periods
   // Gdot v of some rows, at the current motions; falling: as set by `Mechanics::bias`.
   void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
             bool falling = false);
-  void speed(double t, double* g_t) const;          // -u', (ng,)
-  void acceleration(double t, double* g_tt) const;  // -u'', (ng,)
+  void evaluate_g_t(double t, double* g_t) const;    // -u', (ng,)
+  void evaluate_g_tt(double t, double* g_tt) const;  // -u'', (ng,)
 
  private:
   void motion(double t, const Driver& d, double* u) const;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "math/dual.hpp"
+#include "math/fields.hpp"
 
 namespace mbdae {
 
@@ -14,11 +15,14 @@ struct StepTooLong : FallBackToPython {};  // a step, for an iteration or for it
 struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: no other attempt
 
 struct TimeFunction {
-  enum Kind { pieces, harmonic, python } kind = pieces;
+  NAMED_ENUM(enum, Kind, pieces, harmonic, python)
+  Kind kind = pieces;
   std::vector<double> a, b;  // numbers; of pieces: coefficients, highest power first; starts of pieces
   int degree = 0;            // of pieces
   double period = 0, rise = 0;  // of pieces: period, and increase per period; 0: none
-  std::function<double(double, int)> call;
+  std::function<double(double t, int k)> call;  // Python
+
+  FIELDS(kind, a, b, degree, period, rise)
 
   double at(double t, int k = 0) const;  // the k-th derivative
   template <int N>

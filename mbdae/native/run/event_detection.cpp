@@ -7,13 +7,13 @@ namespace mbdae {
 
 namespace {
 
-struct Mark {
+struct Sample {
   double theta;
   Numbers y;
   double f;
 };
 
-struct Hit {
+struct Crossing {
   double theta;
   int event;
   Numbers y;
@@ -35,91 +35,93 @@ class Search {
         shorter_(shorter),
         h_(step.t1 - step.t) {}
 
-  void run(int number, std::vector<Hit>& hits) {
-    number_ = number, hits_ = &hits;
+  void run(int number, std::vector<Crossing>& crossings) {
+    number_ = number, crossings_ = &crossings;
     if (step_.t != node_.t) {  // after a jump
       const Numbers y(step_.y, step_.y + s_.length);
       const double f = value(step_.t, y.data());
-      passage({0, y, node_.f}, {0, y, f});
-      move(step_.t, y.data(), f);
+      check_interval({0, y, node_.f}, {0, y, f});
+      set_node(step_.t, y.data(), f);
     }
-    const double f0 = node_.f, f1 = value(step_.t1, step_.y1), theta = turn(f0, f1);
-    if (!(theta > 0) && f0 * f1 > 0) return move(step_.t1, step_.y1, f1);
+    const double f0 = node_.f, f1 = value(step_.t1, step_.y1), theta = extremum(f0, f1);
+    if (!(theta > 0) && f0 * f1 > 0) return set_node(step_.t1, step_.y1, f1);
     const Numbers y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
-    std::vector<Mark> marks = {{0, y, f0}};
+    std::vector<Sample> samples = {{0, y, f0}};
     if (theta > 0) {
       const Numbers between = shorter_(theta);
-      marks.push_back({theta, between, value(step_.t + theta * h_, between.data())});
+      samples.push_back({theta, between, value(step_.t + theta * h_, between.data())});
     }
-    marks.push_back({1, y1, f1});
-    for (size_t k = 1; k < marks.size(); ++k) passage(marks[k - 1], marks[k]);
-    move(step_.t1, y1.data(), f1);
+    samples.push_back({1, y1, f1});
+    for (size_t k = 1; k < samples.size(); ++k) check_interval(samples[k - 1], samples[k]);
+    set_node(step_.t1, y1.data(), f1);
   }
 
  private:
-  double speed(const double* y) const {
-    return event_.signal.kind == SignalValue::angle ? y[s_.nq + event_.signal.rate] : 0;
+  double angle_rate(const double* y) const {
+    return event_.signal.kind == SignalValue::Kind::angle ? y[s_.nq + event_.signal.rate] : 0;
   }
 
-  void move(double t, const double* y, double f) { node_ = {t, f, speed(y)}; }
+  void set_node(double t, const double* y, double f) { node_ = {t, f, angle_rate(y)}; }
 
   double value(double t, const double* y) {
     const double f = event_.signal.at(values_, t, y) - event_.level;
-    if (event_.signal.kind != SignalValue::angle) return f;
-    const double turns = (node_.f + (t - node_.t) * (node_.w + speed(y)) / 2 - f) / (2 * M_PI);
+    if (event_.signal.kind != SignalValue::Kind::angle) return f;
+    const double turns = (node_.f + (t - node_.t) * (node_.w + angle_rate(y)) / 2 - f) / (2 * M_PI);
     return f + 2 * M_PI * std::nearbyint(turns);
   }
 
-  void passage(const Mark& a, const Mark& b) {
+  void check_interval(const Sample& a, const Sample& b) {
     const int rising = sign(a.f == 0 ? b.f : b.f - a.f);
     if (event_.direction * rising < 0) return;
     if (a.f == 0 && b.f != 0 && a.theta == 0 && step_.t == all_.start)
-      hits_->push_back({0, number_, a.y});
+      crossings_->push_back({0, number_, a.y});
     else if (a.f * b.f < 0 && a.theta == b.theta)  // a jump
-      hits_->push_back({b.theta, number_, b.y});
+      crossings_->push_back({b.theta, number_, b.y});
     else if (a.f * b.f < 0)
-      hits_->push_back(locate(a, b));
+      crossings_->push_back(locate(a, b));
     else if (b.f == 0 && a.f != 0)
-      hits_->push_back({b.theta, number_, b.y});
+      crossings_->push_back({b.theta, number_, b.y});
   }
 
   // A zero between a and b by R. P. Brent's method (Algorithms for Minimization without Derivatives, 1973, chapter 4):
   // inverse interpolation where it converges, otherwise bisection. b is the best so far, c on the other side of the
   // zero.
-  Hit locate(Mark a, Mark b) {
+  Crossing locate(Sample a, Sample b) {
     const double scale = std::max(std::fabs(step_.t), std::fabs(step_.t1));
-    const double sharp = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
-    Mark c = a;
+    const double resolution = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
+    Sample c = a;
     double move = b.theta - a.theta, before = move;
     for (int k = 0; k < all_.iterations; ++k) {
       if (sign(b.f) == sign(c.f)) c = a, move = before = b.theta - a.theta;
       if (std::fabs(c.f) < std::fabs(b.f)) a = b, b = c, c = a;
-      const double least = 0.5 * (sharp + all_.share * std::fabs(b.theta)), half = 0.5 * (c.theta - b.theta);
-      if (b.f == 0 || std::fabs(half) <= least) break;
-      const bool falling = std::fabs(before) > least && std::fabs(b.f) < std::fabs(a.f);
-      const double nearer = falling ? toward(a, b, c) : 0.0;
-      if (nearer * half > 0 && 2 * std::fabs(nearer) < std::min(3 * std::fabs(half) - least, std::fabs(before)))
-        before = move, move = nearer;
+      const double tolerance = 0.5 * (resolution + all_.step_tolerance * std::fabs(b.theta)),
+                   half = 0.5 * (c.theta - b.theta);
+      if (b.f == 0 || std::fabs(half) <= tolerance) break;
+      const bool converges = std::fabs(before) > tolerance && std::fabs(b.f) < std::fabs(a.f);
+      const double guess = converges ? interpolated(a, b, c) : 0.0;
+      if (guess * half > 0 && 2 * std::fabs(guess) < std::min(3 * std::fabs(half) - tolerance, std::fabs(before)))
+        before = move, move = guess;
       else
         before = move = half;
       a = b;
-      const double theta = b.theta + (std::fabs(move) > least ? move : std::copysign(least, half));
+      const double theta = b.theta + (std::fabs(move) > tolerance ? move : std::copysign(tolerance, half));
       b = {theta, shorter_(theta), 0};
       b.f = value(step_.t + theta * h_, b.y.data());
     }
     return {b.theta, number_, b.y};
   }
 
-  static double toward(const Mark& a, const Mark& b, const Mark& c) {
+  static double interpolated(const Sample& a, const Sample& b, const Sample& c) {
     if (a.theta == c.theta) return -b.f * (b.theta - a.theta) / (b.f - a.f);
     const double ab = (a.theta - b.theta) / (a.f - b.f), cb = (c.theta - b.theta) / (c.f - b.f);
     return -b.f * (ab - a.f * (cb - ab) / (c.f - a.f));
   }
 
   // Fraction of the step at which the signal may have crossed its level and returned; 0 for none.
-  double turn(double f0, double f1) {
+  double extremum(double f0, double f1) {
     const SignalValue& signal = event_.signal;
-    if ((signal.kind != SignalValue::number && signal.kind != SignalValue::angle) || signal.rate < 0 || f0 * f1 <= 0)
+    if ((signal.kind != SignalValue::Kind::y && signal.kind != SignalValue::Kind::angle) || signal.rate < 0 ||
+        f0 * f1 <= 0)
       return 0;
     const double m1 = h_ * rate(step_.t1, step_.y1, step_.carry1);
     if (m1 * f1 <= 0) return 0;
@@ -134,7 +136,7 @@ class Search {
     const int i = event_.signal.rate;
     if (i < s_.nv) return y[s_.nq + i];
     if (carry) return carry[i - s_.nv];
-    values_.stand(t, y);
+    values_.set_point(t, y);
     return values_.F()[i];
   }
 
@@ -147,29 +149,31 @@ class Search {
   const PartialStep& shorter_;
   const double h_;
   int number_ = 0;
-  std::vector<Hit>* hits_ = nullptr;
+  std::vector<Crossing>* crossings_ = nullptr;
 };
 
 }  // namespace
 
-EventScan look(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter) {
+EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
+                        const PartialStep& shorter) {
   EventScan out;
   out.nodes = events.nodes;
-  std::vector<Hit> hits;
+  std::vector<Crossing> crossings;
   for (size_t i = 0; i < events.events.size(); ++i)
-    Search(s, values, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), hits);
-  if (hits.empty()) return out;
-  std::sort(hits.begin(), hits.end(),
-            [](const Hit& a, const Hit& b) { return a.theta != b.theta ? a.theta < b.theta : a.event < b.event; });
-  const double h = step.t1 - step.t, same = events.same * std::max(1.0, std::fabs(step.t));
-  for (const Hit& hit : hits) {
-    if (out.stop >= 0 && (hit.theta - out.stop) * std::fabs(h) > same) break;
-    const bool begins = step.t == events.start && hit.theta * std::fabs(h) <= same;
+    Search(s, values, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), crossings);
+  if (crossings.empty()) return out;
+  std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
+    return a.theta != b.theta ? a.theta < b.theta : a.event < b.event;
+  });
+  const double h = step.t1 - step.t, agreement = events.agreement * std::max(1.0, std::fabs(step.t));
+  for (const Crossing& crossing : crossings) {
+    if (out.stop >= 0 && (crossing.theta - out.stop) * std::fabs(h) > agreement) break;
+    const bool begins = step.t == events.start && crossing.theta * std::fabs(h) <= agreement;
     if (begins)
-      out.found.push_back({hit.event, step.t, Numbers(step.y, step.y + s.length)});
+      out.located.push_back({crossing.event, step.t, Numbers(step.y, step.y + s.length)});
     else
-      out.found.push_back({hit.event, step.t + hit.theta * h, hit.y});
-    if (events.events[hit.event].terminal && !begins && out.stop < 0) out.stop = hit.theta;
+      out.located.push_back({crossing.event, step.t + crossing.theta * h, crossing.y});
+    if (events.events[crossing.event].terminal && !begins && out.stop < 0) out.stop = crossing.theta;
   }
   return out;
 }

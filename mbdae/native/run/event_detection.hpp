@@ -1,5 +1,5 @@
 // Events named by a signal: detected at the ends of steps, located on steps of the method
-// (mbdae/integrate/signal_events.py, events.py).
+// (mbdae/integrate/events/level_crossing.py).
 #pragma once
 
 #include <functional>
@@ -17,6 +17,8 @@ struct SignalEvent {
   double level = 0;
   int direction = 0;  // 1 for upward crossings, -1 for downward crossings, 0 for both
   bool terminal = false;
+
+  FIELDS(signal, level, direction, terminal)
 };
 
 // A located event: which event, its time, and the point (length,).
@@ -29,13 +31,15 @@ struct LocatedEvent {
 // All events of a run.
 struct Events {
   std::vector<SignalEvent> events;
-  std::vector<Node> nodes;          // current node of each event
-  std::vector<LocatedEvent> found;
-  bool stopped = false;             // a terminal one ends the run
-  double start = 0;                 // s: start of the run, where an event counts as located
-  double same = 0;                  // s, or relative to t: an event so close to the start is the start
-  double spacings = 0, share = 0;   // location tolerance: spacings of t, and relative to the step
+  std::vector<Node> nodes;  // current node of each event
+  std::vector<LocatedEvent> located;
+  bool stopped = false;                     // a terminal one ends the run
+  double start = 0;                         // s: start of the run, where an event counts as located
+  double agreement = 0;                     // s, or relative to t: an event so close to the start is the start
+  double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;
+
+  FIELDS(stopped, start, agreement, spacings, step_tolerance, iterations)
 };
 
 // An accepted step: from y at t to y1 at t1, and the rates (v', s', w') that a method carries there, or nullptr.
@@ -47,13 +51,14 @@ struct AcceptedStep {
 // Result for a step: nodes and events to be taken over, and the fraction of the step where the run ends.
 struct EventScan {
   std::vector<Node> nodes;
-  std::vector<LocatedEvent> found;
+  std::vector<LocatedEvent> located;
   double stop = -1;  // none
 };
 
 // y (length,) at the end of a partial step of fraction theta; throws if it cannot be taken.
 using PartialStep = std::function<Numbers(double theta)>;
 
-EventScan look(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter);
+EventScan detect_events(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step,
+                        const PartialStep& shorter);
 
 }  // namespace mbdae

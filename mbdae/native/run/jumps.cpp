@@ -8,8 +8,8 @@ namespace mbdae {
 double Jumps::next(const std::vector<SampledController>& samplers, double t, double sign) const {
   double out = sign * INFINITY;
   if (sign > 0) {
-    const auto behind = std::upper_bound(times.begin(), times.end(), t);
-    if (behind != times.end()) out = *behind;
+    const auto after = std::upper_bound(times.begin(), times.end(), t);
+    if (after != times.end()) out = *after;
     for (const SampledController& x : samplers) out = std::min(out, x.next(t));
   } else {
     const auto before = std::lower_bound(times.begin(), times.end(), t);
@@ -18,11 +18,12 @@ double Jumps::next(const std::vector<SampledController>& samplers, double t, dou
   return out;
 }
 
-// The last of the jumps after t that follow one another within `near`; t if there is none.
-bool Jumps::last(const std::vector<SampledController>& samplers, double t, double sign, double near, double& found) const {
-  for (int i = 0; i < crowd; ++i) {
+// The last of the jumps after t that follow one another within `gap`; t if there is none.
+bool Jumps::last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap,
+                            double& found) const {
+  for (int i = 0; i < max_cluster; ++i) {
     const double later = next(samplers, t, sign);
-    if (sign * (later - t) > near) {
+    if (sign * (later - t) > gap) {
       found = t;
       return true;
     }
@@ -31,21 +32,21 @@ bool Jumps::last(const std::vector<SampledController>& samplers, double t, doubl
   return false;
 }
 
-bool Jumps::leg(const std::vector<SampledController>& samplers, double t, SmoothInterval& leg) {
-  const double s = leg.sign, scale = std::max(std::fabs(t), std::fabs(leg.t1));
+bool Jumps::next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval) {
+  const double s = interval.sign, scale = std::max(std::fabs(t), std::fabs(interval.t1));
   const double stay = margin * (std::nextafter(scale, INFINITY) - scale);
-  double from, behind;
-  if (!last(samplers, t, s, 4 * stay, from)) return false;
+  double from, after;
+  if (!last_of_cluster(samplers, t, s, 4 * stay, from)) return false;
   const double first = next(samplers, from, s), stop = first - s * stay;
-  if (s * (first - leg.t1) > 4 * stay) {
-    leg.stop = leg.end = leg.t1, restart = NAN;
-  } else if (s * (leg.t1 - first) <= 4 * stay) {
-    leg.stop = stop, leg.end = leg.t1, restart = NAN;
+  if (s * (first - interval.t1) > 4 * stay) {
+    interval.stop = interval.end = interval.t1, restart = NAN;
+  } else if (s * (interval.t1 - first) <= 4 * stay) {
+    interval.stop = stop, interval.end = interval.t1, restart = NAN;
   } else {
-    if (!last(samplers, first, s, 4 * stay, behind)) return false;
-    leg.stop = leg.end = stop, restart = s > 0 ? behind : behind - stay;
+    if (!last_of_cluster(samplers, first, s, 4 * stay, after)) return false;
+    interval.stop = interval.end = stop, restart = s > 0 ? after : after - stay;
   }
-  leg.t = t;
+  interval.t = t;
   return true;
 }
 

@@ -9,18 +9,21 @@
 namespace mbdae {
 
 struct Jumps {
-  bool crossed = false;  // by the core, or else by Python
+  bool in_core = false;  // whether the core crosses them, not Python
   Numbers times;         // s, increasing
   double margin = 0;     // roundings of t by which a step stays before a jump
-  int crowd = 0;         // jumps within roundings of one another that count as one
-  double restart = NAN;  // start of the next interval; nan after the end
+  int max_cluster = 0;   // jumps within roundings of one another that count as one
+  double restart = NAN;  // s: start of the next interval; nan after the end
+
+  FIELDS(in_core, times, margin, max_cluster, restart)
 
   // The interval from t on, and the start of the next one; false where jumps follow one another too closely.
-  bool leg(const std::vector<SampledController>& samplers, double t, SmoothInterval& leg);
+  bool next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval);
 
  private:
   double next(const std::vector<SampledController>& samplers, double t, double sign) const;
-  bool last(const std::vector<SampledController>& samplers, double t, double sign, double near, double& found) const;
+  bool last_of_cluster(const std::vector<SampledController>& samplers, double t, double sign, double gap,
+                       double& found) const;
 };
 
 }  // namespace mbdae

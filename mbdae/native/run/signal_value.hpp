@@ -1,9 +1,6 @@
 // Signals of a mechanism at a single point (mbdae/solution/signal_value.py).
 #pragma once
 
-#include <map>
-#include <string>
-
 #include "system/index2.hpp"
 #include "system/residuals.hpp"
 
@@ -12,52 +9,49 @@ namespace mbdae {
 // Quantities for signals at a point, computed once for all of them. Not counted.
 class PointValues {
  public:
-  // kept: storage for the configuration of the run while another one is evaluated; it is restored in the end.
-  explicit PointValues(Index2System& s, Configuration* kept = nullptr) : s_(s), kept_(kept) {}
+  // other: storage for the configuration of the run while another one is evaluated; it is restored in the end.
+  explicit PointValues(Index2System& s, Configuration* other = nullptr) : s_(s), other_(other) {}
   ~PointValues() {
-    if (apart_) s_.point.exchange(*kept_);
+    if (exchanged_) s_.point.exchange(*other_);
   }
   PointValues(const PointValues&) = delete;
   PointValues& operator=(const PointValues&) = delete;
 
-  void part() {  // before another configuration is evaluated
-    if (kept_ && !apart_) s_.point.exchange(*kept_), apart_ = true;
+  void exchange() {  // before another configuration is evaluated
+    if (other_ && !exchanged_) s_.point.exchange(*other_), exchanged_ = true;
   }
 
-  void stand(double t, const double* y);
-  const Numbers& F() { return derive(), F_; }        // (ny,) y'
-  const Numbers& lam() { return derive(), z_; }      // (ng,) of the hidden constraint
-  const Numbers& gaps() { return measure(), g_; }    // (ng,) g
-  const Numbers& rates() { return measure(), rate_; }  // (ng,) G v + g_t
-  const Energy& energy() { return measure(), energy_; }
+  void set_point(double t, const double* y);
+  const Numbers& F() { return evaluate_hidden(), F_; }            // (ny,) y'
+  const Numbers& lam() { return evaluate_hidden(), z_; }          // (ng,) of the hidden constraint
+  const Numbers& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
+  const Numbers& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
+  const Energy& energy() { return evaluate_residuals(), energy_; }
   double moment(const std::vector<int>& rows);  // of lam on the body of the second frame, at its origin
 
  private:
-  void derive();
-  void measure();
+  void evaluate_hidden();
+  void evaluate_residuals();
 
   Index2System& s_;
-  Configuration* const kept_;
-  bool apart_ = false;
+  Configuration* const other_;
+  bool exchanged_ = false;
   double t_ = NAN;
   Numbers y_, F_, z_, g_, rate_;
   Energy energy_{};
-  bool derived_ = false, measured_ = false;
+  bool hidden_current_ = false, residuals_current_ = false;
 };
 
 struct SignalValue {
-  enum Kind { time, number, rated, angle, lam, force, torque, kinetic, potential, energy, gap, speed } kind = time;
+  NAMED_ENUM(enum class, Kind, t, y, rate, angle, lam, force, torque, kinetic, potential, energy, g, Gv)
+  Kind kind = Kind::t;
   int i = 0, rate = -1;   // its index in y or y', for an angle that of its cosine; that of its rate in y', -1: none
   std::vector<int> rows;  // of closures
 
   double at(PointValues& values, double t, const double* y) const;  // at a point y; an angle between -pi and pi
-  bool fits(const Index2System& s) const;                           // whether its indices are valid
-};
+  bool is_valid(const Index2System& s) const;                       // whether its indices exist
 
-inline const std::map<std::string, SignalValue::Kind> SIGNAL_KINDS = {
-    {"t", SignalValue::time},           {"y", SignalValue::number},           {"rate", SignalValue::rated},
-    {"angle", SignalValue::angle},      {"lam", SignalValue::lam},            {"force", SignalValue::force},
-    {"torque", SignalValue::torque},    {"kinetic", SignalValue::kinetic},    {"potential", SignalValue::potential},
-    {"energy", SignalValue::energy},    {"g", SignalValue::gap},              {"Gv", SignalValue::speed}};
+  FIELDS(kind, i, rate, rows)
+};
 
 }  // namespace mbdae

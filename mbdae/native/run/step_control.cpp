@@ -5,21 +5,21 @@
 
 namespace mbdae {
 
-bool StepControl::propose(const SmoothInterval& leg, Proposal& p) {
-  const double left = std::fabs(leg.stop - leg.t);
+bool StepControl::propose(const SmoothInterval& interval, Proposal& p) {
+  const double left = std::fabs(interval.stop - interval.t);
   p.h = std::min(h, largest);
   cut = p.h > left ? h : 0.0;
-  if (p.h >= left * (1 - nearly)) {
-    p = {left, leg.end};
+  if (p.h >= left * (1 - agreement)) {
+    p = {left, interval.end};
     return true;
   }
-  if (!large_enough(leg, p.h)) return false;
-  p.t_next = leg.t + leg.sign * p.h;
+  if (!large_enough(interval, p.h)) return false;
+  p.t_next = interval.t + interval.sign * p.h;
   return true;
 }
 
-bool StepControl::large_enough(const SmoothInterval& leg, double size) const {
-  const double t = std::max(std::fabs(leg.t), std::fabs(leg.t1));
+bool StepControl::large_enough(const SmoothInterval& interval, double size) const {
+  const double t = std::max(std::fabs(interval.t), std::fabs(interval.t1));
   return size >= spacings * (std::nextafter(t, INFINITY) - t);
 }
 
@@ -29,7 +29,7 @@ double StepControl::error_norm(const double* e, int errors, int ny, int n, const
   for (int i = 0; i < errors && i < 2; ++i) {
     double s = 0;
     for (int k = 0; k < n; ++k) {
-      double scale = atol[atol.size() == 1 ? 0 : k] + rtol * std::max(size0[k], size1[k]) + nothing;
+      double scale = atol[atol.size() == 1 ? 0 : k] + rtol * std::max(size0[k], size1[k]) + tiny;
       if (k >= from && k < to) scale += noise;
       const double x = e[static_cast<size_t>(i) * ny + k] / scale;
       s += x * x;
@@ -55,20 +55,24 @@ double StepControl::next_step(double taken, double error) {
   return taken * factor;
 }
 
-double Grid::at(const SmoothInterval& leg, long k) const { return k >= n ? leg.t1 : t0 + leg.sign * k * step; }
-
-Proposal Grid::propose(const SmoothInterval& leg) {
-  const bool started = on_grid;
-  const double left = std::fabs(leg.stop - leg.t), t = at(leg, i + 1);
-  const double beyond = leg.sign * (t - leg.stop);
-  on_grid = beyond <= near * step;
-  i += on_grid;
-  const double spacing = std::nextafter(std::fabs(leg.end), HUGE_VAL) - std::fabs(leg.end);
-  if (started && leg.stop == leg.end && std::fabs(left - step) <= 4 * spacing) return {step, leg.end};
-  if (beyond >= -near * step) return {left, leg.end};
-  return {started ? step : std::fabs(t - leg.t), t};
+double Grid::at(const SmoothInterval& interval, long k) const {
+  return k >= n ? interval.t1 : t0 + interval.sign * k * step;
 }
 
-bool Grid::behind(const SmoothInterval& leg) const { return on_grid && i < n && leg.sign * (leg.stop - at(leg, i + 1)) >= 0; }
+Proposal Grid::propose(const SmoothInterval& interval) {
+  const bool started = on_grid;
+  const double left = std::fabs(interval.stop - interval.t), t = at(interval, i + 1);
+  const double beyond = interval.sign * (t - interval.stop);
+  on_grid = beyond <= coincident * step;
+  i += on_grid;
+  const double spacing = std::nextafter(std::fabs(interval.end), HUGE_VAL) - std::fabs(interval.end);
+  if (started && interval.stop == interval.end && std::fabs(left - step) <= 4 * spacing) return {step, interval.end};
+  if (beyond >= -coincident * step) return {left, interval.end};
+  return {started ? step : std::fabs(t - interval.t), t};
+}
+
+bool Grid::more_before_end(const SmoothInterval& interval) const {
+  return on_grid && i < n && interval.sign * (interval.stop - at(interval, i + 1)) >= 0;
+}
 
 }  // namespace mbdae

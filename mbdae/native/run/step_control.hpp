@@ -2,6 +2,7 @@
 #pragma once
 
 #include "math/factorizations.hpp"
+#include "math/fields.hpp"
 
 namespace mbdae {
 
@@ -10,6 +11,8 @@ struct SmoothInterval {
   double t = 0, sign = 1;    // s; 1 forwards, -1 backwards
   double stop = 0, end = 0;  // s: end of the interval as evaluated by forces, and its nominal time
   double t1 = 0;             // s: end of the span
+
+  FIELDS(t, sign, stop, end, t1)
 };
 
 // A step: its size, positive, and its end time.
@@ -29,18 +32,21 @@ struct StepControl : StepMemory {
   double largest = 0;  // s
   double rtol = 0;
   Numbers atol;                            // (1,) or (measured,)
-  double nothing = 0;                      // keeps scales positive if both tolerances are zero
+  double tiny = 0;                         // keeps scales positive if both tolerances are zero
   double companion = 0, blend = 1;         // weight of the second of two error estimates, and how they are blended
   double power = 1;                        // of h in the error estimate
   double exponent = 0, last_exponent = 0;  // of an accepted error, and of the previous one
   double safety = 0, smallest_factor = 0, largest_factor = 0;
   double steady = 1;                             // growth up to this factor is ignored
   double smallest_error = 0, smallest_last = 0;  // smaller errors count as these
-  double nearly = 0;                             // of the remaining time: a step this close to it takes all of it
+  double agreement = 0;                          // of the remaining time: a step this close to it takes all of it
   double spacings = 0;                           // of the times of a run: a smaller step is rejected
 
-  bool large_enough(const SmoothInterval& leg, double size) const;  // well above the rounding of times
-  bool propose(const SmoothInterval& leg, Proposal& p);  // false if Python must handle the failure
+  FIELDS(h, cut, last, rejected, largest, rtol, atol, tiny, companion, blend, power, exponent, last_exponent, safety,
+         smallest_factor, largest_factor, steady, smallest_error, smallest_last, agreement, spacings)
+
+  bool large_enough(const SmoothInterval& interval, double size) const;  // well above the rounding of times
+  bool propose(const SmoothInterval& interval, Proposal& p);             // false if Python must handle the failure
   // Norm of error estimates (errors, ny), of which the first n components are measured. Rounding of v at a stage, eps
   // |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of components from..to, those of v.
   double error_norm(const double* e, int errors, int ny, int n, const double* size0, const double* size1, int from,
@@ -56,11 +62,14 @@ struct GridMemory {
 struct Grid : GridMemory {
   double step = 0, t0 = 0;  // s
   long n = 0;               // steps of the whole span
-  double near = 0;          // of a step: tolerance for a time to count as on the grid
+  double coincident = 0;    // of a step: tolerance for a time to count as on the grid
 
-  Proposal propose(const SmoothInterval& leg);
-  bool behind(const SmoothInterval& leg) const;        // is there a grid point of this interval after the next one?
-  double at(const SmoothInterval& leg, long k) const;  // s: time of point k
+  FIELDS(i, on_grid, step, t0, n, coincident)
+
+  Proposal propose(const SmoothInterval& interval);
+  bool more_before_end(
+      const SmoothInterval& interval) const;  // is there a grid point of this interval after the next one?
+  double at(const SmoothInterval& interval, long k) const;  // s: time of point k
 };
 
 }  // namespace mbdae

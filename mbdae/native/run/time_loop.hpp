@@ -15,44 +15,49 @@ namespace mbdae {
 
 // Singularity monitor, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
 struct SingularityMonitor {
-  double usual = 0, before = 0;  // the largest so far, and the last
-  double suspect = 0, landed = 0, zone = 0;
-  double ahead = 0;      // steps within which a decreasing ratio would vanish: then Python takes over
-  bool entered = false;  // it does so already
+  double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
+  double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
+  double steps_ahead = 0;  // in which a decreasing ratio would vanish: then Python takes over
+  bool entered = false;    // it does so already
+
+  FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, steps_ahead, entered)
 };
 
 // The nodes of n steps and jumps.
 struct Steps {
-  Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots in the step to each of them
-  Numbers y, z;        // (n, length), (n, nz) by rows
+  Numbers t, least_pivot_ratio;                            // (n,); smallest ratio of pivots in the step to each node
+  Numbers y, z;                                            // (n, length), (n, nz) by rows
   std::vector<std::pair<long, std::vector<int>>> changes;  // nodes at which rows came into use, and these rows
   Numbers carry;                                           // (k, nc) by rows: carry from the first k nodes
-  std::vector<long> renewed;                               // nodes at which it was recomputed
-  std::vector<long> behind;                                // nodes after a jump: no step ends there
+  std::vector<long> restarted;                             // nodes at which it was recomputed
+  std::vector<long> after_jumps;                           // nodes where no step ends
 };
 
 // Input and output of a run.
 struct Run {
-  SmoothInterval leg;
+  SmoothInterval interval;
   State state;
   StepControl control;
   Grid grid;
-  SingularityMonitor watch;
+  SingularityMonitor monitor;
   Events events;
   Jumps jumps;
-  bool adaptive = false;  // with step-size control; otherwise on the grid
-  bool project = false;   // the ends of steps
-  bool watched = false;   // by the watch
-  double tolerated = 0;   // fixed steps: what a projection may move a state whose derivative is kept
-  double nothing = 0;     // keeps it positive where a state is zero
-  double taken_back = 0;  // of the motion of a step: what a projection may undo beyond tolerances
-  double seconds = 0;     // of computing, or little more
-  long budget = 0;        // steps taken or rejected, at most
-  long kept = 0;          // maximum number of nodes with a recorded carry
+  bool adaptive = false;      // with step-size control; otherwise on the grid
+  bool project = false;       // the ends of steps
+  bool monitored = false;     // by the singularity monitor
+  double tolerated_move = 0;  // of the magnitude of a state: by a projection after fixed steps that keeps the carry
+  double tiny = 0;            // keeps it positive where a state is zero
+  double taken_back = 0;      // of the motion of a step: what a projection may undo beyond tolerances
+  double seconds = 0;         // of computing, or little more
+  long max_steps = 0;         // taken or rejected
+  long max_carries = 0;       // nodes with a recorded carry
 
   Steps steps;
   long taken = 0, rejected = 0;
-  bool stuck = false;  // the next step must be taken in Python
+  bool needs_python = false;  // for the next step
+
+  FIELDS(interval, control, grid, monitor, events, jumps, adaptive, project, monitored, tolerated_move, tiny,
+         taken_back, seconds, max_steps, max_carries, taken, rejected, needs_python)
 };
 
 // A method that takes the steps of a run.
@@ -72,7 +77,7 @@ class Method {
 class HalfExplicitMethod final : public Method {
  public:
   HalfExplicitMethod(HalfExplicitStep& step, const Tableau& a)
-      : Method(a.doubled ? 1 : a.errors, a.noise, a.first), step_(step), a_(a) {}
+      : Method(a.doubling_order ? 1 : a.errors, a.noise, a.explicit_first), step_(step), a_(a) {}
   void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
     controlled ? step_.controlled(a_, t, h, in, out, z, errors) : step_.take(a_, t, h, in, out, z, errors);
   }
@@ -102,27 +107,27 @@ class TimeLoop {
 
  private:
   bool attempt();          // a step; false if Python must handle the failure
-  bool judge(double h);    // is it accepted?
+  bool accept(double h);   // is it accepted?
   bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
-  double measure(const Numbers& move) const;  // of the projected end of a step, in tolerances
+  double move_norm(const Numbers& move) const;  // of the projected end of a step, in tolerances
   bool taken_back(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
-  void look(Proposal& p);  // for events on the step just taken, which ends where one ends the run
-  bool cross();            // the jump behind a leg; false where Python has something to say about it
-  void push();             // record the state
-  bool landing();          // does a fixed step end in a singular configuration although another step is possible?
+  void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
+  bool cross_jump();                // the jump after an interval; false if Python must handle it
+  void record();                    // record the state
+  bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;
 
   Method& method_;
   Index2System& s_;
   Run& run_;
   State next_;
-  bool renewed_ = false;   // its carry was recomputed
-  EventScan seen_;              // on the accepted step
+  bool restarted_ = false;  // its carry was recomputed
+  EventScan scan_;          // on the accepted step
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method
-  Configuration aside_;            // storage for that of the run during event location
+  Configuration other_configuration_;  // storage for that of the run during event location
 };
 
 }  // namespace mbdae

@@ -12,7 +12,7 @@ constexpr int halvings = 6;  // of the step, to obtain a guess
 }  // namespace
 
 StepCoefficients::StepCoefficients(const Tableau& a)
-    : n(a.n), first(a.first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
+    : n(a.n), first(a.explicit_first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
 
 StepCoefficients::StepCoefficients(const Radau& a)
     : n(a.s), coupled(true), A(a.A), Ahat(a.A), b(a.A.end() - a.s, a.A.end()), c(a.c), chat(a.c) {}
@@ -65,7 +65,7 @@ void CoupledStages::repeat(double t, double h, const State& in, State& out) {
   linearize(in.y);
   Vector<double> x = Vector<double>::Zero(s_.ny);
   for (int i = 0; i < a_.n; ++i) x += h * a_.b[i] * steps_->F.row(i).transpose();
-  s_.manifold.turned(x.data(), x.data(), end_);
+  s_.manifold.integrate_partials(x.data(), x.data(), end_);
 }
 
 void CoupledStages::newton(double t, double h, const State& in, int left) {
@@ -77,17 +77,19 @@ void CoupledStages::newton(double t, double h, const State& in, int left) {
       steps_->guess(t, h, in);
     }
     h_ = h;
-    for (int k = 0; k < s_.mechanics.limits.restages; ++k) {
+    for (int k = 0; k < s_.mechanics.limits.stage_iterations; ++k) {
       linearize(in.y);
       const int n = a_.n, m = stages_[0]->size();
       Vector<double> right(n * m);
-      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->miss(i);
+      for (int i = 0; i < n; ++i) right.segment(i * m, m) = steps_->negative_residual(i);
       const Matrix change = systems_[0].solve(right);
       if (!change.allFinite()) break;
       const Rows<double> moves = RowsIn(change.data(), n, m);
       const double size = std::fabs(h) * moves.leftCols(s_.ny - 1).cwiseAbs().maxCoeff();
-      steps_->move(moves);
-      if (size <= s_.mechanics.limits.restaged * (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff())) return;
+      steps_->correct(moves);
+      if (size <= s_.mechanics.limits.solution_rounding *
+                      (1 + std::fabs(h) * steps_->F.leftCols(s_.ny - 1).cwiseAbs().maxCoeff()))
+        return;
     }
   }
   throw StepTooLong();

@@ -36,8 +36,8 @@ class StageRecorder {
   // the end. Each sets `stages` and `F`.
   virtual void guess(double, double, const State&) { throw StepTooLong(); }
   virtual void extend(double) {}
-  virtual Vector<double> miss(int) { return {}; }
-  virtual void move(const Rows<double>&) {}  // (n, m)
+  virtual Vector<double> negative_residual(int) { return {}; }
+  virtual void correct(const Rows<double>&) {}  // (n, m)
   virtual void finish(const State&, State&) {}
   std::vector<StageValues> stages;
   Rows<double> F;                               // (n, ny)

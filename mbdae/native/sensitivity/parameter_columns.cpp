@@ -20,19 +20,19 @@ void inertial(const double* x, const double* V, double* out) {  // dI V of ten i
 void Parameters::forces(const LinearisationPoint& point, Numbers& P) {
   const size_t n = n_;
   P.assign(count_ * n, 0.0);
-  stand(point);
-  for (int i = 0; i < static_cast<int>(stuff_.size()); ++i) {
-    const ModelComponent::Of of = stuff_[i].of;
-    if (of == ModelComponent::inertia) inertia_columns(i, P);
-    if (of == ModelComponent::place) place_columns(i, P);
-    if (of == ModelComponent::gravity && point.loaded) gravity_columns(i, P);
-    if (of != ModelComponent::armature) continue;
+  evaluate_terms(point);
+  for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
+    const ModelComponent::Kind kind = components_[i].kind;
+    if (kind == ModelComponent::inertia) inertia_columns(i, P);
+    if (kind == ModelComponent::placement) placement_columns(i, P);
+    if (kind == ModelComponent::gravity && point.loaded) gravity_columns(i, P);
+    if (kind != ModelComponent::armature) continue;
     for (const Direction* d : along_[i])
       for (int k = 0; k < s_.nv; ++k) P[d->parameter * n + k] -= d->x[k] * point.vdot[k];
   }
   for (const ActingWrench& w : point.wrenches) pair_columns(w, P);
   for (size_t i = 0; i < changed_.size(); ++i)
-    for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += own_P_[i * n + e];
+    for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += changed_P_[i * n + e];
 }
 
 void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q) {
@@ -40,9 +40,11 @@ void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers
   const std::vector<int>& position = which.position();
   const size_t r = which.in_use().size();
   Q.assign(count_ * r, 0.0);
-  meet(point, q, [&](const LinearisationPoint::Met& met, const Pair& pair) { row_columns(met, pair, r, Q); });
+  for_constraint_points(point, q, [&](const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair) {
+    row_columns(constrained, pair, r, Q);
+  });
   for (size_t i = 0; i < changed_.size(); ++i)
-    for (int row : which.in_use()) Q[changed_[i].parameter * r + position[row]] += own_Q_[i * s_.ng + row];
+    for (int row : which.in_use()) Q[changed_[i].parameter * r + position[row]] += changed_Q_[i * s_.ng + row];
 }
 
 void Parameters::load(int joint, const double* W, double* P) const {
@@ -63,20 +65,20 @@ void Parameters::load_behind(int joint, double* P) {
   }
 }
 
-void Parameters::inertia_columns(int stuff, Numbers& P) const {
-  const int j = stuff_[stuff].at;
-  double V[6], A[6], W[6], h[6], turned[6];
-  here_[stuff].motion(V_[j].data(), V), here_[stuff].motion(A_[j].data(), A);
-  for (const Direction* d : along_[stuff]) {
-    inertial(d->x.data(), A, W), inertial(d->x.data(), V, h), wrench_cross(V, h, turned);
-    for (int i = 0; i < 6; ++i) W[i] += turned[i];
-    here_[stuff].raise_wrench(W, h);
+void Parameters::inertia_columns(int component, Numbers& P) const {
+  const int j = components_[component].id;
+  double V[6], A[6], W[6], h[6], rotated[6];
+  here_[component].motion(V_[j].data(), V), here_[component].motion(A_[j].data(), A);
+  for (const Direction* d : along_[component]) {
+    inertial(d->x.data(), A, W), inertial(d->x.data(), V, h), wrench_cross(V, h, rotated);
+    for (int i = 0; i < 6; ++i) W[i] += rotated[i];
+    here_[component].raise_wrench(W, h);
     load(j, h, &P[d->parameter * n_]);
   }
 }
 
-void Parameters::gravity_columns(int stuff, Numbers& P) {
-  for (const Direction* d : along_[stuff]) {
+void Parameters::gravity_columns(int component, Numbers& P) {
+  for (const Direction* d : along_[component]) {
     const double A[6] = {-d->x[0], -d->x[1], -d->x[2], 0, 0, 0};
     W_[0] = Six{};
     for (int j : behind_[0]) momentum(body_[j], A, W_[j].data());
@@ -85,13 +87,13 @@ void Parameters::gravity_columns(int stuff, Numbers& P) {
 }
 
 // The joint's subtree is held, and the rest of the tree moved by -xi.
-void Parameters::place_columns(int stuff, Numbers& P) {
-  const int joint = stuff_[stuff].at, before = s_.mechanics.parents[joint];
+void Parameters::placement_columns(int component, Numbers& P) {
+  const int joint = components_[component].id, before = s_.mechanics.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();
-  for (const Direction* d : along_[stuff]) {
-    double xi[6], dA[6], turned[6], W[6];
+  for (const Direction* d : along_[component]) {
+    double xi[6], dA[6], rotated[6], W[6];
     Six dV;
-    here_[stuff].raise(d->x.data(), xi);
+    here_[component].raise(d->x.data(), xi);
     motion_cross(Vp, xi, dV.data()), motion_cross(Ap, xi, dA);
     const bool turns = !still(dV);
     for (int j : behind_[joint]) {
@@ -105,8 +107,8 @@ void Parameters::place_columns(int stuff, Numbers& P) {
       motion_cross(V, dV.data(), A);
       for (int i = 0; i < 6; ++i) A[i] += dA[i];
       momentum(body_[j], A, to), momentum(body_[j], dV.data(), h);
-      wrench_cross(V_[j].data(), h, turned), wrench_cross(dV.data(), h_[j].data(), h);
-      for (int i = 0; i < 6; ++i) to[i] += turned[i] + h[i];
+      wrench_cross(V_[j].data(), h, rotated), wrench_cross(dV.data(), h_[j].data(), h);
+      for (int i = 0; i < 6; ++i) to[i] += rotated[i] + h[i];
     }
     double* out = &P[d->parameter * n_];
     load_behind(joint, out);
@@ -119,14 +121,14 @@ void Parameters::place_columns(int stuff, Numbers& P) {
 double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Moving& by, const double* xi, double* dF,
                                double* within) const {
   const int a = pair.a.joint, b = pair.b.joint;
-  const ModelComponent& x = stuff_[by.stuff];
-  double V[6], turned[6], power = 0;
+  const ModelComponent& x = components_[by.component];
+  double V[6], rotated[6], power = 0;
   for (int i = 0; i < 6; ++i) V[i] = V_[b][i] - V_[a][i];
-  times6(by.b ? t.Db : t.Da, xi, dF);
-  std::fill(turned, turned + 6, 0.0);
-  if (x.of == ModelComponent::place) {
-    const int end = by.b ? b : a, before = s_.mechanics.parents[x.at];
-    const double sign = by.b ? 1 : -1;
+  times6(by.second ? t.Db : t.Da, xi, dF);
+  std::fill(rotated, rotated + 6, 0.0);
+  if (x.kind == ModelComponent::placement) {
+    const int end = by.second ? b : a, before = s_.mechanics.parents[x.id];
+    const double sign = by.second ? 1 : -1;
     double Y[6];
     for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
     if (t.damped) {
@@ -134,10 +136,10 @@ double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Movin
       motion_cross(xi, Y, dV), times6(t.C, dV, more);
       for (int i = 0; i < 6; ++i) dF[i] += sign * more[i];
     }
-    wrench_cross(xi, t.F, turned);
-    power = -sign * dot6(Y, turned);
+    wrench_cross(xi, t.F, rotated);
+    power = -sign * dot6(Y, rotated);
   }
-  for (int i = 0; i < 6; ++i) within[i] = dF[i] - turned[i];
+  for (int i = 0; i < 6; ++i) within[i] = dF[i] - rotated[i];
   return power + dot6(V, dF);
 }
 
@@ -145,32 +147,33 @@ void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
   const Pair& pair = *w.pair;
   const double* J = s_.mechanics.J();
   for (const Moving& by : ends_.at(&pair)) {
-    const ModelComponent& x = stuff_[by.stuff];
-    for (const Direction* d : along_[by.stuff]) {
+    const ModelComponent& x = components_[by.component];
+    for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
-      here_[by.stuff].raise(d->x.data(), xi);
-      const double power = moving(pair, w.turning, by, xi, dF, within);
+      here_[by.component].raise(d->x.data(), xi);
+      const double power = moving(pair, w.partials, by, xi, dF, within);
       double* out = &P[d->parameter * n_];
       if (!w.conservative) out[n_ - 1] += power;
       for (size_t k = 0; k < pair.columns.size(); ++k) {
         const int c = pair.columns[k];
         if (pair.sign[k] == 0) continue;
-        const bool behind = x.of == ModelComponent::place && above_[joint_of_[c]][x.at];
+        const bool behind = x.kind == ModelComponent::placement && above_[joint_of_[c]][x.id];
         out[c] += pair.sign[k] * dot6(J + 6 * c, behind ? within : dF);
       }
     }
   }
 }
 
-void Parameters::row_columns(const LinearisationPoint::Met& met, const Pair& pair, size_t r, Numbers& Q) const {
+void Parameters::row_columns(const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
+                             Numbers& Q) const {
   for (const Moving& by : ends_.at(&pair))
-    for (const Direction* d : along_[by.stuff]) {
+    for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
-      here_[by.stuff].raise(d->x.data(), xi);
-      for (const auto& [at, t] : asked_)
-        Q[d->parameter * r + at] += met.weight * (met.kind == LinearisationPoint::Met::gap
-                                                      ? (by.b ? 1 : -1) * dot6(t->F, xi)
-                                                      : moving(pair, *t, by, xi, dF, within));
+      here_[by.component].raise(d->x.data(), xi);
+      for (const auto& [at, t] : requested_)
+        Q[d->parameter * r + at] += constrained.weight * (constrained.kind == LinearisationPoint::ConstraintPoint::g
+                                                              ? (by.second ? 1 : -1) * dot6(t->F, xi)
+                                                              : moving(pair, *t, by, xi, dF, within));
     }
 }
 

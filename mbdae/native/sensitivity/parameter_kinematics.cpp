@@ -13,15 +13,15 @@ void Parameters::motions(const double* v, const double* a) {
     V_[j] = V_[m.parents[j]];
     if (accelerated) A_[j] = A_[m.parents[j]];
     for (size_t first = 0, end; first < own.size(); first = end) {
-      double W[6] = {}, turned[6];
+      double W[6] = {}, rotated[6];
       for (end = first; end < own.size() && m.parts[own[end]] == m.parts[own[first]]; ++end) {
         const int c = own[end];
         for (int i = 0; i < 6; ++i) W[i] += J[6 * c + i] * v[c];
         for (int i = 0; accelerated && i < 6; ++i) A_[j][i] += J[6 * c + i] * a[c];
       }
       if (accelerated) {
-        motion_cross(V_[j].data(), W, turned);
-        for (int i = 0; i < 6; ++i) A_[j][i] += turned[i];
+        motion_cross(V_[j].data(), W, rotated);
+        for (int i = 0; i < 6; ++i) A_[j][i] += rotated[i];
       }
       for (int i = 0; i < 6; ++i) V_[j][i] += W[i];
     }
@@ -35,10 +35,10 @@ void Parameters::momenta() {
   const std::vector<int>& parents = s_.mechanics.parents;
   for (int j : heavy_) F_[parents[j]] = Six{};
   for (int j : heavy_) {
-    double turned[6];
+    double rotated[6];
     momentum(body_[j], A_[j].data(), F_[j].data()), momentum(body_[j], V_[j].data(), h_[j].data());
-    wrench_cross(V_[j].data(), h_[j].data(), turned);
-    for (int i = 0; i < 6; ++i) F_[j][i] += turned[i];
+    wrench_cross(V_[j].data(), h_[j].data(), rotated);
+    for (int i = 0; i < 6; ++i) F_[j][i] += rotated[i];
   }
   for (size_t l = heavy_.size(); l-- > 0;)
     for (int i = 0; i < 6; ++i) F_[parents[heavy_[l]]][i] += F_[heavy_[l]][i];
@@ -47,17 +47,17 @@ void Parameters::momenta() {
 void Parameters::locate() {
   static const Anchor origin;
   const Mechanics& m = s_.mechanics;
-  for (size_t i = 0; i < stuff_.size(); ++i) {
-    const ModelComponent& x = stuff_[i];
+  for (size_t i = 0; i < components_.size(); ++i) {
+    const ModelComponent& x = components_[i];
     WorldPose& out = here_[i];
-    if (x.of == ModelComponent::place) m.place(x.at, out.R, out.p);
-    if (x.of != ModelComponent::frame && x.of != ModelComponent::inertia) continue;
+    if (x.kind == ModelComponent::placement) m.place(x.id, out.R, out.p);
+    if (x.kind != ModelComponent::frame && x.kind != ModelComponent::inertia) continue;
     const Anchor* a = &origin;
-    if (x.of == ModelComponent::frame) {
-      const Pair& pair = x.of_law ? s_.law_pairs()[x.at] : s_.constraints.pairs[x.at];
-      a = x.b ? &pair.b : &pair.a;
+    if (x.kind == ModelComponent::frame) {
+      const Pair& pair = x.of_law ? s_.law_pairs()[x.id] : s_.constraints.pairs[x.id];
+      a = x.second ? &pair.b : &pair.a;
     }
-    const int joint = x.of == ModelComponent::frame ? a->joint : x.at;
+    const int joint = x.kind == ModelComponent::frame ? a->joint : x.id;
     const double *o = m.rotation(joint), *at = m.position(joint);  // o by columns
     for (int k = 0; k < 3; ++k) {
       out.p[k] = o[k] * a->p[0] + o[3 + k] * a->p[1] + o[6 + k] * a->p[2] + at[k];

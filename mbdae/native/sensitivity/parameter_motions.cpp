@@ -18,10 +18,10 @@ void inertial(const double* U, const double* A, double factor, double* out) {
 }
 
 void add_motion(const WorldPose& at, const double* g, double* out) {  // of partials by a motion in the world
-  double turned[3], all[6];
-  cross(g, at.p, turned);
-  for (int i = 0; i < 3; ++i) turned[i] += g[3 + i];
-  transposed(at.R, g, all), transposed(at.R, turned, all + 3);
+  double rotated[3], all[6];
+  cross(g, at.p, rotated);
+  for (int i = 0; i < 3; ++i) rotated[i] += g[3 + i];
+  transposed(at.R, g, all), transposed(at.R, rotated, all + 3);
   for (int i = 0; i < 6; ++i) out[i] += all[i];
 }
 
@@ -46,29 +46,29 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
   for (const Moving& m : ends_.at(&pair)) {
-    const ModelComponent& x = stuff_[m.stuff];
-    Six g = m.b ? by_b : by_a;
-    if (x.of == ModelComponent::place) {
-      const int end = m.b ? b : a, before = s_.mechanics.parents[x.at];
-      double Y[6], turned[6];
+    const ModelComponent& x = components_[m.component];
+    Six g = m.second ? by_b : by_a;
+    if (x.kind == ModelComponent::placement) {
+      const int end = m.second ? b : a, before = s_.mechanics.parents[x.id];
+      double Y[6], rotated[6];
       for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[before][i];
-      wrench_cross(Y, t.F, turned);
-      for (int i = 0; i < 6; ++i) g[i] += m.b ? turned[i] : -turned[i];
+      wrench_cross(Y, t.F, rotated);
+      for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       if (t.damped) {
         for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
-        wrench_cross(Y, damping.data(), turned);
-        for (int i = 0; i < 6; ++i) g[i] += m.b ? turned[i] : -turned[i];
+        wrench_cross(Y, damping.data(), rotated);
+        for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       }
     }
-    add_motion(here_[m.stuff], g.data(), sums_[m.stuff].data());
+    add_motion(here_[m.component], g.data(), sums_[m.component].data());
   }
 }
 
 void Parameters::shifted(const Pair& pair, const double* F) {
   for (const Moving& m : ends_.at(&pair)) {
     Six g;
-    for (int i = 0; i < 6; ++i) g[i] = m.b ? F[i] : -F[i];
-    add_motion(here_[m.stuff], g.data(), sums_[m.stuff].data());
+    for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
+    add_motion(here_[m.component], g.data(), sums_[m.component].data());
   }
 }
 
@@ -76,15 +76,15 @@ void Parameters::shifted(const Pair& pair, const double* F) {
 void Parameters::bodies() {
   const int joints = s_.mechanics.joints;
   for (int j = 1; j < joints; ++j) {
-    double VU[6], IVU[6], turned[6];
+    double VU[6], IVU[6], rotated[6];
     const double *V = V_[j].data(), *U = U_[j].data();
     H_[j] = C_[j] = Six{};
     if (still(U_[j])) continue;
     momentum(body_[j], U, H_[j].data());
     if (!placing_) continue;
     motion_cross(V, U, VU), momentum(body_[j], VU, IVU);
-    wrench_cross(V, H_[j].data(), C_[j].data()), wrench_cross(U, h_[j].data(), turned);
-    for (int i = 0; i < 6; ++i) C_[j][i] -= turned[i] + IVU[i];
+    wrench_cross(V, H_[j].data(), C_[j].data()), wrench_cross(U, h_[j].data(), rotated);
+    for (int i = 0; i < 6; ++i) C_[j][i] -= rotated[i] + IVU[i];
   }
   H_[0] = C_[0] = Six{};
   for (int j = joints - 1; j > 0; --j) {
@@ -104,34 +104,34 @@ void Parameters::contract(const LinearisationPoint& point, const double* above) 
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
-      moved(*w.pair, w.turning, X_);
+      moved(*w.pair, w.partials, X_);
     }
   }
-  for (size_t i = 0; i < stuff_.size(); ++i) {
-    const ModelComponent& x = stuff_[i];
+  for (size_t i = 0; i < components_.size(); ++i) {
+    const ModelComponent& x = components_[i];
     double* to = sums_[i].data();
-    if (x.of == ModelComponent::armature)
+    if (x.kind == ModelComponent::armature)
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
-    if (x.of == ModelComponent::gravity && point.loaded)
+    if (x.kind == ModelComponent::gravity && point.loaded)
       for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
-    if (x.of == ModelComponent::inertia && !still(U_[x.at])) {
+    if (x.kind == ModelComponent::inertia && !still(U_[x.id])) {
       double U[6], V[6], A[6], VU[6];
-      here_[i].motion(U_[x.at].data(), U), here_[i].motion(V_[x.at].data(), V), here_[i].motion(A_[x.at].data(), A);
+      here_[i].motion(U_[x.id].data(), U), here_[i].motion(V_[x.id].data(), V), here_[i].motion(A_[x.id].data(), A);
       motion_cross(V, U, VU);
       inertial(U, A, -1, to), inertial(VU, V, 1, to);
     }
-    if (x.of == ModelComponent::place) {
-      const int p = m.parents[x.at];
-      if (still(U_[p]) && still(H_[x.at]) && still(C_[x.at])) continue;
-      double turned[6], rest[6];
+    if (x.kind == ModelComponent::placement) {
+      const int p = m.parents[x.id];
+      if (still(U_[p]) && still(H_[x.id]) && still(C_[x.id])) continue;
+      double rotated[6], rest[6];
       Six g;
-      wrench_cross(V_[p].data(), H_[x.at].data(), rest);
-      for (int k = 0; k < 6; ++k) rest[k] = C_[x.at][k] - rest[k];
+      wrench_cross(V_[p].data(), H_[x.id].data(), rest);
+      for (int k = 0; k < 6; ++k) rest[k] = C_[x.id][k] - rest[k];
       wrench_cross(V_[p].data(), rest, g.data());
-      wrench_cross(U_[p].data(), F_[x.at].data(), turned);
-      for (int k = 0; k < 6; ++k) g[k] += turned[k];
-      wrench_cross(A_[p].data(), H_[x.at].data(), turned);
-      for (int k = 0; k < 6; ++k) g[k] += turned[k];
+      wrench_cross(U_[p].data(), F_[x.id].data(), rotated);
+      for (int k = 0; k < 6; ++k) g[k] += rotated[k];
+      wrench_cross(A_[p].data(), H_[x.id].data(), rotated);
+      for (int k = 0; k < 6; ++k) g[k] += rotated[k];
       add_motion(here_[i], g.data(), to);
     }
   }

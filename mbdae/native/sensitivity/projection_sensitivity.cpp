@@ -25,7 +25,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   else
     s_.point.evaluate(y, true);
   factors_.exchange(s_.point);
-  s_.point.forget();
+  s_.point.invalidate();
   Numbers G(static_cast<size_t>(ng) * nv, 0.0), r(ng, 0.0);
   auto next = [&](const double* q, bool of_v) -> Correction& {
     if (count_ == corrections_.size()) corrections_.emplace_back(new Correction);
@@ -39,15 +39,15 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   if (positions && path.empty()) path.push_back(q0_);  // even without a violation: perturbed states may violate the constraints
   for (const Numbers& q : path) {
     Correction& c = next(q.data(), false);
-    s_.constraints.gaps(t, r.data());
-    c.by_t.assign(ng, 0.0), s_.constraints.speed(t, c.by_t.data());
+    s_.constraints.complete_g(t, r.data());
+    c.by_t.assign(ng, 0.0), s_.constraints.evaluate_g_t(t, c.by_t.data());
     correct(c, t, q.data(), nullptr, r);
   }
   Correction& c = next(y, true);
   std::fill(r.begin(), r.end(), 0.0);
-  s_.constraints.speed(t, r.data());
+  s_.constraints.evaluate_g_t(t, r.data());
   for (int k = 0; k < ng; ++k) r[k] += dot(&c.G[static_cast<size_t>(k) * nv], v.data(), nv);
-  c.by_t.assign(ng, 0.0), s_.constraints.acceleration(t, c.by_t.data());
+  c.by_t.assign(ng, 0.0), s_.constraints.evaluate_g_tt(t, c.by_t.data());
   correct(c, t, y, v.data(), r);
   for (int e = 0; e < nv && !positions; ++e) y[nq + e] -= c.x[e];
 }
@@ -58,7 +58,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   for (int k : s_.rows.in_use())
     if (c.of_v || s_.constraints.rows[k].positional) c.rows.push_back(k);
   const int n = static_cast<int>(c.rows.size());
-  for (int k : c.rows) factors_.scale(k, c.G, c.Z);
+  for (int k : c.rows) factors_.scale_row(k, c.G, c.Z);
   c.lu.resize(n, n);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j)
@@ -69,27 +69,30 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   c.x = x;
   LinearisationPoint& p = c.point;
   p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
-  p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
-  LinearisationPoint::Met& met = p.met[0];
-  met.t = t, met.q = p.q, met.kind = c.of_v ? LinearisationPoint::Met::rate : LinearisationPoint::Met::gap, met.weight = 1;
-  if (c.of_v) met.v.assign(v, v + nv);
-  c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
-  const bool asked = parameters_.moving();
-  if (c.of_v) s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &met.turnings : nullptr);
+  p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.constraint_points.resize(1);
+  LinearisationPoint::ConstraintPoint& constrained = p.constraint_points[0];
+  constrained.t = t, constrained.q = p.q,
+  constrained.kind = c.of_v ? LinearisationPoint::ConstraintPoint::rate : LinearisationPoint::ConstraintPoint::g,
+  constrained.weight = 1;
+  if (c.of_v) constrained.v.assign(v, v + nv);
+  c.moved = largest(x.data(), nv) > s_.mechanics.limits.evaluation_rounding;
+  const bool requested = parameters_.moving();
+  if (c.of_v)
+    s_.closure_partials(q, v, nullptr, nullptr, &c.Bv, nullptr, requested ? &constrained.wrench_partials : nullptr);
   if (!c.of_v) {
     Numbers back(x);
     for (double& e : back) e = -e;
-    s_.manifold.turned(back.data(), x.data(), c.turn);
+    s_.manifold.integrate_partials(back.data(), x.data(), c.turn);
   }
-  p.still = !c.moved;
+  p.at_rest = !c.moved;
   const size_t m = nv;
   if (c.moved) {
     p.vdot = x;
     for (int k : c.rows) p.lam[k] = eta[k];
-    p.met.push_back({t, p.q, x, LinearisationPoint::Met::bare, -1});
+    p.constraint_points.push_back({t, p.q, x, LinearisationPoint::ConstraintPoint::Gv, -1});
     c.K.assign(m * m, 0.0);
-    s_.closure_partials(q, x.data(), p.lam.data(), c.K.data(), &c.B, asked ? &p.wrenches : nullptr,
-                      asked ? &p.met[1].turnings : nullptr);
+    s_.closure_partials(q, x.data(), p.lam.data(), c.K.data(), &c.B, requested ? &p.wrenches : nullptr,
+                        requested ? &p.constraint_points[1].wrench_partials : nullptr);
   }
   if (forward_) {
     parameters_.rows(p, c.Q, p.q);
@@ -105,7 +108,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
 void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {
   const int nv = s_.nv;
   Numbers l(c.rows.size());
-  factors_.half(above);
+  factors_.solve_root(above);
   for (size_t i = 0; i < l.size(); ++i)
     l[i] = below[c.rows[i]] - dot(&c.Z[static_cast<size_t>(c.rows[i]) * nv], above, nv);
   c.lu.solve(l.data());
@@ -114,7 +117,7 @@ void ProjectionSensitivity::solve(const Correction& c, double* above, double* be
     below[c.rows[i]] = l[i];
     for (int k = 0; k < nv; ++k) above[k] += z[k] * l[i];
   }
-  factors_.back(above);
+  factors_.solve_root_transposed(above);
 }
 
 void ProjectionSensitivity::forward(int directions, double* moved, size_t width, const double* dp,
@@ -122,7 +125,7 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
   const int nv = s_.nv, ng = s_.ng;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size(), n = nv + s_.ns + 1, k = parameters_.count();
-  Numbers above(nv), below(ng), dq(nv), turned(nv);
+  Numbers above(nv), below(ng), dq(nv), rotated(nv);
   for (int d = 0; d < directions; ++d) {
     double *dy = moved + d * width, *dv = dy + nv;
     const Numbers dq0(dy, dy + nv);
@@ -153,9 +156,9 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
         for (int e = 0; e < nv; ++e) dv[e] -= above[e];
         continue;
       }
-      apply(c.turn, &IntegratePartialsBlock::A, false, true, nv, dq.data(), turned.data()), dq = turned;
-      apply(c.turn, &IntegratePartialsBlock::R, false, true, nv, above.data(), turned.data());
-      for (int e = 0; e < nv; ++e) dq[e] -= turned[e];
+      apply(c.turn, &IntegratePartialsBlock::A, false, true, nv, dq.data(), rotated.data()), dq = rotated;
+      apply(c.turn, &IntegratePartialsBlock::R, false, true, nv, above.data(), rotated.data());
+      for (int e = 0; e < nv; ++e) dq[e] -= rotated[e];
     }
     std::copy(dq.begin(), dq.end(), dy);
   }
@@ -164,7 +167,7 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
 void ProjectionSensitivity::reverse(double* y) {
   const int nv = s_.nv;
   const std::vector<int>& position = s_.rows.position();
-  Numbers mu(s_.nv + s_.ns + 1), nu(s_.rows.in_use().size()), start(nv, 0.0), turned(nv);
+  Numbers mu(s_.nv + s_.ns + 1), nu(s_.rows.in_use().size()), start(nv, 0.0), rotated(nv);
   double *q = y, *v = y + nv;
   for (size_t i = count_; i-- > 0;) {
     const Correction& c = *corrections_[i];
@@ -174,11 +177,11 @@ void ProjectionSensitivity::reverse(double* y) {
     } else {
       apply(c.turn, &IntegratePartialsBlock::R, true, true, nv, q, mu.data());
       for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
-      apply(c.turn, &IntegratePartialsBlock::A, true, true, nv, q, turned.data());
-      std::copy(turned.begin(), turned.end(), q);
+      apply(c.turn, &IntegratePartialsBlock::A, true, true, nv, q, rotated.data());
+      std::copy(rotated.begin(), rotated.end(), q);
     }
     Numbers l(c.rows.size());
-    factors_.half(mu.data());
+    factors_.solve_root(mu.data());
     for (size_t j = 0; j < l.size(); ++j) l[j] = dot(&c.Z[static_cast<size_t>(c.rows[j]) * nv], mu.data(), nv);
     c.lu.solve_transposed(l.data());
     for (size_t j = 0; j < l.size(); ++j) {
@@ -186,7 +189,7 @@ void ProjectionSensitivity::reverse(double* y) {
       nu[position[c.rows[j]]] = l[j];
       for (int e = 0; e < nv; ++e) mu[e] -= z[e] * l[j];
     }
-    factors_.back(mu.data());
+    factors_.solve_root_transposed(mu.data());
     parameters_.add(c.point, mu.data(), nu.data());
     for (int row : c.rows) {
       const double w = nu[position[row]];

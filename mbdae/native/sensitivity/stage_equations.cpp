@@ -30,7 +30,7 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
   own.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
   t.setZero(m_), that.setZero(m_);
   if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
-  for (LinearisationPoint* one : {&point_, &slip_}) one->met.clear(), one->wrenches.clear();
+  for (LinearisationPoint* one : {&point_, &slip_}) one->constraint_points.clear(), one->wrenches.clear();
   constraints(y0, at);
   motion(y0, at);
   if (kept_) positions(at);
@@ -47,39 +47,41 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
   }
   y.middleCols(nv, nv).topRows(nv) = x.middleCols(nv, nv).topRows(nv);
   if (kept_) own.block(0, ny + r_, nv, nv) = x.middleCols(nv, nv).topRows(nv);
-  s_.point.forget();
+  s_.point.invalidate();
 }
 
 void StageEquations::constraints(const double* y0, const StageValues& at) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
-  const bool asked = parameters_.moving();
-  LinearisationPoint::Met met{at.that, Numbers(nq), Numbers(nv), LinearisationPoint::Met::rate, 1};
-  s_.manifold.integrate(y0, at.xhat.data(), met.q.data());
-  for (int i = 0; i < nv; ++i) met.v[i] = y0[nq + i] + at.xhat[nv + i];
-  s_.manifold.turned(at.xhat.data(), met.v.data(), hat_);
-  s_.mechanics.poses(met.q.data());
+  const bool requested = parameters_.moving();
+  LinearisationPoint::ConstraintPoint constrained{at.that, Numbers(nq), Numbers(nv),
+                                                  LinearisationPoint::ConstraintPoint::rate, 1};
+  s_.manifold.integrate(y0, at.xhat.data(), constrained.q.data());
+  for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + at.xhat[nv + i];
+  s_.manifold.integrate_partials(at.xhat.data(), constrained.v.data(), hat_);
+  s_.mechanics.poses(constrained.q.data());
   G_.assign(static_cast<size_t>(s_.ng) * nv, 0.0);
-  s_.constraints.value(s_.mechanics, met.q.data(), s_.constraints.all, G_.data());
-  s_.closure_partials(met.q.data(), met.v.data(), nullptr, nullptr, &Bhat_, nullptr, asked ? &met.turnings : nullptr);
+  s_.constraints.value(s_.mechanics, constrained.q.data(), s_.constraints.all, G_.data());
+  s_.closure_partials(constrained.q.data(), constrained.v.data(), nullptr, nullptr, &Bhat_, nullptr,
+                      requested ? &constrained.wrench_partials : nullptr);
   time_.assign(s_.ng, 0.0);
-  s_.constraints.acceleration(at.that, time_.data());
+  s_.constraints.evaluate_g_tt(at.that, time_.data());
   for (int k : s_.rows.in_use()) {
     const int i = s_.rows.position()[k];
     xhat.row(ny + i).head(nv) = RowsIn(&Bhat_[static_cast<size_t>(i) * nv], 1, nv);
     xhat.row(ny + i).tail(nv) = RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv);
     that[ny + i] = time_[k];
   }
-  point_.met.push_back(std::move(met));
+  point_.constraint_points.push_back(std::move(constrained));
   if (forward_) {
-    parameters_.rows(point_, Q_, point_.met[0].q);
+    parameters_.rows(point_, Q_, point_.constraint_points[0].q);
     p.middleRows(ny, r_) = RowsIn(Q_.data(), p.cols(), r_).transpose();
   }
   if (!kept_) return;
-  const LinearisationPoint::Met& here = point_.met[0];
+  const LinearisationPoint::ConstraintPoint& here = point_.constraint_points[0];
   slip_.rows = kept_;
-  slip_.met.push_back({at.that, here.q, here.v, LinearisationPoint::Met::gap, 1});
+  slip_.constraint_points.push_back({at.that, here.q, here.v, LinearisationPoint::ConstraintPoint::g, 1});
   time_.assign(s_.ng, 0.0);
-  s_.constraints.speed(at.that, time_.data());
+  s_.constraints.evaluate_g_t(at.that, time_.data());
   const int first = ny + r_ + nv;
   for (int k : kept_->in_use()) {
     const int i = first + kept_->position()[k];
@@ -99,7 +101,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   for (int i = 0; i < nv + s_.ns; ++i) o.u[i] = y0[nq + i] + at.x[nv + i];
   Numbers speed(o.u.begin(), o.u.begin() + nv);
   for (int i = 0; kept_ && i < nv; ++i) speed[i] += at.slip[i];
-  s_.manifold.turned(at.x.data(), speed.data(), turn_);
+  s_.manifold.integrate_partials(at.x.data(), speed.data(), turn_);
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
                     parameters_.moving() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
@@ -113,7 +115,7 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
     own.block(nv, ny + i, nv, 1) = -RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
     own(ny - 1, ny + i) = at_.g_t[i];
   }
-  if (s_.sliding) friction();
+  if (s_.friction) friction();
   y.topRows(ny) = x.topRows(ny);
   Numbers by_t(n_);
   s_.time_partials(at.t, o.q.data(), o.u.data(), o.lam.data(), by_t.data());
@@ -127,8 +129,8 @@ void StageEquations::friction() {
   const int nv = s_.nv, ny = s_.ny;
   const size_t n = n_;
   if (!parameters_.friction) throw FallBackToPython();
-  s_.sliding.slips(point_.u.data());
-  s_.sliding.partials(G_.data(), point_.lam.data(), at_.friction);
+  s_.friction.update_slips(point_.u.data());
+  s_.friction.partials(G_.data(), point_.lam.data(), at_.friction);
   for (int i = 0; i < r_; ++i) {
     const RowsIn by_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
     own.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();

@@ -57,7 +57,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
   void guess(double t, double h, const State& in) override {
     Index2System& s = this->s_;
     this->y0_ = in.y, t_ = t;
-    this->open(in.y.data());
+    this->begin_step(in.y.data());
     auto m = std::make_shared<StageMemory>();
     m->unknowns = this->unknowns(), m->h = h;
     Numbers rate(s.ny), lam(s.ng);
@@ -72,7 +72,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
 
   void extend(double h) override { memory_ = resampled(a_, *memory_, 0, h), record(); }
 
-  Vector<double> miss(int i) override {
+  Vector<double> negative_residual(int i) override {
     const StageValues& v = stages[i];
     const int nv = this->nv_, ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
     Numbers R(ny), C(all);
@@ -83,7 +83,7 @@ class RecordingCollocation final : public Step, public StageRecorder {
     return out;
   }
 
-  void move(const Rows<double>& change) override {
+  void correct(const Rows<double>& change) override {
     const int ny = this->ny_, r = static_cast<int>(used()), all = unknown_count();
     auto m = std::make_shared<StageMemory>(*memory_);
     for (int i = 0; i < a_.s; ++i) {
@@ -132,17 +132,17 @@ class RecordingCollocation final : public Step, public StageRecorder {
     this->residual(v.t, v.x.data(), v.F.data(), z, R.data(), C.data());
     s.point.evaluate(this->q_.data(), true);
     for (size_t k = 0; k < rows.size(); ++k) v.lam[rows[k]] = z[k];
-    if (!rows.empty()) s.saddle.symmetric(), s.saddle.balance(&R[nv], v.lam.data());
+    if (!rows.empty()) s.saddle.factorize_symmetric(), s.saddle.update_multipliers(&R[nv], v.lam.data());
     if constexpr (is_ggl) {
       Numbers slip(v.F.begin(), v.F.begin() + nv), along(s.ng, 0.0);
       s.manifold.velocity(v.x.data(), slip.data());
       for (int i = 0; i < nv; ++i) slip[i] -= this->u_[i];
-      for (int k : this->positions_.kept())
+      for (int k : this->positions_.in_use())
         for (int c : s.constraints.rows[k].columns) along[k] += s.point.G[static_cast<size_t>(k) * nv + c] * slip[c];
       v.mu.assign(s.ng, 0.0), v.slip.assign(nv, 0.0);
-      if (this->positions_.kept().empty()) return;
-      this->positions_.saddle().symmetric();
-      this->positions_.saddle().normal(along.data(), v.slip.data(), v.mu.data());
+      if (this->positions_.in_use().empty()) return;
+      this->positions_.saddle().factorize_symmetric();
+      this->positions_.saddle().minimum_norm_motion(along.data(), v.slip.data(), v.mu.data());
     }
   }
 

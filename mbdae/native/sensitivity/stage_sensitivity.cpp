@@ -38,23 +38,23 @@ void add_transposed(const Numbers& A, size_t rows, size_t columns, const double*
 }
 
 // Where rows of Z are long because bodies are light, digits cancel: one step of iterative refinement.
-void StageSensitivity::meet(const Numbers& seen, bool transposed, const Numbers& moved) {
+void StageSensitivity::satisfy_rows(const Numbers& seen, bool transposed, const Numbers& moved) {
   const std::vector<int>& position = s_.rows.position();
-  nu.assign(met_.size(), 0.0), miss_.resize(met_.size());
+  nu.assign(target_.size(), 0.0), residual_.resize(target_.size());
   for (int pass = 0; pass < 2; ++pass) {
     for (int k : s_.rows.in_use()) {
       const double* Z = &seen[static_cast<size_t>(k) * s_.nv];
-      double& miss = miss_[position[k]] = met_[position[k]];
+      double& miss = residual_[position[k]] = target_[position[k]];
       for (int c : s_.constraints.rows[k].columns) miss -= Z[c] * above[c];
     }
     if (transposed) {
-      lu.solve_transposed(miss_.data());
+      lu.solve_transposed(residual_.data());
     } else {
-      lu.solve(miss_.data());
+      lu.solve(residual_.data());
     }
     for (int k : s_.rows.in_use()) {
       const double* Z = &moved[static_cast<size_t>(k) * s_.nv];
-      const double by = miss_[position[k]];
+      const double by = residual_[position[k]];
       for (int c : s_.constraints.rows[k].columns) above[c] += Z[c] * by;
       nu[position[k]] += by;
     }
@@ -77,25 +77,25 @@ void StageSensitivity::forward(const double* dx, const double* dxhat, const doub
   for (int i = 0; i < nv; ++i) rate_[i] += more_[i];
   if (P) std::copy(P, P + n, above.begin());
   add_times(at.K, n, nv, dq_.data(), above.data()), add_times(at.D, n, n, du_.data(), above.data());
-  point.half(above.data());
+  point.solve_root(above.data());
   if (r) {
     for (int i = 0; i < nv; ++i) more_[i] = dxhat[i] + factor * rate_[i];
     apply(hat, &IntegratePartialsBlock::R, false, true, nv, more_.data(), du_.data());
     apply(hat, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
     for (int i = 0; i < nv; ++i) dq_[i] += du_[i], more_[i] = dy[nv + i] + dxhat[nv + i];
-    met_.assign(r, 0.0);
-    if (Q) std::copy(Q, Q + r, met_.begin());
-    add_times(Bhat, r, nv, dq_.data(), met_.data());
+    target_.assign(r, 0.0);
+    if (Q) std::copy(Q, Q + r, target_.begin());
+    add_times(Bhat, r, nv, dq_.data(), target_.data());
     for (int k : rows) {
       const double* G = &Ghat[static_cast<size_t>(k) * nv];
-      double& met = met_[position[k]];
-      for (int c : s_.constraints.rows[k].columns) met += G[c] * more_[c];
-      met /= -factor;
+      double& constrained = target_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) constrained += G[c] * more_[c];
+      constrained /= -factor;
     }
-    meet(Zhat, false, point.Z);
+    satisfy_rows(Zhat, false, point.Z);
     above[n - 1] -= dot(at.g_t.data(), nu.data(), static_cast<int>(r));
   }
-  point.back(above.data());
+  point.solve_root_transposed(above.data());
   std::copy(rate_.begin(), rate_.end(), dF), std::copy(above.begin(), above.end(), dF + nv);
 }
 
@@ -106,11 +106,11 @@ void StageSensitivity::reverse(const double* F, double* x, double* xhat, double*
   const size_t r = rows.size();
   rate_.assign(F, F + nv), dq_.assign(nv, 0.0), du_.assign(n, 0.0), more_.resize(nv);
   above.assign(F + nv, F + nv + n), nu.assign(r, 0.0);
-  point.half(above.data());
+  point.solve_root(above.data());
   if (r) {
-    met_.resize(r);
-    for (size_t k = 0; k < r; ++k) met_[k] = at.g_t[k] * above[n - 1];
-    meet(point.Z, true, Zhat);
+    target_.resize(r);
+    for (size_t k = 0; k < r; ++k) target_[k] = at.g_t[k] * above[n - 1];
+    satisfy_rows(point.Z, true, Zhat);
     for (double& w : nu) w /= factor;
     add_transposed(Bhat, r, nv, nu.data(), dq_.data());
     apply(hat, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
@@ -124,7 +124,7 @@ void StageSensitivity::reverse(const double* F, double* x, double* xhat, double*
     }
     std::fill(dq_.begin(), dq_.end(), 0.0);
   }
-  point.back(above.data());
+  point.solve_root_transposed(above.data());
   add_transposed(at.K, n, nv, above.data(), dq_.data()), add_transposed(at.D, n, n, above.data(), du_.data());
   apply(turn, &IntegratePartialsBlock::J, true, true, nv, rate_.data(), more_.data());
   for (int i = 0; i < nv; ++i) du_[i] += more_[i];

@@ -14,20 +14,20 @@ namespace mbdae {
 
 // A point with partials by parameters: equations f + G^T lam - M v', and terms of rows.
 struct LinearisationPoint {
-  struct Met {
+  struct ConstraintPoint {
     double t;
     Numbers q, v;  // (nq,), (nv,)
-    enum Kind { gap, rate, bare } kind;  // g, G v + g_t, G v
+    enum Kind { g, rate, Gv } kind;  // g, G v + g_t, G v
     double weight;
-    std::vector<WrenchPartials> turnings = {};  // (ng,) of rows in use; not of gaps
+    std::vector<WrenchPartials> wrench_partials = {};  // (ng,) of rows in use; not of gaps
   };
   bool loaded = true;      // with laws and gravity
-  bool still = false;      // no forces and no motion: P is 0
-  const IndependentRows* rows = nullptr;  // the rows that `met` and `nu` are about; nullptr: those in use
+  bool at_rest = false;    // no forces and no motion: P is 0
+  const IndependentRows* rows = nullptr;  // the rows that `constraint_points` and `nu` are about; nullptr: those in use
   double t = 0;
   Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
   std::vector<ActingWrench> wrenches;  // of laws and closures, if placements or frames are parameters
-  std::vector<Met> met;
+  std::vector<ConstraintPoint> constraint_points;
 };
 
 // n = nv + ns + 1; rows in use (r,) are in the order of elimination.
@@ -51,11 +51,11 @@ class StageSensitivity : public LinearisationPoint {
   Numbers above, nu;
 
  private:
-  // above += Z^T nu with the nu of Z' above = `met_`; Z' and Z are those of the step's matrix or of its transpose.
-  void meet(const Numbers& seen, bool transposed, const Numbers& moved);
+  // above += Z^T nu with the nu of Z' above = `target_`; Z' and Z are those of the step's matrix or of its transpose.
+  void satisfy_rows(const Numbers& seen, bool transposed, const Numbers& moved);
 
   Index2System& s_;
-  Numbers rate_, dq_, du_, more_, met_, miss_;
+  Numbers rate_, dq_, du_, more_, target_, residual_;
 };
 
 void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);       // out += A x

@@ -16,10 +16,10 @@ void StepSensitivity::repeat(double t, double h, const State& in, State& out, bo
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
-  if (a.first) begin(in.carry, F_.data());
+  if (a.explicit_first) first_stage(in.carry, F_.data());
   while (partials && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSensitivity(s_));
   if (forward_) P_.resize(n), Q_.resize(n);
-  for (int i = a.first; i < n; ++i) {
+  for (int i = a.explicit_first; i < n; ++i) {
     const double at = t + a.c[i] * h, that = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
     double* F = F_.data() + static_cast<size_t>(i) * stride;
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
@@ -27,11 +27,11 @@ void StepSensitivity::repeat(double t, double h, const State& in, State& out, bo
     if (partials) keep(i, at, that, factor, F);
   }
   combine(a.b.data(), n, h, x_);
-  s_.manifold.within(x_.data());
+  s_.manifold.check_rotations(x_.data());
   out.y.resize(s_.length);
   s_.add(y, x_.data(), out.y.data());
-  if (a.first) finish(F_.data() + static_cast<size_t>(n - 1) * stride, out.carry);
-  if (partials) s_.manifold.turned(x_.data(), x_.data(), end_);
+  if (a.explicit_first) set_carry(F_.data() + static_cast<size_t>(n - 1) * stride, out.carry);
+  if (partials) s_.manifold.integrate_partials(x_.data(), x_.data(), end_);
 }
 
 void StepSensitivity::keep(int i, double t, double that, double factor, const double* F) {
@@ -42,38 +42,39 @@ void StepSensitivity::keep(int i, double t, double that, double factor, const do
   std::copy(v_.begin(), v_.end(), k.u.begin()), std::copy(s_in_.begin(), s_in_.end(), k.u.begin() + nv_);
   k.lam.assign(s_.ng, 0.0);
   for (int row : s_.rows.in_use()) k.lam[row] = lam_[row];
-  s_.manifold.turned(x_.data(), v_.data(), k.turn);
-  const bool asked = parameters_ && parameters_->moving();
+  s_.manifold.integrate_partials(x_.data(), v_.data(), k.turn);
+  const bool requested = parameters_ && parameters_->moving();
   if (!s_.rows.in_use().empty()) {
-    k.met.resize(1);
-    LinearisationPoint::Met& met = k.met[0];
-    met.t = that, met.kind = LinearisationPoint::Met::rate, met.weight = 1, met.q = q_met_, met.v.resize(nv_);
-    for (int i = 0; i < nv_; ++i) met.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
+    k.constraint_points.resize(1);
+    LinearisationPoint::ConstraintPoint& constrained = k.constraint_points[0];
+    constrained.t = that, constrained.kind = LinearisationPoint::ConstraintPoint::rate, constrained.weight = 1,
+    constrained.q = qhat_, constrained.v.resize(nv_);
+    for (int i = 0; i < nv_; ++i) constrained.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
-    s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
-    s_.closure_partials(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
-                      asked ? &met.turnings : nullptr);
+    s_.manifold.integrate_partials(dx_.data(), constrained.v.data(), k.hat);
+    s_.closure_partials(qhat_.data(), constrained.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
+                        requested ? &constrained.wrench_partials : nullptr);
   }
-  if (forward_) parameters_->rows(k, Q_[i], q_met_);
+  if (forward_) parameters_->rows(k, Q_[i], qhat_);
   k.point.exchange(s_.point);
   k.wrenches.clear();
   s_.force_partials(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr,
-                  asked ? &k.wrenches : nullptr);
+                    requested ? &k.wrenches : nullptr);
   if (forward_) parameters_->forces(k, P_[i]);
 }
 
 void StepSensitivity::forward(int directions, double* moved, const double* dp, const double*, const double*) {
   const int n = a_.n, ny = ny_, nc = ny_ - nv_, below = static_cast<int>(s_.rows.in_use().size());
   const size_t k = forward_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
-  const size_t width = ny + (a_.first ? nc : 0);
+  const size_t width = ny + (a_.explicit_first ? nc : 0);
   const bool moves = k > 0;
   dF_.assign(n * size, 0.0), x_bar_.resize(ny), xhat_bar_.resize(ny), p_.resize(nc), dx_end_.resize(below);
-  if (a_.first)
+  if (a_.explicit_first)
     for (int d = 0; d < directions; ++d) {
       std::copy_n(moved + d * width + nv_, nv_, &dF_[d * ny]);
       std::copy_n(moved + d * width + ny, nc, &dF_[d * ny + nv_]);
     }
-  for (int i = a_.first; i < n; ++i) {
+  for (int i = a_.explicit_first; i < n; ++i) {
     StageSensitivity& stage = *stages_[i];
     for (int d = 0; d < directions; ++d) {
       for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_.A), {xhat_bar_, a_.Ahat}}) {
@@ -98,17 +99,17 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
                     moves ? dx_end_.data() : nullptr, &dF_[i * size + d * ny]);
     }
   }
-  Numbers own(nv_), turned(nv_);
+  Numbers own(nv_), rotated(nv_);
   for (int d = 0; d < directions; ++d) {
     std::fill(x_bar_.begin(), x_bar_.end(), 0.0);
     for (int j = 0; j < n; ++j)
       for (int c = 0; c < ny; ++c) x_bar_[c] += h_ * a_.b[j] * dF_[j * size + d * ny + c];
     double* to = moved + d * width;
     apply(end_, &IntegratePartialsBlock::A, false, true, nv_, to, own.data());
-    apply(end_, &IntegratePartialsBlock::R, false, true, nv_, x_bar_.data(), turned.data());
-    for (int c = 0; c < nv_; ++c) to[c] = own[c] + turned[c];
+    apply(end_, &IntegratePartialsBlock::R, false, true, nv_, x_bar_.data(), rotated.data());
+    for (int c = 0; c < nv_; ++c) to[c] = own[c] + rotated[c];
     for (int c = nv_; c < ny; ++c) to[c] += x_bar_[c];
-    if (a_.first) std::copy_n(&dF_[(n - 1) * size + d * ny + nv_], nc, to + ny);
+    if (a_.explicit_first) std::copy_n(&dF_[(n - 1) * size + d * ny + nv_], nc, to + ny);
   }
 }
 
@@ -120,9 +121,9 @@ void StepSensitivity::reverse(double* y) {
   dF_.assign(static_cast<size_t>(n) * ny, 0.0);
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < ny; ++c) dF_[i * ny + c] = h_ * a_.b[i] * x[c];
-  if (a_.first)
+  if (a_.explicit_first)
     for (int c = 0; c < nc; ++c) dF_[(n - 1) * ny + nv_ + c] += carry[c];
-  for (int i = n - 1; i >= a_.first; --i) {
+  for (int i = n - 1; i >= a_.explicit_first; --i) {
     x_bar_.assign(ny, 0.0), xhat_bar_.assign(ny, 0.0);
     stages_[i]->reverse(&dF_[i * ny], x_bar_.data(), xhat_bar_.data(), out.data());
     if (parameters_) parameters_->add(*stages_[i], stages_[i]->above.data(), stages_[i]->nu.data());
@@ -132,7 +133,7 @@ void StepSensitivity::reverse(double* y) {
       for (int c = 0; c < ny; ++c) dF_[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
     }
   }
-  if (a_.first) {
+  if (a_.explicit_first) {
     for (int c = 0; c < nv_; ++c) out[nv_ + c] += dF_[c];
     std::copy_n(&dF_[nv_], nc, carry);
   }

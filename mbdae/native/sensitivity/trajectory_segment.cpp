@@ -13,7 +13,7 @@ namespace mbdae {
 
 namespace {
 
-void stand(const Index2System& s, const TrajectorySegment& g, const double* carries, size_t i, State& to) {
+void set_state(const Index2System& s, const TrajectorySegment& g, const double* carries, size_t i, State& to) {
   const size_t nc = carry_size(s, g);
   to.y.assign(g.y + i * s.length, g.y + (i + 1) * s.length);
   to.carry.assign(carries + i * nc, carries + (i + 1) * nc);
@@ -22,7 +22,7 @@ void stand(const Index2System& s, const TrajectorySegment& g, const double* carr
 std::unique_ptr<StepMap> step_map(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward,
                                   bool varying) {
   if (g.radau) return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.radau), recorder(s, *g.radau));
-  if (!varying && s.formulation == Formulation::index2 && !s.sliding)
+  if (!varying && s.formulation == Formulation::index2 && !s.friction)
     return std::make_unique<StepSensitivity>(s, &parameters, *g.tableau, forward);
   return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.tableau), recorder(s, *g.tableau));
 }
@@ -37,7 +37,7 @@ class Interval {
 
   void take(const double* carries, size_t i) {
     const double h = g_.t[i + 1] - g_.t[i];
-    stand(s_, g_, carries, i, start_);
+    set_state(s_, g_, carries, i, start_);
     if (g_.halved) {
       first_->repeat(g_.t[i], h / 2, start_, middle_);
       second_->repeat(g_.t[i] + h / 2, h / 2, middle_, next_);
@@ -72,17 +72,18 @@ class Interval {
 };
 
 // Project the end of a step as the run did; is the carry recomputed?
-bool project(Index2System& s, const RepeatTolerances& like, double t, const State& start, State& next) {
+bool project(Index2System& s, const RepeatTolerances& tolerances, double t, const State& start, State& next) {
   Numbers y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
   restore(s, t, next.y.data());
   s.difference(y.data(), next.y.data(), move.data());
   s.size(start.y.data(), size0.data()), s.size(next.y.data(), size1.data());
   double moved;
-  if (like.adaptive) {
-    moved = like.control.error_norm(move.data(), 1, s.ny, s.measured(), size0.data(), size1.data(), 0, 0, 0);
+  if (tolerances.adaptive) {
+    moved = tolerances.control.error_norm(move.data(), 1, s.ny, s.controlled_components(), size0.data(), size1.data(),
+                                          0, 0, 0);
   } else {
     add_magnitude(s, next.y.data(), size1.data());
-    moved = largest_move(move, size1, s.measured(), like.tolerated, like.nothing);
+    moved = largest_move(move, size1, s.controlled_components(), tolerances.tolerated_move, tolerances.tiny);
   }
   if (moved <= 1) return false;
   Numbers F(s.ny), z(s.ng);
@@ -94,10 +95,10 @@ bool project(Index2System& s, const RepeatTolerances& like, double t, const Stat
 }  // namespace
 
 size_t carry_size(const Index2System& s, const TrajectorySegment& g) {
-  return g.tableau && g.tableau->first ? s.carried() : 0;
+  return g.tableau && g.tableau->explicit_first ? s.carried() : 0;
 }
 
-void recompute(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& like, Recomputed& out) {
+void recompute(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& tolerances, Recomputed& out) {
   StepSensitivity simple(s, nullptr, *g.tableau);
   const auto steps = half_explicit_step(s);
   Numbers move(s.ny), z(s.nz), errors;
@@ -108,8 +109,8 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
   };
   State now, middle, next;
   const size_t nc = carry_size(s, g);
-  stand(s, g, out.carries.data(), 0, now);
-  out.renewed.assign(g.steps + 1, 0);
+  set_state(s, g, out.carries.data(), 0, now);
+  out.restarted.assign(g.steps + 1, 0);
   for (out.steps = 0; out.steps < g.steps; ++out.steps) {
     const size_t i = out.steps;
     const double h = g.t[i + 1] - g.t[i], *end = g.y + (i + 1) * s.length;
@@ -119,12 +120,12 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
     } else {
       step(g.t[i], h, now, next);
     }
-    if (g.project) out.renewed[i + 1] = project(s, like, g.t[i + 1], now, next);
+    if (g.project) out.restarted[i + 1] = project(s, tolerances, g.t[i + 1], now, next);
     std::copy(next.carry.begin(), next.carry.end(), out.carries.begin() + (i + 1) * nc);
     s.difference(next.y.data(), end, move.data());
     const double apart = largest(move.data(), s.ny), size = 1 + largest(end, s.length);
-    if (!(apart <= like.repeated * size)) return;
-    if (!(apart <= like.synchronous * size)) next.y.assign(end, end + s.length);
+    if (!(apart <= tolerances.same_state * size)) return;
+    if (!(apart <= tolerances.agreement * size)) next.y.assign(end, end + s.length);
     std::swap(now, next);
   }
   out.end = now.y;

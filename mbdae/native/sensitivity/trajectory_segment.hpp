@@ -21,19 +21,19 @@ struct TrajectorySegment {
 struct RepeatTolerances {
   bool adaptive;
   StepControl control;
-  double tolerated, nothing;     // with fixed steps, of magnitudes
-  double repeated, synchronous;  // of 1 + |y|
+  double tolerated_move, tiny;   // with fixed steps, of magnitudes
+  double same_state, agreement;  // of 1 + |y|
 };
 
 // The carry at each node, (m + 1, nc), from that of the first, and where it was recomputed. Recomputed points continue
-// independently of the run, unless they differ by more than `synchronous`.
+// independently of the run, unless they differ by more than `agreement`.
 struct Recomputed {
   Numbers carries, end;
-  std::vector<int> renewed;  // (m + 1,)
-  size_t steps;              // that ended within `repeated`
+  std::vector<int> restarted;  // (m + 1,)
+  size_t steps;                // that ended within `same_state`
 };
 
-void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& like, Recomputed& out);
+void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& tolerances, Recomputed& out);
 // Cotangents (ny + nc,) at the last node become those at the first; `extra` (m + 1, ny + nc) are added at the inner
 // nodes, and those of parameters (k,) are accumulated.
 void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries,

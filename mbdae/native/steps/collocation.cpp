@@ -40,9 +40,10 @@ Rows<double> lagrange(const Numbers& c, const Numbers& x) {
 
 // Remaining iterations after a change by `size`, until the next one would be below the tolerance.
 int iterations_left(const Radau& a, double size, double rate) {
-  if (rate * size <= a.tolerance) return 0;
-  if (!(rate < 1)) return a.further;
-  return static_cast<int>(std::fmin(a.further, std::ceil(std::log(a.tolerance / size) / std::log(rate)) - 1));
+  if (rate * size <= a.below_rounding) return 0;
+  if (!(rate < 1)) return a.extra_iterations;
+  return static_cast<int>(
+      std::fmin(a.extra_iterations, std::ceil(std::log(a.below_rounding / size) / std::log(rate)) - 1));
 }
 
 }  // namespace
@@ -113,23 +114,23 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
 void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
   Numbers scale(size_);
   double most = 0;
-  for (int k = 0; k < s_.measured(); ++k) {
+  for (int k = 0; k < s_.controlled_components(); ++k) {
     double move = 0;
     for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(moves[i * ny_ + k]));
     scale[k] += move, most = std::max(most, scale[k]);
   }
-  for (int k = 0; k < s_.measured(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.share * most);
+  for (int k = 0; k < s_.controlled_components(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.negligible * most);
 }
 
 bool CollocationStep::solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m) {
-  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
-  const double h = m.h, near = std::max(a.near, accuracy);
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.controlled_components();
+  const double h = m.h, near = std::max(a.iteration_rounding, accuracy);
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
   std::fill(scale_.begin(), scale_.end(), 0.0);
   grow_scale(a, X_);
-  double last = INFINITY, rate = a.expected;
+  double last = INFINITY, rate = a.expected_rate;
   int left = 0;
   for (int k = 0; k < patience; ++k) {
     correction(a, t, m);
@@ -146,21 +147,22 @@ bool CollocationStep::solve(const Radau& a, int patience, double accuracy, doubl
       }
     const double size = std::sqrt(sum / (s * measured));
     s_.counts.newton += 1;
-    if (k && last > a.near) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
+    if (k && last > a.iteration_rounding) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
     if (k ? rate < 1 && rate * size <= accuracy * (1 - rate) : size <= accuracy) {  // what is left is less
       m.rate = rate;
       return true;
     }
-    if (last > a.near) {
-      left = k ? iterations_left(a, size, rate) : a.first;
+    if (last > a.iteration_rounding) {
+      left = k ? iterations_left(a, size, rate) : a.first_iterations;
     } else {
       --left;
     }
-    if (size <= a.near && (left <= 0 || k == patience - 1)) {
+    if (size <= a.iteration_rounding && (left <= 0 || k == patience - 1)) {
       m.rate = rate;
       return true;
     }
-    const bool slow = k > 1 && last > a.near && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
+    const bool slow =
+        k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }
@@ -174,11 +176,11 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   y0_ = in.y;
   const double* y = y0_.data();
   IndependentRows& rows = s_.rows;
-  if (s_.ng && !rows.held) {
-    if (!s_.point.near(y)) s_.point.evaluate(y, true);
-    rows.choose_with_reason(s_.point.Z.data(), s_.point.stamp());
+  if (s_.ng && !rows.frozen) {
+    if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
+    rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
   }
-  open(y);
+  begin_step(y);
   auto m = std::make_shared<StageMemory>();
   m->unknowns = unknowns();
   const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
@@ -227,7 +229,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();
   if (!in.low.empty()) x += In(in.low.data(), ny_);
   out.y.resize(s_.length), out.low.assign(ny_, 0.0), out.carry.clear(), out.memory = m;
-  s_.manifold.within(x.data());
+  s_.manifold.check_rotations(x.data());
   s_.add(y, x.data(), out.y.data());
   for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
     const int i = k < nv_ ? k : k - nv_ + nq_;
@@ -239,15 +241,15 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   std::fill(lam_.begin(), lam_.end(), 0.0);
   for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
   if (used) {
-    s_.saddle.symmetric();
+    s_.saddle.factorize_symmetric();
     for (int i = 0; i < used; ++i) rates_[m->unknowns[i]] = -C[i];
-    s_.saddle.normal(rates_.data(), f_.data());
+    s_.saddle.minimum_norm_motion(rates_.data(), f_.data());
     for (int i = 0; i < nv_; ++i) {
       x[nv_ + i] -= f_[i];
       out.y[nq_ + i] = y[nq_ + i] + x[nv_ + i];
       out.low[nv_ + i] = x[nv_ + i] - (out.y[nq_ + i] - y[nq_ + i]);
     }
-    s_.saddle.balance(R.data() + nv_, lam_.data());
+    s_.saddle.update_multipliers(R.data() + nv_, lam_.data());
   }
   all_multipliers(t + h, Z3.row(s - 1).data(), z);
   errors.clear();

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "math/fields.hpp"
 #include "system/index2.hpp"
 
 namespace mbdae {
@@ -12,21 +13,27 @@ namespace mbdae {
 struct EigenMode {  // of A: A x = Re sum column value (row . x)
   std::complex<double> value;
   std::vector<std::complex<double>> column, row;  // (s,)
+
+  FIELDS(value, column, row)
 };
 
 // Coefficients of a method with s stages, and the thresholds of its iteration.
 struct Radau {
-  int s = 0;
   Numbers c, A;  // (s,), (s, s) by rows
   std::vector<EigenMode> modes;
   int real = -1;  // index of the real mode; -1: none
   double gamma = 0;
   Numbers start;  // (1 or 2, s) by rows
-  int errors = 0, middle = 0;
+  int middle = 0;                        // the stage where partials are taken
   int patience = 0, short_patience = 0;  // iterations for a given step, and if a smaller one is possible
-  int further = 0;                       // maximum number of iterations after a change near rounding
-  int first = 0;                         // and after the first one
-  double tolerance = 0, near = 0, expected = 0, reuse = 0, share = 0;
+  int extra_iterations = 0;              // maximum number of iterations after a change near rounding
+  int first_iterations = 0;              // and after the first one
+  double below_rounding = 0, iteration_rounding = 0, negligible = 0;  // mbdae/tolerances.py
+  double expected_rate = 0, reuse = 0;  // of the iteration: at its start, and largest for partials to be kept
+  int s = 0, errors = 0;                // stages, and error estimates
+
+  FIELDS(c, A, modes, real, gamma, start, middle, patience, short_patience, extra_iterations, first_iterations,
+         below_rounding, iteration_rounding, negligible, expected_rate, reuse)
 };
 
 class StageSolver;
@@ -34,7 +41,7 @@ class StageSolver;
 // Partials at a point, in the coordinates of a step.
 struct LinearizedStages {
   EquationPartials partials;
-  std::vector<TangentBlock> turning;
+  std::vector<TangentBlock> tangents;
   Numbers P, N = {};  // (k, nv): rows in use that have a g, and M^-1 P^T by columns; of GGL
 };
 
@@ -64,7 +71,7 @@ class CollocationStep {
   // formulation.
   virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
   virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
-  virtual void open(const double*) {}         // a step begins at y (length,)
+  virtual void begin_step(const double*) {}   // a step begins at y (length,)
   virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) at the end of a step; lam_ is current
 
   virtual std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,

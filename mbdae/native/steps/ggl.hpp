@@ -11,11 +11,11 @@ class GGLStep : public HalfExplicitStep {
   explicit GGLStep(Index2System& system);
 
  protected:
-  void open(const double* y) override { positions_.open(y); }
-  void begin(const Numbers& carry, double* F) const override;
-  void finish(const double* F, Numbers& carry) const override;
+  void begin_step(const double* y) override { positions_.select(y); }
+  void first_stage(const Numbers& carry, double* F) const override;
+  void set_carry(const double* F, Numbers& carry) const override;
   void stage(double t, double that, double factor, double* F, bool last) override;
-  void meet(double that, double factor, double* dx) override;  // by Newton's method for mu
+  void satisfy_constraint(double that, double factor, double* dx) override;  // by Newton's method for mu
   void project(double* e) override;
   void all_multipliers(double* z) override;
 
@@ -23,13 +23,13 @@ class GGLStep : public HalfExplicitStep {
   Numbers mu_, slip_;  // (ng,) by row, and (nv,) M^-1 G^T mu
 
  private:
-  void correct(const Numbers& G);  // the change of mu, slip and x' that closes the gaps by rows G; their S
-  void transfer();                 // Gmet_
-  void watch(double that);         // throws if a row that is not in use is open
+  void compute_correction(const Numbers& G);  // the change of mu, slip and x' that closes the gaps by rows G; their S
+  void transfer();                            // Gmoved_
+  void check_other_rows(double that);         // throws if a row that is not in use is open
 
   Numbers gap_, dmu_;                     // (ng,) by row
   Numbers dslip_, move_, at_;             // (nv,) change of slip as velocity and in coordinates; x of a stage
-  Numbers Gmet_;                          // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved
+  Numbers Gmoved_;                        // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved
   std::vector<TangentBlock> transfer_;
 };
 

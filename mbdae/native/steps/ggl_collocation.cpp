@@ -12,7 +12,7 @@ GGLCollocation::GGLCollocation(Index2System& s)
 
 std::vector<int> GGLCollocation::unknowns() const {
   std::vector<int> out = CollocationStep::unknowns();
-  out.insert(out.end(), positions_.kept().begin(), positions_.kept().end());
+  out.insert(out.end(), positions_.in_use().begin(), positions_.in_use().end());
   return out;
 }
 
@@ -20,8 +20,8 @@ std::shared_ptr<const LinearizedStages> GGLCollocation::linearize(double t, cons
                                                                   const double* z) {
   auto out = std::make_shared<LinearizedStages>(*CollocationStep::linearize(t, x, dx, z));
   s_.mechanics.poses(q_.data());
-  s_.constraints.value(s_.mechanics, q_.data(), positions_.kept(), G_.data());
-  for (int k : positions_.kept()) {
+  s_.constraints.value(s_.mechanics, q_.data(), positions_.in_use(), G_.data());
+  for (int k : positions_.in_use()) {
     const double* row = &G_[static_cast<size_t>(k) * nv_];
     out->P.insert(out->P.end(), row, row + nv_);
   }
@@ -36,33 +36,33 @@ std::shared_ptr<const LinearizedStages> GGLCollocation::linearize(double t, cons
 
 void GGLCollocation::residual(double t, const double* x, const double* dx, const double* z, double* R, double* C) {
   CollocationStep::residual(t, x, dx, z, R, C);
-  const std::vector<int>& rows = positions_.kept();
+  const std::vector<int>& rows = positions_.in_use();
   const size_t r = s_.rows.in_use().size();
   s_.counts.M += 1, s_.counts.factorizations += 1, s_.counts.G += s_.ng > 0;
   s_.point.inertia(q_.data());
   std::fill(gap_.begin(), gap_.end(), 0.0), std::fill(slip_.begin(), slip_.end(), 0.0);
   s_.constraints.value(s_.mechanics, q_.data(), rows, G_.data(), gap_.data());
-  s_.constraints.gaps(t, gap_.data());
+  s_.constraints.complete_g(t, gap_.data());
   for (size_t i = 0; i < rows.size(); ++i) {
     C[r + i] = -gap_[rows[i]];
     for (int c : s_.constraints.rows[rows[i]].columns)
       slip_[c] += z[r + i] * G_[static_cast<size_t>(rows[i]) * nv_ + c];
   }
-  s_.point.half(slip_.data()), s_.point.back(slip_.data());
+  s_.point.solve_root(slip_.data()), s_.point.solve_root_transposed(slip_.data());
   s_.manifold.tangent(x, slip_.data());
   for (int i = 0; i < nv_; ++i) R[i] += slip_[i];
 }
 
 void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
   CollocationStep::all_multipliers(t, z, out);
-  const std::vector<int>& rows = positions_.kept();
+  const std::vector<int>& rows = positions_.in_use();
   gap_ = s_.point.g;
-  s_.constraints.gaps(t, gap_.data());
+  s_.constraints.complete_g(t, gap_.data());
   const Tolerances& limits = s_.mechanics.limits;
-  if (largest_scaled(gap_.data(), limits.row_scales) > limits.gaping) throw FallBackToPython();
+  if (largest_scaled(gap_.data(), limits.row_scales) > limits.same_state) throw FallBackToPython();
   std::fill(mu_.begin(), mu_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) mu_[rows[i]] = z[s_.rows.in_use().size() + i];
-  if (!positions_.shared && positions_.rows().dependent()) positions_.saddle().symmetric();
+  if (!positions_.same_as_velocity_rows && positions_.rows().dependent()) positions_.saddle().factorize_symmetric();
   positions_.saddle().all_multipliers(mu_.data(), out + s_.ng);
 }
 

@@ -15,7 +15,7 @@ class GGLCollocation : public CollocationStep {
   std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
                                                     const double* z) override;
   std::vector<int> unknowns() const override;
-  void open(const double* y) override { positions_.open(y); }
+  void begin_step(const double* y) override { positions_.select(y); }
   void all_multipliers(double t, const double* z, double* out) override;
 
   PositionRows positions_;

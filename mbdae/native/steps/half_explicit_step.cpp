@@ -22,12 +22,12 @@ HalfExplicitStep::HalfExplicitStep(Index2System& s)
       s0_(ns_),
       q_(nq_),
       v_(nv_),
-      q_met_(nq_),
+      qhat_(nq_),
       s_in_(ns_),
       f_(nv_),
       lam_(s.ng),
       gt_(s.ng),
-      gt_met_(s.ng),
+      gthat_(s.ng),
       work_(s.ng),
       Ghat_(s.point.G.size()),
       Zhat_(Ghat_.size()) {}
@@ -42,27 +42,28 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
   point.dynamics(q_.data(), v_.data(), with_partials_);
   s_.counts.M += 1, s_.counts.factorizations += 1;
-  const bool slides = static_cast<bool>(s_.sliding);
+  const bool slides = static_cast<bool>(s_.friction);
   const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;
   if (s_.ng) s_.counts.G += 1;
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
-  if (slides) s_.sliding.slips(v_.data());
+  if (slides) s_.friction.update_slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
-  if (!rows.empty()) constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
+  if (!rows.empty()) constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
   if (last) {
-    Index2System::Known& known = s_.known;
-    known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_, known.motion = m.motion();
-    known.rates.assign(rates, rates + ns_ + 1);
+    Index2System::LastStage& last_stage = s_.last_stage;
+    last_stage.t = t, last_stage.q = q_, last_stage.v = v_, last_stage.s = s_in_, last_stage.f = f_,
+    last_stage.motion = m.motion();
+    last_stage.rates.assign(rates, rates + ns_ + 1);
   }
-  for (int k : which) point.scale(k);
+  for (int k : which) point.scale_row(k);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
     if (last) m.keep();
-    meet(that, factor, F);
+    satisfy_constraint(that, factor, F);
     for (int k : rows) {
-      double rate = gt_met_[k];
+      double rate = gthat_[k];
       for (int c : constraints.rows[k].columns)
         rate += Ghat_[static_cast<size_t>(k) * nv_ + c] * (v0_[c] + xhat_[nv_ + c]);
       lam_[k] = -rate / factor;
@@ -73,33 +74,33 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   s_.solve(Zhat_, lam_.data(), f_.data(), rates + ns_);
   for (int k : rows) rates[ns_] -= lam_[k] * gt_[k];
   std::copy(f_.begin(), f_.end(), F + nv_);
-  if (last) point.stand(q_.data());
+  if (last) point.mark_current(q_.data());
 }
 
-void HalfExplicitStep::begin(const Numbers& carry, double* F) const {
+void HalfExplicitStep::first_stage(const Numbers& carry, double* F) const {
   std::copy(v0_.begin(), v0_.end(), F), std::copy(carry.begin(), carry.end(), F + nv_);
 }
 
-void HalfExplicitStep::finish(const double* F, Numbers& carry) const { carry.assign(F + nv_, F + ny_); }
+void HalfExplicitStep::set_carry(const double* F, Numbers& carry) const { carry.assign(F + nv_, F + ny_); }
 
 void HalfExplicitStep::all_multipliers(double* z) { s_.saddle.all_multipliers(lam_.data(), z); }
 
-void HalfExplicitStep::place(const double* dx, double factor) {
+void HalfExplicitStep::evaluate_poses(const double* dx, double factor) {
   for (int i = 0; i < nv_; ++i) dx_[i] = xhat_[i] + factor * dx[i];
-  s_.manifold.integrate(q0_.data(), dx_.data(), q_met_.data());
-  s_.mechanics.poses(q_met_.data());
+  s_.manifold.integrate(q0_.data(), dx_.data(), qhat_.data());
+  s_.mechanics.poses(qhat_.data());
   s_.counts.G += 1;
 }
 
-void HalfExplicitStep::meet(double, double factor, double* dx) {
-  place(dx, factor);
-  meet_velocities();
+void HalfExplicitStep::satisfy_constraint(double, double factor, double* dx) {
+  evaluate_poses(dx, factor);
+  factorize_constraints();
 }
 
-void HalfExplicitStep::meet_velocities() {
+void HalfExplicitStep::factorize_constraints() {
   const std::vector<int>& rows = s_.rows.in_use();
-  s_.constraints.value(s_.mechanics, q_met_.data(), rows, Ghat_.data());
-  for (int k : rows) s_.point.scale(k, Ghat_, Zhat_);
+  s_.constraints.value(s_.mechanics, qhat_.data(), rows, Ghat_.data());
+  for (int k : rows) s_.point.scale_row(k, Ghat_, Zhat_);
   s_.saddle.factorize(Zhat_);
 }
 
@@ -123,7 +124,7 @@ void HalfExplicitStep::project(double* e) {
     work_[k] = 0;
     for (int c : s_.constraints.rows[k].columns) work_[k] += s_.point.G[static_cast<size_t>(k) * nv_ + c] * e[nv_ + c];
   }
-  s_.saddle.normal(work_.data(), f_.data());
+  s_.saddle.minimum_norm_motion(work_.data(), f_.data());
   for (int i = 0; i < nv_; ++i) e[nv_ + i] -= f_[i];
 }
 
@@ -134,22 +135,22 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   IndependentRows& rows = s_.rows;
-  if (s_.ng && !rows.held) {
-    if (!s_.point.near(y)) s_.point.evaluate(y, true);
-    rows.choose_with_reason(s_.point.Z.data(), s_.point.stamp());
+  if (s_.ng && !rows.frozen) {
+    if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
+    rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
   }
-  open(y);
+  begin_step(y);
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();
-  if (a.first) begin(in.carry, F);
-  for (int i = a.first; i < n; ++i) {
+  if (a.explicit_first) first_stage(in.carry, F);
+  for (int i = a.explicit_first; i < n; ++i) {
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
     stage(t + a.c[i] * h, t + a.chat[i] * h, h * a.Ahat[i * n + i], F + static_cast<size_t>(i) * stride, i == n - 1);
   }
   combine(a.b.data(), n, h, x_);
   if (!in.low.empty())
     for (int k = 0; k < ny_; ++k) x_[k] += in.low[k];
-  s_.manifold.within(x_.data());
+  s_.manifold.check_rotations(x_.data());
   out.y.resize(s_.length), out.low.assign(ny_, 0.0);
   s_.add(y, x_.data(), out.y.data());
   for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
@@ -157,23 +158,23 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
     out.low[k] = x_[k] - (out.y[i] - y[i]);
   }
   const double* end = F + static_cast<size_t>(n - 1) * stride;
-  if (a.first) finish(end, out.carry);
-  const bool projected = a.project && !rows.in_use().empty();
-  if (projected || rows.dependent()) s_.saddle.symmetric();
+  if (a.explicit_first) set_carry(end, out.carry);
+  const bool projected = a.project_embedded && !rows.in_use().empty();
+  if (projected || rows.dependent()) s_.saddle.factorize_symmetric();
   errors.resize(static_cast<size_t>(a.errors) * ny_);
   for (int i = 0; i < a.errors; ++i) {
     double* e = &errors[static_cast<size_t>(i) * ny_];
-    combine(&a.e[i * n], n, h, xhat_);
+    combine(&a.error_weights[i * n], n, h, xhat_);
     std::copy_n(xhat_.data(), ny_, e);
     if (projected) project(e);
   }
   all_multipliers(z);
-  s_.probe();
+  s_.probe_other_rows();
 }
 
 void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z,
                                   Numbers& errors) {
-  if (!a.doubled) return take(a, t, h, in, out, z, errors);
+  if (!a.doubling_order) return take(a, t, h, in, out, z, errors);
   State full, middle;
   Numbers none;
   take(a, t, h, in, full, z, none);
@@ -181,7 +182,7 @@ void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const St
   take(a, t + h / 2, h / 2, middle, out, z, none);
   errors.resize(ny_);
   s_.difference(full.y.data(), out.y.data(), errors.data());
-  for (double& e : errors) e /= std::pow(2.0, a.doubled) - 1;
+  for (double& e : errors) e /= std::pow(2.0, a.doubling_order) - 1;
 }
 
 }  // namespace mbdae

@@ -1,18 +1,21 @@
 // Half-explicit Runge-Kutta steps (mbdae/methods/half_explicit_step.py, mbdae/mechanism/formulations/index2_step.py).
 #pragma once
 
+#include "math/fields.hpp"
 #include "system/index2.hpp"
 
 namespace mbdae {
 
 struct Tableau {
-  int n = 0;                            // stages
-  bool first = false, project = false;  // explicit first stage; embedded errors are projected
-  Numbers A, Ahat;                      // (n, n) by rows
-  Numbers b, c, chat;                   // (n,)
-  Numbers e;                            // (errors, n) by rows
-  int errors = 0, doubled = 0;          // order p of a method controlled by step doubling; 0: an embedded formula
-  double noise = 0;                     // rounding of v by which an error estimate exceeds eps |v|
+  Numbers A, Ahat;                                        // (n, n) by rows
+  Numbers b, c, chat;                                     // (n,)
+  Numbers error_weights;                                  // (errors, n) by rows
+  bool explicit_first = false, project_embedded = false;  // explicit first stage; embedded errors are projected
+  int doubling_order = 0;  // order p of a method controlled by step doubling; 0: an embedded formula
+  double noise = 0;        // rounding of v by which an error estimate exceeds eps |v|
+  int n = 0, errors = 0;   // stages, and error estimates
+
+  FIELDS(A, Ahat, b, c, chat, error_weights, explicit_first, project_embedded, doubling_order, noise)
 };
 
 class HalfExplicitStep {
@@ -26,17 +29,17 @@ class HalfExplicitStep {
   void controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
 
  protected:
-  virtual void open(const double*) {}                               // a step begins at y (length,)
-  virtual void begin(const Numbers& carry, double* F) const;        // time derivative at an explicit first stage
-  virtual void finish(const double* F, Numbers& carry) const;       // carry of the last stage to the next step
+  virtual void begin_step(const double*) {}                         // a step begins at y (length,)
+  virtual void first_stage(const Numbers& carry, double* F) const;  // time derivative at an explicit first stage
+  virtual void set_carry(const double* F, Numbers& carry) const;    // carry of the last stage to the next step
   virtual void stage(double t, double that, double factor, double* F, bool last);  // at x_, constraint at xhat_
   // x' (nv,), from J v, of a stage; G and Z of the rows in use at its constraint point, S factorized.
-  virtual void meet(double that, double factor, double* dx);
+  virtual void satisfy_constraint(double that, double factor, double* dx);
   virtual void project(double* e);                  // an error (ny,), in the mass metric, onto the kept constraints
   virtual void all_multipliers(double* z);          // (nz,) of the last stage
 
-  void place(const double* dx, double factor);  // q_met_ and poses there: q_n (+) (xhat + factor x')
-  void meet_velocities();                       // second part of `meet`, at the current poses
+  void evaluate_poses(const double* dx, double factor);  // qhat_ and poses there: q_n (+) (xhat + factor x')
+  void factorize_constraints();                          // second part of `satisfy_constraint`, at the current poses
   void combine(const double* weights, int count, double h, Numbers& x) const;  // x = h sum of weights times derivatives
 
   Index2System& s_;
@@ -45,9 +48,9 @@ class HalfExplicitStep {
   Numbers F_;                         // (n, stride) time derivatives by stage
   Numbers x_, xhat_, dx_;             // (stride,) in coordinates of the step
   Numbers q0_, v0_, s0_;              // (nq,), (nv,), (ns,) at the start of the step
-  Numbers q_, v_, q_met_, s_in_;      // (nq,), (nv,), (nq,), (ns,) at a stage
+  Numbers q_, v_, qhat_, s_in_;       // (nq,), (nv,), (nq,), (ns,) at a stage
   Numbers f_;                         // (nv,)
-  Numbers lam_, gt_, gt_met_, work_;  // (ng,)
+  Numbers lam_, gt_, gthat_, work_;   // (ng,)
   Numbers Ghat_, Zhat_;               // (ng, nv) by rows, at the constraint point of the stage
   bool with_partials_ = false;               // partials of stages are needed next
 };

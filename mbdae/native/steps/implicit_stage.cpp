@@ -14,20 +14,20 @@ void CollocationStep::residual(double t, const double* x, const double* dx, cons
   const double *v = u_.data(), *q = q_.data();
   s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
   s_.counts.G += s_.ng > 0;
-  const bool slides = static_cast<bool>(s_.sliding);
+  const bool slides = static_cast<bool>(s_.friction);
   constraints.value(s_.mechanics, q, slides ? constraints.all : rows, G_.data());
   double* rates = R + 2 * nv_;
   s_.torque(t, q, v, v + nv_, R + nv_, rates);
   if (slides) {
     std::fill(lam_.begin(), lam_.end(), 0.0);
     for (size_t i = 0; i < rows.size(); ++i) lam_[rows[i]] = z[i];
-    s_.sliding.slips(v);
-    rates[ns_] += s_.sliding.add(G_.data(), lam_.data(), R + nv_);
+    s_.friction.update_slips(v);
+    rates[ns_] += s_.friction.add(G_.data(), lam_.data(), R + nv_);
   }
   std::copy(v, v + nv_, R);
   s_.manifold.tangent(x, R);
   std::fill(gt_.begin(), gt_.end(), 0.0);
-  constraints.speed(t, gt_.data());
+  constraints.evaluate_g_t(t, gt_.data());
   for (int i = 0; i < nv_; ++i) R[nv_ + i] -= inertial_[i];
   for (size_t i = 0; i < rows.size(); ++i) {
     const double* G = &G_[static_cast<size_t>(rows[i]) * nv_];
@@ -49,7 +49,7 @@ std::shared_ptr<const LinearizedStages> CollocationStep::linearize(double t, con
   std::fill(lam_.begin(), lam_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) lam_[rows[i]] = z[i];
   s_.partials(t, q_.data(), u_.data(), dx + nv_, lam_.data(), out->partials);
-  s_.manifold.partials(x, u_.data(), out->turning);
+  s_.manifold.partials(x, u_.data(), out->tangents);
   return out;
 }
 

@@ -17,7 +17,7 @@ void Index1Step::stage(double t, double, double, double* F, bool) {
   lam_ = s_.multipliers();
 }
 
-void Index2System::rate(double t, const double* y, double* dy, double* z) {
+void Index2System::raw_derivative(double t, const double* y, double* dy, double* z) {
   Numbers at(y, y + length), F(ny);
   if (!manifold.flat) mechanics.normalize(at.data());
   derivative(t, at.data(), F.data(), z);

@@ -25,10 +25,10 @@ class ModeSolver final : public StageSolver {
     r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv;
     k_ = static_cast<int>(at_->P.size()) / nv, m_ = n_ - 1 + r_ + k_;
     lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * parts, 0.0);
-    for (const TangentBlock& b : at_->turning) blocks_.emplace_back(b, mu);
+    for (const TangentBlock& b : at_->tangents) blocks_.emplace_back(b, mu);
     for (int i = 0; i < n_; ++i) {
       for (int j = 0; j < n_ - 1; ++j) add(i, j, -mu * s.D[i * n_ + j]);
-      add_turned(i, &s.K[static_cast<size_t>(i) * nv], -mu * mu);
+      add_KSJ(i, &s.K[static_cast<size_t>(i) * nv], -mu * mu);
     }
     for (int i = 0; i < nv; ++i)
       for (int j = 0; j < nv; ++j) lu_.column(j)[i] += s.M[i * nv + j];
@@ -37,7 +37,7 @@ class ModeSolver final : public StageSolver {
       const double* G = &s.G[static_cast<size_t>(k) * nv];
       for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] = -G[j], lu_.column(j)[n_ - 1 + k] = G[j];
       w_[n_ - 1 + k] = s.g_t[k];
-      add_turned(n_ + k, &s.B[static_cast<size_t>(k) * nv], mu);
+      add_KSJ(n_ + k, &s.B[static_cast<size_t>(k) * nv], mu);
       if (s.friction.empty()) continue;
       const double* by_lam = &s.friction[static_cast<size_t>(k) * (nv + 1)];
       for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= by_lam[j];
@@ -53,7 +53,7 @@ class ModeSolver final : public StageSolver {
     work.resize(static_cast<size_t>(parts) * (nv_ + m_));
     double *x = work.data(), *b = x + parts * nv_;
     for (int p = 0; p < parts; ++p) std::copy(r + p * ny, r + p * ny + nv_, x + p * nv_);
-    for (const Turned& block : blocks_) block.back(x, nv_);
+    for (const TangentFactors& block : blocks_) block.apply_S(x, nv_);
     Complex w = 0;
     for (int i = 0; i < n_; ++i) {
       const Complex sum = number(r, nv_ + i, ny) + times(mu_, times(&s.K[static_cast<size_t>(i) * nv_], x));
@@ -63,13 +63,13 @@ class ModeSolver final : public StageSolver {
     lu_.solve(b);
     for (int i = 0; i < m_; ++i) w -= times(number(w_.data(), i, m_), number(b, i, m_));
     for (int p = 0; p < parts; ++p) std::copy(b + p * m_, b + p * m_ + nv_, x + p * nv_);
-    for (const Turned& block : blocks_) block.forth(x, nv_);
+    for (const TangentFactors& block : blocks_) block.apply_J(x, nv_);
     for (int i = 0; i < nv_; ++i) {
       Complex sum = number(r, i, ny) + times(mu_, number(x, i, nv_));
       for (int k = 0; k < k_; ++k) sum += JN_[static_cast<size_t>(k) * nv_ + i] * number(b, n_ - 1 + r_ + k, m_);
       write(x, i, nv_, sum);
     }
-    for (const Turned& block : blocks_) block.back(x, nv_), block.forth(x, nv_);
+    for (const TangentFactors& block : blocks_) block.apply_S(x, nv_), block.apply_J(x, nv_);
     for (int p = 0; p < parts; ++p) {
       std::copy(x + p * nv_, x + (p + 1) * nv_, r + p * ny);
       std::copy(b + p * m_, b + p * m_ + n_ - 1, r + p * ny + nv_);
@@ -88,20 +88,20 @@ class ModeSolver final : public StageSolver {
     if constexpr (parts == 2) x[n + i] = value.imag();
   }
 
-  struct Turned {  // J of a block, with S = ((1 - mu turn) J)^-1
+  struct TangentFactors {  // J of a block, with S = ((1 - mu d(J v)/dx) J)^-1
     const TangentBlock& b;
     DenseLU<parts> S;
     Complex SJ[36];
 
-    Turned(const TangentBlock& block, Complex mu) : b(block) {
+    TangentFactors(const TangentBlock& block, Complex mu) : b(block) {
       const int n = b.n;
       S.resize(n);
       double column[2 * 6];
       for (int j = 0; j < n; ++j)
         for (int i = 0; i < n; ++i) {
-          double turned = 0;
-          for (int k = 0; k < n; ++k) turned += b.turn[i * n + k] * b.J[k * n + j];
-          write(S.column(j), i, n, b.J[i * n + j] - mu * turned);
+          double sum = 0;
+          for (int k = 0; k < n; ++k) sum += b.dJv[i * n + k] * b.J[k * n + j];
+          write(S.column(j), i, n, b.J[i * n + j] - mu * sum);
         }
       if (!S.factorize()) throw FallBackToPython();
       for (int j = 0; j < n; ++j) {
@@ -111,14 +111,14 @@ class ModeSolver final : public StageSolver {
       }
     }
 
-    void back(double* x, int nv) const {  // x := S x
+    void apply_S(double* x, int nv) const {  // x := S x
       double part[2 * 6];
       for (int i = 0; i < b.n; ++i) write(part, i, b.n, number(x, b.at + i, nv));
       S.solve(part);
       for (int i = 0; i < b.n; ++i) write(x, b.at + i, nv, number(part, i, b.n));
     }
 
-    void forth(double* x, int nv) const {  // x := J x
+    void apply_J(double* x, int nv) const {  // x := J x
       for (int p = 0; p < parts; ++p, x += nv) {
         double part[6];
         std::copy(x + b.at, x + b.at + b.n, part);
@@ -133,9 +133,9 @@ class ModeSolver final : public StageSolver {
     if constexpr (parts == 2) at[m_] += value.imag();
   }
 
-  void add_turned(int i, const double* K, Complex factor) {  // factor K S J
+  void add_KSJ(int i, const double* K, Complex factor) {  // factor K S J
     int j = 0;
-    for (const Turned& block : blocks_) {
+    for (const TangentFactors& block : blocks_) {
       const TangentBlock& b = block.b;
       for (; j < b.at; ++j) add(i, j, factor * K[j]);
       for (; j < b.at + b.n; ++j) {
@@ -152,10 +152,10 @@ class ModeSolver final : public StageSolver {
     const int column = n_ - 1 + r_ + k;
     Numbers y(static_cast<size_t>(parts) * nv_, 0.0);
     std::copy_n(&at_->N[at], nv_, y.begin());
-    for (const Turned& block : blocks_) block.forth(y.data(), nv_);
+    for (const TangentFactors& block : blocks_) block.apply_J(y.data(), nv_);
     JN_.insert(JN_.end(), y.begin(), y.begin() + nv_);
-    for (const Turned& block : blocks_) block.back(y.data(), nv_);
-    add_turned(n_ + r_ + k, &at_->P[at], mu_);
+    for (const TangentFactors& block : blocks_) block.apply_S(y.data(), nv_);
+    add_KSJ(n_ + r_ + k, &at_->P[at], mu_);
     for (int i = 0; i < n_; ++i)
       add(i, column, -times(mu_, times(&at_->partials.K[static_cast<size_t>(i) * nv_], y.data())));
     for (int i = 0; i < r_ + k_; ++i) add(n_ + i, column, times(constraint_partials(i), y.data()));
@@ -178,7 +178,7 @@ class ModeSolver final : public StageSolver {
   std::shared_ptr<const LinearizedStages> at_;
   int nv_, n_, r_, k_, m_;
   Complex mu_;
-  std::vector<Turned> blocks_;
+  std::vector<TangentFactors> blocks_;
   DenseLU<parts> lu_;
   Numbers w_, JN_;
 };

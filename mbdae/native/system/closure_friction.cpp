@@ -10,78 +10,80 @@
 namespace mbdae {
 
 ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
-    : still(m.limits.still), m_(m), constraints_(constraints), rows_(rows) {}
+    : smallest_slip(m.limits.still), m_(m), constraints_(constraints), rows_(rows) {}
 
-void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading) {
-  places_ = std::move(places), active_ = active, heading_ = heading;
-  const size_t k = places_.size();
+void ClosureFriction::use(std::vector<FrictionInterface> interfaces, const std::uint8_t* active, double* directions) {
+  interfaces_ = std::move(interfaces), active_ = active, directions_ = directions;
+  const size_t k = interfaces_.size();
   e_.assign(k * m_.nv, 0.0), speed_.assign(k, 0.0), factor_ = T_ = speed_;
   all_.assign(constraints_.rows.size(), 0.0), one_ = all_, v_.resize(m_.nv);
-  for (const FrictionInterface& p : places_)
-    if (p.kind == FrictionInterface::turns || p.kind == FrictionInterface::slides) constraints_.pairs[p.pair].turns_a = true;
+  for (const FrictionInterface& p : interfaces_)
+    if (p.kind == FrictionInterface::turns || p.kind == FrictionInterface::slides)
+      constraints_.pairs[p.pair].needs_Ra = true;
 }
 
 ClosureFriction::operator bool() const {
-  return std::any_of(active_, active_ + places_.size(), [](std::uint8_t x) { return x != 0; });
+  return std::any_of(active_, active_ + interfaces_.size(), [](std::uint8_t x) { return x != 0; });
 }
 
-void ClosureFriction::slips(const double* v) {
-  for (size_t k = 0; k < places_.size(); ++k) {
-    const FrictionInterface& place = places_[k];
+void ClosureFriction::update_slips(const double* v) {
+  for (size_t k = 0; k < interfaces_.size(); ++k) {
+    const FrictionInterface& interface = interfaces_[k];
     double* e = &e_[k * m_.nv];
     std::fill(e, e + m_.nv, 0.0), speed_[k] = factor_[k] = 0;
     if (!active_[k]) continue;
-    Pair& pair = constraints_.pairs[place.pair];
+    Pair& pair = constraints_.pairs[interface.pair];
     double w[6];
-    pair.locate(m_);
-    place.kind == FrictionInterface::grips ? along_grip(k, v, w) : along(place, v, w);
+    pair.update_poses(m_);
+    interface.kind == FrictionInterface::grips ? grip_wrench(k, v, w) : slip_wrench(interface, v, w);
     pair.torque(m_, w, 1, e);
     speed_[k] = dot(e, v, m_.nv);
-    factor_[k] = -place.coefficient * (place.kind == FrictionInterface::grips ? 1 : std::tanh(speed_[k] / place.width));
+    factor_[k] = -interface.coefficient *
+                 (interface.kind == FrictionInterface::grips ? 1 : std::tanh(speed_[k] / interface.width));
   }
 }
 
-void ClosureFriction::along_grip(size_t k, const double* v, double* w) {
-  const FrictionInterface& place = places_[k];
-  const Pair& pair = constraints_.pairs[place.pair];
+void ClosureFriction::grip_wrench(size_t k, const double* v, double* w) {
+  const FrictionInterface& interface = interfaces_[k];
+  const Pair& pair = constraints_.pairs[interface.pair];
   const Tolerances& limits = m_.limits;
-  const size_t m = place.grip.size();
-  double W[2][6], V[6], now[2] = {0, 0}, *heading = heading_ + 2 * k;
+  const size_t m = interface.grip.size();
+  double W[2][6], V[6], now[2] = {0, 0}, *directions = directions_ + 2 * k;
   pair.relative(m_, v, V);
-  for (size_t i = 0; i < m; ++i) constraints_.rows[place.grip[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
+  for (size_t i = 0; i < m; ++i) constraints_.rows[interface.grip[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
   const double size = std::sqrt(dot(now, now, 2));
-  if (size > still) {
+  if (size > smallest_slip) {
     for (double& x : now) x /= size;
-    const double ahead = dot(now, heading, 2);
+    const double ahead = dot(now, directions, 2);
     if (ahead < 0)
       for (double& x : now) x = -x;
-    if (std::fabs(ahead) > limits.turned) std::copy(now, now + m, heading);
+    if (std::fabs(ahead) > limits.slip_cosine) std::copy(now, now + m, directions);
   } else {
-    std::copy(heading, heading + m, now);
+    std::copy(directions, directions + m, now);
   }
   std::fill(w, w + 6, 0.0);
   for (size_t i = 0; i < m; ++i)
     for (int j = 0; j < 6; ++j) w[j] += now[i] * W[i][j];
 }
 
-void ClosureFriction::along(const FrictionInterface& place, const double* v, double* w) {
-  const Pair& pair = constraints_.pairs[place.pair];
+void ClosureFriction::slip_wrench(const FrictionInterface& interface, const double* v, double* w) {
+  const Pair& pair = constraints_.pairs[interface.pair];
   double n[6], V[6];
   const double* p = pair.pb;
   std::fill(w, w + 6, 0.0);
   auto unit = [&](double* x) {
-    const double size = norm(x, 3) + m_.limits.nothing;
+    const double size = norm(x, 3) + m_.limits.tiny;
     for (int i = 0; i < 3; ++i) x[i] /= size;
   };
-  if (place.kind == FrictionInterface::turns) return turn(pair.Ra, place.axis, w + 3);
+  if (interface.kind == FrictionInterface::turns) return turn(pair.Ra, interface.axis, w + 3);
   pair.relative(m_, v, V);
-  if (place.kind == FrictionInterface::bears) return std::copy(V + 3, V + 6, w + 3), unit(w + 3);
-  if (place.kind == FrictionInterface::slides) {
-    turn(pair.Ra, place.axis, w);
+  if (interface.kind == FrictionInterface::bears) return std::copy(V + 3, V + 6, w + 3), unit(w + 3);
+  if (interface.kind == FrictionInterface::slides) {
+    turn(pair.Ra, interface.axis, w);
   } else {
-    const Row& first = constraints_.rows[place.row];
+    const Row& first = constraints_.rows[interface.row];
     first.wrench(pair, n);
-    if (first.kind == Row::height) p = pair.touch(first.shape).p.x;
+    if (first.kind == Row::height) p = pair.contact(first.shape).p.x;
     cross(V + 3, p, w);
     for (int i = 0; i < 3; ++i) w[i] += V[i];
     const double off = dot(n, w);
@@ -92,7 +94,7 @@ void ClosureFriction::along(const FrictionInterface& place, const double* v, dou
 }
 
 // Dependent rows G_D = C G_R give the null vectors (-C^T n, n) of G^T; the norm is least where (1 + C C^T) n = C lam.
-void ClosureFriction::spread(const double* G) {
+void ClosureFriction::prepare_minimum_norm(const double* G) {
   const std::vector<int>&rows = rows_.in_use(), &others = rows_.others();
   const int r = static_cast<int>(rows.size()), d = static_cast<int>(others.size());
   C_.clear(), P_.clear();
@@ -116,7 +118,7 @@ void ClosureFriction::spread(const double* G) {
   }
 }
 
-void ClosureFriction::whole(const double* lam, double* all) const {
+void ClosureFriction::minimum_norm(const double* lam, double* all) const {
   const std::vector<int>&rows = rows_.in_use(), &others = rows_.others();
   std::fill(all, all + all_.size(), 0.0);
   for (int k : rows) all[k] = lam[k];
@@ -130,56 +132,57 @@ void ClosureFriction::whole(const double* lam, double* all) const {
   }
 }
 
-double ClosureFriction::carried(const FrictionInterface& place, const double* all, double* gradient) const {
-  const double* F = all + place.row;
-  const double size = norm(F, place.carried);
-  for (int i = 0; i < place.carried; ++i) gradient[i] = F[i] / (size + m_.limits.nothing);
+double ClosureFriction::force_magnitude(const FrictionInterface& interface, const double* all, double* gradient) const {
+  const double* F = all + interface.row;
+  const double size = norm(F, interface.components);
+  for (int i = 0; i < interface.components; ++i) gradient[i] = F[i] / (size + m_.limits.tiny);
   return size;
 }
 
-void ClosureFriction::forces(const Numbers& lam, const Numbers& responses) {
+void ClosureFriction::solve_forces(const Numbers& lam, const Numbers& responses) {
   const Tolerances& limits = m_.limits;
-  const int k = static_cast<int>(places_.size());
+  const int k = static_cast<int>(interfaces_.size());
   const size_t ng = lam.size();
   std::fill(T_.begin(), T_.end(), 0.0);
   double last = INFINITY;
   Numbers now, move(k);
   DenseLU<1> partials;
-  for (int it = 0; it < limits.loading; ++it) {
+  for (int it = 0; it < limits.friction_iterations; ++it) {
     now = lam;
     for (int i = 0; i < k; ++i)
       for (size_t j = 0; j < ng; ++j) now[j] += T_[i] * responses[i * ng + j];
-    bool wedged = false;
+    bool jammed = false;
     partials.resize(k);
     for (int i = 0; i < k; ++i) {
-      const FrictionInterface& place = places_[i];
+      const FrictionInterface& interface = interfaces_[i];
       double gradient[6];
-      move[i] = factor_[i] * carried(place, now.data(), gradient) - T_[i];
+      move[i] = factor_[i] * force_magnitude(interface, now.data(), gradient) - T_[i];
       for (int j = 0; j < k; ++j)
-        partials.column(j)[i] = (i == j) - factor_[i] * dot(gradient, &responses[j * ng + place.row], place.carried);
-      wedged = wedged || !(partials.column(i)[i] > 0);
+        partials.column(j)[i] =
+            (i == j) - factor_[i] * dot(gradient, &responses[j * ng + interface.row], interface.components);
+      jammed = jammed || !(partials.column(i)[i] > 0);
     }
-    if (wedged || !partials.factorize() || !partials.positive_determinant()) throw FallBackToPython();
+    if (jammed || !partials.factorize() || !partials.positive_determinant()) throw FallBackToPython();
     partials.solve(move.data());
     for (int i = 0; i < k; ++i) T_[i] += move[i];
     const double change = largest(move.data(), k), size = largest(T_.data(), k);
-    if (change <= limits.loaded * size || (change >= 0.5 * last && change <= limits.settled * size)) return;
+    if (change <= limits.rounding * size || (change >= 0.5 * last && change <= limits.solution_rounding * size)) return;
     last = change;
   }
   throw FallBackToPython();
 }
 
 double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f) {
-  const size_t k = places_.size(), ng = all_.size(), nv = m_.nv;
+  const size_t k = interfaces_.size(), ng = all_.size(), nv = m_.nv;
   Numbers lam(k * ng, 0.0), responses(k * ng), moves(e_);
-  spread(G);
+  prepare_minimum_norm(G);
   saddle.solve(Zhat, rhs, f);
-  whole(rhs, all_.data());
+  minimum_norm(rhs, all_.data());
   for (size_t i = 0; i < k; ++i) {
-    if (active_[i]) saddle.respond(Zhat, &lam[i * ng], &moves[i * nv]);
-    whole(&lam[i * ng], &responses[i * ng]);
+    if (active_[i]) saddle.solve_uncounted(Zhat, &lam[i * ng], &moves[i * nv]);
+    minimum_norm(&lam[i * ng], &responses[i * ng]);
   }
-  forces(all_, responses);
+  solve_forces(all_, responses);
   for (size_t i = 0; i < k; ++i) {
     for (size_t j = 0; j < nv; ++j) f[j] += T_[i] * moves[i * nv + j];
     for (int row : rows_.in_use()) rhs[row] += T_[i] * lam[i * ng + row];
@@ -189,9 +192,10 @@ double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbe
 
 double ClosureFriction::add(const double* G, const double* lam, double* tau) {
   double gradient[6];
-  spread(G), whole(lam, all_.data());
-  for (size_t i = 0; i < places_.size(); ++i) T_[i] = factor_[i] * carried(places_[i], all_.data(), gradient);
-  for (size_t i = 0; i < places_.size(); ++i)
+  prepare_minimum_norm(G), minimum_norm(lam, all_.data());
+  for (size_t i = 0; i < interfaces_.size(); ++i)
+    T_[i] = factor_[i] * force_magnitude(interfaces_[i], all_.data(), gradient);
+  for (size_t i = 0; i < interfaces_.size(); ++i)
     for (int j = 0; j < m_.nv; ++j) tau[j] += T_[i] * e_[i * m_.nv + j];
   return dot(T_.data(), speed_.data(), static_cast<int>(T_.size()));
 }
@@ -200,14 +204,14 @@ void ClosureFriction::partials(const double* G, const double* lam, Numbers& out)
   const std::vector<int>& rows = rows_.in_use();
   const size_t width = m_.nv + 1;
   out.assign(rows.size() * width, 0.0);
-  spread(G), whole(lam, all_.data());
+  prepare_minimum_norm(G), minimum_norm(lam, all_.data());
   Numbers unit(all_.size());
   for (size_t r = 0; r < rows.size(); ++r) {
-    unit[rows[r]] = 1, whole(unit.data(), one_.data()), unit[rows[r]] = 0;
-    for (size_t i = 0; i < places_.size(); ++i) {
+    unit[rows[r]] = 1, minimum_norm(unit.data(), one_.data()), unit[rows[r]] = 0;
+    for (size_t i = 0; i < interfaces_.size(); ++i) {
       double gradient[6];
-      carried(places_[i], all_.data(), gradient);
-      const double by = factor_[i] * dot(gradient, &one_[places_[i].row], places_[i].carried);
+      force_magnitude(interfaces_[i], all_.data(), gradient);
+      const double by = factor_[i] * dot(gradient, &one_[interfaces_[i].row], interfaces_[i].components);
       for (int j = 0; j < m_.nv; ++j) out[r * width + j] += by * e_[i * m_.nv + j];
       out[r * width + m_.nv] += by * speed_[i];
     }

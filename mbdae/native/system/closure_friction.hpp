@@ -1,10 +1,8 @@
 // Friction proportional to closure forces (mbdae/mechanism/formulations/closure_friction.py): T_k = factor_k |F_k(lam)|
-// along e_k, for each sliding interface k.
+// along e_k, for each friction interface k.
 #pragma once
 
 #include <cstdint>
-#include <map>
-#include <string>
 #include <vector>
 
 #include "system/independent_rows.hpp"
@@ -14,30 +12,30 @@ namespace mbdae {
 class SaddleSystem;
 
 struct FrictionInterface {
-  enum Kind { turns, bears, slides, touches, grips } kind = turns;
-  int pair = 0, row = 0, carried = 1;  // its frames, the first row, and the number of rows of F
-  std::vector<int> grip;               // rows that may slide; friction acts against their slip
-  double axis[3] = {0, 0, 0};          // in a
-  double coefficient = 0, width = 0;   // mu, or mu r in m; m/s or rad/s
-};
+  // About an axis of a, about any axis, along an axis of a; along a surface; along no-slip rows.
+  NAMED_ENUM(enum, Kind, turns, bears, slides, touches, grips)
+  Kind kind = turns;
+  int row = 0, components = 1;        // the first row of F, and their number
+  std::vector<int> grip;              // rows that may slide; friction acts against their slip
+  double axis[3] = {0, 0, 0};         // in a
+  double coefficient = 0, width = 0;  // mu, or mu r in m; m/s or rad/s
+  int pair = 0;                       // its frames, those of the rows
 
-// About an axis of a, about any axis, along an axis of a; along a surface; along no-slip rows.
-inline const std::map<std::string, FrictionInterface::Kind> SLIDING_KINDS = {
-    {"turns", FrictionInterface::turns},     {"bears", FrictionInterface::bears}, {"slides", FrictionInterface::slides},
-    {"touches", FrictionInterface::touches}, {"grips", FrictionInterface::grips}};
+  FIELDS(kind, row, components, grip, axis, coefficient, width)
+};
 
 class ClosureFriction {
  public:
   ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
 
-  // active (k,): which interfaces slide, heading (k, 2): slip directions of rolling contacts; arrays of Python that
+  // active (k,): which interfaces slide, directions (k, 2): slip directions of rolling contacts; arrays of Python that
   // outlive this object.
-  void use(std::vector<FrictionInterface> places, const std::uint8_t* active, double* heading);
+  void use(std::vector<FrictionInterface> interfaces, const std::uint8_t* active, double* directions);
   explicit operator bool() const;  // does any interface slide?
-  double still;                     // m/s: a slower slip has no direction
+  double smallest_slip;            // m/s: a slower slip has no direction
 
   // e, e . v and the factors -mu r d at the current kinematics.
-  void slips(const double* v);
+  void update_slips(const double* v);
   // With current slips and G (ng, nv) by rows, and S of the saddle-point system factorized: rhs (ng,) by row becomes
   // lam, f (nv,) v'. Returns the power of friction.
   double solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f);
@@ -47,19 +45,20 @@ class ClosureFriction {
   void partials(const double* G, const double* lam, Numbers& out);
 
  private:
-  void along_grip(size_t k, const double* v, double* w);       // a unit wrench, (6,)
-  void along(const FrictionInterface& place, const double* v, double* w);
-  void spread(const double* G);                               // prepares `whole`
-  void whole(const double* lam, double* all) const;            // multipliers of all rows, of minimum norm
-  double carried(const FrictionInterface& place, const double* all, double* gradient) const;  // |F|, its partials
-  void forces(const Numbers& lam, const Numbers& responses);  // T; responses (k, ng) by rows
+  void grip_wrench(size_t k, const double* v, double* w);  // a unit wrench, (6,)
+  void slip_wrench(const FrictionInterface& interface, const double* v, double* w);
+  void prepare_minimum_norm(const double* G);               // prepares `minimum_norm`
+  void minimum_norm(const double* lam, double* all) const;  // multipliers of all rows, of minimum norm
+  double force_magnitude(const FrictionInterface& interface, const double* all,
+                         double* gradient) const;                   // |F|, its partials
+  void solve_forces(const Numbers& lam, const Numbers& responses);  // T; responses (k, ng) by rows
 
   const Mechanics& m_;
   Constraints& constraints_;
   const IndependentRows& rows_;
-  std::vector<FrictionInterface> places_;
+  std::vector<FrictionInterface> interfaces_;
   const std::uint8_t* active_ = nullptr;
-  double* heading_ = nullptr;
+  double* directions_ = nullptr;
   // By rows (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
   Numbers e_, C_, P_;
   Numbers speed_, factor_, T_;  // (k,)

@@ -11,7 +11,7 @@ Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& cou
     : G(constraints.rows.size() * m.nv),
       Z(G.size()),
       g(constraints.rows.size()),
-      other_G(G.size()),
+      scratch_G(G.size()),
       m_(m),
       constraints_(constraints),
       counts_(counts),
@@ -27,7 +27,7 @@ void Configuration::dynamics(const double* q, const double* v, bool with_partial
 }
 
 void Configuration::factorize() {
-  forget();
+  invalidate();
   const int nv = m_.nv;
   const double* M = m_.M();
   for (int k = 0; k < nv; ++k) {
@@ -52,7 +52,7 @@ void Configuration::factorize() {
   }
 }
 
-void Configuration::half(double* x) const {
+void Configuration::solve_root(double* x) const {
   const int nv = m_.nv;
   for (int k = nv - 1; k >= 0; --k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
@@ -61,7 +61,7 @@ void Configuration::half(double* x) const {
   }
 }
 
-void Configuration::half(double* x, const std::vector<int>& columns) const {
+void Configuration::solve_root(double* x, const std::vector<int>& columns) const {
   for (size_t j = columns.size(); j-- > 0;) {
     const int k = columns[j];
     const double* c = &U_[static_cast<size_t>(k) * m_.nv];
@@ -70,7 +70,7 @@ void Configuration::half(double* x, const std::vector<int>& columns) const {
   }
 }
 
-void Configuration::back(double* x) const {
+void Configuration::solve_root_transposed(double* x) const {
   const int nv = m_.nv;
   for (int k = 0; k < nv; ++k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
@@ -80,42 +80,44 @@ void Configuration::back(double* x) const {
   }
 }
 
-void Configuration::scale(int row, const Numbers& G, Numbers& Z) const {
+void Configuration::scale_row(int row, const Numbers& G, Numbers& Z) const {
   const size_t at = static_cast<size_t>(row) * m_.nv;
   const std::vector<int>& columns = constraints_.rows[row].columns;
   for (int c : columns) Z[at + c] = G[at + c];
-  half(&Z[at], columns);
+  solve_root(&Z[at], columns);
 }
 
 void Configuration::evaluate(const double* q, bool counted) {
   inertia(q);
   constraints_.value(m_, q, constraints_.all, G.data(), g.data());
-  for (int k : constraints_.all) scale(k);
+  for (int k : constraints_.all) scale_row(k);
   if (counted) counts_.M += 1, counts_.factorizations += 1, counts_.G += !g.empty();
-  stand(q);
+  mark_current(q);
 }
 
-void Configuration::stand(const double* q) {
+void Configuration::mark_current(const double* q) {
   std::copy(q, q + m_.nq, q_.begin());
-  stands_ = true;
+  current_ = true;
 }
 
-bool Configuration::near(const double* q) const {
-  if (!stands_) return false;
+bool Configuration::is_current(const double* q) const {
+  if (!current_) return false;
   double size = 0, move = 0;
   for (int i = 0; i < m_.nq; ++i) {
     const double unit = 1 / m_.limits.q_scales[i];
     size = std::max(size, unit * std::fabs(q[i])), move = std::max(move, unit * std::fabs(q[i] - q_[i]));
   }
-  return move <= m_.limits.same_point * (1 + size);
+  return move <= m_.limits.rounding * (1 + size);
 }
 
 void Configuration::exchange(Configuration& other) {
   G.swap(other.G), Z.swap(other.Z), g.swap(other.g), q_.swap(other.q_), U_.swap(other.U_), root_.swap(other.root_);
-  std::swap(stands_, other.stands_);
+  std::swap(current_, other.current_);
   stamp_ = other.stamp_ = std::max(stamp_, other.stamp_) + 1;
 }
 
-bool Configuration::exactly(const double* q) const { return stands_ && std::equal(q, q + m_.nq, q_.begin()); }
+bool Configuration::is_exactly_current(const double* q) const {
+  return current_ && std::equal(q, q + m_.nq, q_.begin());
+}
 
 }  // namespace mbdae

@@ -7,40 +7,42 @@
 
 namespace mbdae {
 
-IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Tolerances& limits,
-                                 bool positions)
+IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> elimination, int nv,
+                                 const Tolerances& limits, bool positions)
     : limits_(limits),
       nv_(nv),
-      place_(std::move(place)),
+      elimination_(std::move(elimination)),
       neighbours_(constraints.rows.size()),
-      left_out_(constraints.rows.size()),
+      excluded_(constraints.rows.size()),
       position_(constraints.rows.size(), -1) {
   std::vector<std::vector<int>> users(nv);
   for (int k : constraints.all)
     for (int c : constraints.rows[k].columns) users[c].push_back(k);
   for (int k : constraints.all) {
-    left_out_[k] = positions && !constraints.rows[k].positional;
+    excluded_[k] = positions && !constraints.rows[k].positional;
     std::set<int> near;
     for (int c : constraints.rows[k].columns) near.insert(users[c].begin(), users[c].end());
     neighbours_[k].assign(near.begin(), near.end());
   }
 }
 
-void IndependentRows::use(const std::vector<int>& rows, int rank_, double floor_, bool held_) {
-  rank = rank_, floor = floor_, held = held_;
+void IndependentRows::use(const std::vector<int>& rows, int rank_, double floor_, bool frozen_) {
+  rank = rank_, floor = floor_, frozen = frozen_;
   if (!version_ || rows != rows_) set(rows);
 }
 
 void IndependentRows::reset() {
-  rank = -1, floor = 0, held = false, least_pivot_ratio = 1, now_ = NAN;
+  rank = -1, floor = 0, frozen = false, least_pivot_ratio = 1, last_ratio_ = NAN;
   set({});
 }
 
-void IndependentRows::met(double ratio) { now_ = ratio, least_pivot_ratio = std::min(least_pivot_ratio, ratio); }
+void IndependentRows::record_ratio(double ratio) {
+  last_ratio_ = ratio, least_pivot_ratio = std::min(least_pivot_ratio, ratio);
+}
 
 void IndependentRows::set(std::vector<int> rows) {
   rows_ = std::move(rows);
-  ++version_, estranged = false, best_ = 0;
+  ++version_, others_independent = false, best_ratio_ = 0;
   std::fill(position_.begin(), position_.end(), -1);
   const int r = static_cast<int>(rows_.size());
   for (int i = 0; i < r; ++i) position_[rows_[i]] = i;
@@ -53,18 +55,18 @@ void IndependentRows::set(std::vector<int> rows) {
   }
   others_.clear();
   for (size_t k = 0; k < position_.size(); ++k)
-    if (position_[k] < 0 && !left_out_[k]) others_.push_back(static_cast<int>(k));
+    if (position_[k] < 0 && !excluded_[k]) others_.push_back(static_cast<int>(k));
 }
 
-void IndependentRows::look(const double* Z, long stamp) {
-  if (seen_ == stamp) return;
-  pivots(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
-  seen_ = stamp;
+void IndependentRows::update_pivots(const double* Z, long stamp) {
+  if (pivots_stamp_ == stamp) return;
+  pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
+  pivots_stamp_ = stamp;
 }
 
 bool IndependentRows::factorize(const double* Z, long stamp) {
-  if (many() || rows_.empty() || rows_.size() < position_.size()) return false;
-  look(Z, stamp);
+  if (has_many() || rows_.empty() || rows_.size() < position_.size()) return false;
+  update_pivots(Z, stamp);
   return pivots_.back() * pivots_.back() > limits_.smallest_pivot * pivots_[0] * pivots_[0];
 }
 
@@ -85,12 +87,13 @@ void IndependentRows::solve(double* x) const {
   }
 }
 
-bool IndependentRows::choose(const double* Z, long stamp) {
-  if (rank < 0) throw std::logic_error("say which rows are in use first");
+bool IndependentRows::select(const double* Z, long stamp) {
+  if (rank < 0) throw std::logic_error("the rows in use are not set");
   const int ng = static_cast<int>(position_.size());
-  look(Z, stamp);
+  update_pivots(Z, stamp);
   if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw FallBackToPython();
-  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.grown * pivots_[0]) throw FallBackToPython();
+  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0])
+    throw FallBackToPython();
   if (rank) {
     const double smallest = pivots_[rank - 1] / pivots_[0];
     least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);
@@ -100,30 +103,30 @@ bool IndependentRows::choose(const double* Z, long stamp) {
     B_.resize(static_cast<size_t>(rank) * nv_);
     for (int i = 0; i < rank; ++i)
       std::copy_n(&Z[static_cast<size_t>(rows_[i]) * nv_], nv_, &B_[static_cast<size_t>(i) * nv_]);
-    pivots(nv_, rank, B_.data(), order_in_use_, pivots_in_use_, work_);
+    pivoted_qr(nv_, rank, B_.data(), order_in_use_, pivots_in_use_, work_);
     if (pivots_in_use_[rank - 1] >= limits_.worst_conditioning * pivots_[rank - 1]) return false;
   }
   std::vector<int> rows(order_.begin(), order_.begin() + rank);
-  std::sort(rows.begin(), rows.end(), [&](int k, int l) { return place_[k] < place_[l]; });
+  std::sort(rows.begin(), rows.end(), [&](int k, int l) { return elimination_[k] < elimination_[l]; });
   if (version_ && rows == rows_) return false;
   set(std::move(rows));
   return true;
 }
 
-bool IndependentRows::choose_with_reason(const double* Z, long stamp) {
-  const double now = now_;
-  now_ = NAN;
-  best_ = std::max(best_, now);
-  if (many() && !estranged && now >= limits_.reason * best_) return false;
-  estranged = false, best_ = 0;
-  return choose(Z, stamp);
+bool IndependentRows::select_if_triggered(const double* Z, long stamp) {
+  const double now = last_ratio_;
+  last_ratio_ = NAN;
+  best_ratio_ = std::max(best_ratio_, now);
+  if (has_many() && !others_independent && now >= limits_.reselection_ratio * best_ratio_) return false;
+  others_independent = false, best_ratio_ = 0;
+  return select(Z, stamp);
 }
 
 double IndependentRows::ratio(const Constraints& constraints, const double* Z, int rank) {
   const int ng = static_cast<int>(position_.size());
-  if (!many()) {
-    seen_ = -1;
-    pivots(nv_, ng, Z, order_, pivots_, work_);
+  if (!has_many()) {
+    pivots_stamp_ = -1;
+    pivoted_qr(nv_, ng, Z, order_, pivots_, work_);
     return pivots_[rank - 1] / pivots_[0];
   }
   std::vector<SparseRow> S(ng);

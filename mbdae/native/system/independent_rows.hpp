@@ -12,14 +12,14 @@ namespace mbdae {
 class IndependentRows {
  public:
   // Of all rows; or of those only that have a g.
-  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Tolerances& limits,
+  IndependentRows(const Constraints& constraints, std::vector<int> elimination, int nv, const Tolerances& limits,
                   bool positions = false);
 
   int rank = -1;           // -1: unknown
   double floor = 0;        // ratio of pivots below which the rank has fallen
-  bool held = false;       // the rows in use are fixed, except in `update_independent_rows`
+  bool frozen = false;     // the rows in use are fixed, except in `update_independent_rows`
   double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T since the last check in Python
-  bool estranged = false;  // rows not in use may be independent of the rows in use
+  bool others_independent = false;   // rows not in use may be independent of the rows in use
 
   const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted
   const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
@@ -30,58 +30,66 @@ class IndependentRows {
   int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
   long version() const { return version_; }                       // counts changes of the rows in use
   bool dependent() const { return !others_.empty() && !rows_.empty(); }
-  bool many() const { return static_cast<int>(position_.size()) > limits_.many; }
+  bool has_many() const { return static_cast<int>(position_.size()) > limits_.many_rows; }
 
-  void use(const std::vector<int>& rows, int rank, double floor, bool held);
+  void use(const std::vector<int>& rows, int rank, double floor, bool frozen);
   void reset();  // as when new
-  void met(double ratio);  // note the pivot ratio of a saddle-point system
+  void record_ratio(double ratio);  // note the pivot ratio of a saddle-point system
   // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
   // Z.
-  bool choose(const double* Z, long stamp);
+  bool select(const double* Z, long stamp);
   // At the beginning of a step: always for few rows, for a reason for many rows.
-  bool choose_with_reason(const double* Z, long stamp);
+  bool select_if_triggered(const double* Z, long stamp);
   // Is the factor R of Z^T P = Q R of the selection also a factor of Z Z^T of the rows in use? Then it is current.
   bool factorize(const double* Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
   // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
   double ratio(const Constraints& constraints, const double* Z, int rank);
 
-  class Aside;  // while it exists, the rows in use are fixed, and solves are not part of the run
+  class Freeze;  // while it exists, the rows in use are fixed, and solves are not part of the run
 
  private:
   void set(std::vector<int> rows);
-  void look(const double* Z, long stamp);  // examine the pivots of all rows
+  void update_pivots(const double* Z, long stamp);  // pivots and factors of all rows, for this Z
 
   const Tolerances& limits_;
   const int nv_;
-  const std::vector<int> place_;               // (ng,) of each row in the order of elimination
+  const std::vector<int> elimination_;         // (ng,) of each row in the order of elimination
   std::vector<std::vector<int>> neighbours_;   // (ng,)
-  std::vector<bool> left_out_;                 // (ng,)
+  std::vector<bool> excluded_;                 // (ng,)
   std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)
   std::vector<std::vector<int>> coupled_;      // (r,)
   int half_bandwidth_ = 0;
   long version_ = 0;
-  double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last examination, and last; nan: no solve since
+  double best_ratio_ = 0,
+         last_ratio_ = NAN;  // ratios of pivots: best since the last examination, and last; nan: no solve since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
   Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
-  Numbers factors_;                            // (ng, nv) and more: R by columns, as `pivots` leaves it
+  Numbers factors_;                            // (ng, nv) and more: R by columns, as `pivoted_qr` leaves it
   mutable Numbers x_;                          // (r,) in the order of pivots
-  long seen_ = -1;                             // the stamp of the Z whose pivots and factors are current
+  long pivots_stamp_ = -1;                     // the stamp of the Z whose pivots and factors are current
 };
 
-class IndependentRows::Aside {
+class IndependentRows::Freeze {
  public:
-  explicit Aside(IndependentRows& rows)
-      : rows_(rows), held_(rows.held), least_(rows.least_pivot_ratio), best_(rows.best_), now_(rows.now_) {
-    rows.held = true;
+  explicit Freeze(IndependentRows& rows)
+      : rows_(rows),
+        frozen_(rows.frozen),
+        least_ratio_(rows.least_pivot_ratio),
+        best_ratio_(rows.best_ratio_),
+        last_ratio_(rows.last_ratio_) {
+    rows.frozen = true;
   }
-  ~Aside() { rows_.held = held_, rows_.least_pivot_ratio = least_, rows_.best_ = best_, rows_.now_ = now_; }
-  Aside(const Aside&) = delete;
+  ~Freeze() {
+    rows_.frozen = frozen_, rows_.least_pivot_ratio = least_ratio_, rows_.best_ratio_ = best_ratio_,
+    rows_.last_ratio_ = last_ratio_;
+  }
+  Freeze(const Freeze&) = delete;
 
  private:
   IndependentRows& rows_;
-  const bool held_;
-  const double least_, best_, now_;
+  const bool frozen_;
+  const double least_ratio_, best_ratio_, last_ratio_;
 };
 
 }  // namespace mbdae

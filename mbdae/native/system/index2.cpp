@@ -11,11 +11,11 @@ namespace mbdae {
 Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
     : mechanics(model, limits),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
-      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.turning), std::move(d.angles)),
-      rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
+      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.angular), std::move(d.angles)),
+      rows(constraints, std::move(d.order), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
-      sliding(mechanics, constraints, rows),
+      friction(mechanics, constraints, rows),
       formulation(d.formulation),
       nq(mechanics.nq),
       nv(mechanics.nv),
@@ -37,35 +37,35 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       rate_(ng) {
   const std::vector<std::vector<int>> supports = mechanics.supports();
   for (auto& p : d.law_pairs) law_pairs_.emplace_back(p.first, p.second, supports);
-  for (size_t i = 0; i < laws_.size(); ++i)
-    if (d.pair_of_law[i] >= 0) laws_[i].pair = &law_pairs_[d.pair_of_law[i]];
+  for (Law& law : laws_)
+    if (law.pair >= 0) law.frames = &law_pairs_[law.pair];
 }
 
-void Index2System::use(const std::vector<int>& in_use, int rank, double floor, bool held) {
-  point.forget();
-  rows.use(in_use, rank, floor, held);
+void Index2System::use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen) {
+  point.invalidate();
+  rows.use(in_use, rank, floor, frozen);
 }
 
 void Index2System::reset() {
-  point.forget();
+  point.invalidate();
   rows.reset();
-  known.t = NAN, accuracy = 0, largest_g = largest_rate = largest_speed = 0, counts = {};
+  last_stage.t = NAN, accuracy = 0, largest_g = largest_rate = largest_speed = 0, counts = {};
 }
 
 bool Index2System::change_law(int k, const Numbers& a) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
-  laws_[k].a = a, known.t = NAN;
+  laws_[k].a = a, last_stage.t = NAN;
   return true;
 }
 
-void Index2System::leave_out(std::vector<bool> off, bool sticks) {
+void Index2System::deactivate_rows(std::vector<bool> off, bool sticks) {
   constraints.off = std::move(off), constraints.sticks = sticks;
-  point.forget();
-  for (Numbers* rows : {&point.G, &point.Z, &point.other_G}) std::fill(rows->begin(), rows->end(), 0.0);
+  point.invalidate();
+  for (Numbers* rows : {&point.G, &point.Z, &point.scratch_G}) std::fill(rows->begin(), rows->end(), 0.0);
 }
 
-void Index2System::probe() {
-  if (rows.many() && rows.dependent() && !saddle.others_depend(probe_)) rows.estranged = true;
+void Index2System::probe_other_rows() {
+  if (rows.has_many() && rows.dependent() && !saddle.others_depend(probe_)) rows.others_independent = true;
 }
 
 void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
@@ -88,32 +88,32 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
 }
 
 void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {
-  if (sliding)
-    *power += sliding.solve(saddle, point.G.data(), Zhat, rhs, f);
+  if (friction)
+    *power += friction.solve(saddle, point.G.data(), Zhat, rhs, f);
   else
     saddle.solve(Zhat, rhs, f);
 }
 
 void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
                               double* rates) {
-  if (sliding) sliding.slips(v);
+  if (friction) friction.update_slips(v);
   forces(t, q, v, s, vdot, rates);
   if (ng) {
-    if (!rows.held) rows.choose_with_reason(point.Z.data(), point.stamp());
+    if (!rows.frozen) rows.select_if_triggered(point.Z.data(), point.stamp());
     mechanics.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
-    constraints.acceleration(t, gt_.data());
+    constraints.evaluate_g_tt(t, gt_.data());
     constraints.bias(mechanics, q, v, rows.in_use(), lam_.data());
     for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
     std::fill(gt_.begin(), gt_.end(), 0.0);
-    constraints.speed(t, gt_.data());
+    constraints.evaluate_g_t(t, gt_.data());
     if (alpha_ != 0 || beta_ != 0) {
       gap_ = point.g;
-      constraints.gaps(t, gap_.data()), residual_rate(t, v, rate_.data());
+      constraints.complete_g(t, gap_.data()), residual_rate(t, v, rate_.data());
       for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];
     }
   }
-  saddle.symmetric();
+  saddle.factorize_symmetric();
   solve(point.Z, lam_.data(), vdot, rates + ns);
   for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
 }
@@ -125,16 +125,16 @@ bool Index2System::is_known(double t, const double* q, const double* v, const do
       const double unit = scales ? 1 / (*scales)[i] : 1;
       size = std::max(size, unit * std::fabs(x[i])), apart = std::max(apart, unit * std::fabs(x[i] - y[i]));
     }
-    return apart <= mechanics.limits.same_point * size;
+    return apart <= mechanics.limits.rounding * size;
   };
-  if (known.motion != mechanics.motion()) return false;
-  return near(&t, &known.t, 1) && near(q, known.q.data(), nq, &mechanics.limits.q_scales) &&
-         near(v, known.v.data(), nv, &mechanics.limits.coordinate_scales) && near(s, known.s.data(), ns);
+  if (last_stage.motion != mechanics.motion()) return false;
+  return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &mechanics.limits.q_scales) &&
+         near(v, last_stage.v.data(), nv, &mechanics.limits.coordinate_scales) && near(s, last_stage.s.data(), ns);
 }
 
 void Index2System::derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq, *s = v + nv;
-  if (point.exactly(q)) {
+  if (point.is_exactly_current(q)) {
     mechanics.poses(q);
     counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
   } else {
@@ -145,30 +145,31 @@ void Index2System::derivative(double t, const double* y, double* F, double* z) {
   saddle.all_multipliers(lam_.data(), z);
 }
 
-void Index2System::hidden(double t, const double* y, double* F, double* z) {
+void Index2System::hidden_derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq, *s = v + nv;
   double *f = F + nv, *rates = F + 2 * nv;
-  const bool near = point.near(q), stands = near && is_known(t, q, v, s);
-  if (!near)
+  const bool current = point.is_current(q), stage_known = current && is_known(t, q, v, s);
+  if (!current)
     point.evaluate(q, false);
   else
-    stands && !sliding && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
-  if (sliding) sliding.slips(v);
-  if (stands)
-    std::copy(known.f.begin(), known.f.end(), f), std::copy(known.rates.begin(), known.rates.end(), rates);
+    stage_known && !friction && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
+  if (friction) friction.update_slips(v);
+  if (stage_known)
+    std::copy(last_stage.f.begin(), last_stage.f.end(), f),
+        std::copy(last_stage.rates.begin(), last_stage.rates.end(), rates);
   else
     forces(t, q, v, s, f, rates);
   std::copy(v, v + nv, F);
   constraints.bias(mechanics, q, v, rows.in_use(), lam_.data(), true);
   std::fill(gt_.begin(), gt_.end(), 0.0);
-  constraints.acceleration(t, gt_.data());
+  constraints.evaluate_g_tt(t, gt_.data());
   for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
-  if (sliding)
-    saddle.symmetric(), solve(point.Z, lam_.data(), f, rates + ns);
+  if (friction)
+    saddle.factorize_symmetric(), solve(point.Z, lam_.data(), f, rates + ns);
   else
-    saddle.respond(lam_.data(), f);
+    saddle.solve_uncounted(lam_.data(), f);
   std::fill(gt_.begin(), gt_.end(), 0.0);
-  constraints.speed(t, gt_.data());
+  constraints.evaluate_g_t(t, gt_.data());
   for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
   saddle.all_multipliers(lam_.data(), z);
 }
@@ -181,7 +182,7 @@ Numbers Index2System::carry(const Numbers& F) const {
 
 void Index2System::residual_rate(double t, const double* v, double* rate) const {
   std::fill(rate, rate + ng, 0.0);
-  constraints.speed(t, rate);
+  constraints.evaluate_g_t(t, rate);
   for (int k = 0; k < ng; ++k)
     for (int c : constraints.rows[k].columns) rate[k] += point.G[static_cast<size_t>(k) * nv + c] * v[c];
 }
@@ -190,12 +191,12 @@ bool Index2System::update_independent_rows(double t, State& s) {
   if (!ng) return false;
   const double* q = s.y.data();
   double* v = s.y.data() + nq;
-  if (!point.near(q)) point.evaluate(q, true);
-  const bool changed = rows.choose_with_reason(point.Z.data(), point.stamp());
+  if (!point.is_current(q)) point.evaluate(q, true);
+  const bool changed = rows.select_if_triggered(point.Z.data(), point.stamp());
   residual_rate(t, v, rate_.data());
   if (changed && formulation != Formulation::index1) {
-    saddle.symmetric();
-    saddle.normal(rate_.data(), f_.data());
+    saddle.factorize_symmetric();
+    saddle.minimum_norm_motion(rate_.data(), f_.data());
     for (int i = 0; i < nv; ++i) v[i] -= f_[i];
     s.memory.reset();
     if (!s.carry.empty()) {
@@ -207,7 +208,7 @@ bool Index2System::update_independent_rows(double t, State& s) {
   }
   if (formulation == Formulation::ggl && contradicts(*this, t, v)) throw FallBackToPython();
   gap_ = point.g;
-  constraints.gaps(t, gap_.data());
+  constraints.complete_g(t, gap_.data());
   const Tolerances& limits = mechanics.limits;
   largest_g = std::max(largest_g, largest_scaled(gap_.data(), limits.row_scales));
   largest_rate = std::max(largest_rate, largest_scaled(rate_.data(), limits.row_scales));
@@ -239,12 +240,12 @@ void Index2System::size(const double* y, double* out) {
   }
 }
 
-double Index2System::ratio(const double* q, int rank) {
-  if (!point.near(q)) point.evaluate(q, false);
+double Index2System::pivot_ratio(const double* q, int rank) {
+  if (!point.is_current(q)) point.evaluate(q, false);
   return rows.ratio(constraints, point.Z.data(), rank);
 }
 
-double Index2System::bare(const double* q, const double* v, int repetitions) {
+double Index2System::minimal_stage_seconds(const double* q, const double* v, int repetitions) {
   point.evaluate(q, false);
   Numbers G;
   for (int k : rows.in_use()) {

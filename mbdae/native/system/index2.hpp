@@ -30,12 +30,13 @@ struct State {
 struct EquationPartials {
   Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
   Numbers g_t;            // (r,)
-  Numbers friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no sliding
+  Numbers friction;       // (r, nv + 1) partials by lam of f and of the power due to friction; empty: no friction
 };
 
-// Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, accelerations known
-// (mbdae/mechanism/formulations/).
+// Constraints that are kept: G v + g_t = 0; g = 0 too, by a second multiplier; or neither, with accelerations from the
+// hidden constraint (mbdae/mechanism/formulations/).
 enum class Formulation { index2, ggl, index1 };
+inline constexpr const char* enumerators(Formulation) { return "index2, ggl, index1"; }
 
 // Description of a mechanism from Python.
 struct Description {
@@ -46,13 +47,15 @@ struct Description {
   std::vector<std::pair<Anchor, Anchor>> pairs, law_pairs;
   std::vector<Driver> drivers;
   std::vector<Law> laws;
-  std::vector<int> pair_of_law;  // -1: none
   int ns = 0;
   std::vector<Block> blocks;
-  std::vector<int> turning;   // (nv,)
+  std::vector<int> angular;  // (nv,) flags of rotations
   std::vector<Angle> angles;
-  std::vector<int> place;    // (ng,) of each row in the order of elimination
+  std::vector<int> order;    // (ng,) position of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
+
+  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, blocks, angular, angles, order,
+         probe)
 };
 
 class Index2System {
@@ -66,7 +69,7 @@ class Index2System {
   IndependentRows rows;
   Configuration point;
   SaddleSystem saddle;
-  ClosureFriction sliding;
+  ClosureFriction friction;
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
@@ -77,14 +80,14 @@ class Index2System {
   int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // size of the carry from step to step
   Numbers carry(const Numbers& F) const;  // carry from y' (ny,) at a point for methods with an explicit first stage
   bool driven() const { return !constraints.drivers.empty(); }
-  int measured() const { return driven() ? ny : ny - 1; }  // components under error control
-  // After `saddle.symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
-  void probe();
-  void use(const std::vector<int>& in_use, int rank, double floor, bool held);
+  int controlled_components() const { return driven() ? ny : ny - 1; }  // components under error control
+  // After `saddle.factorize_symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
+  void probe_other_rows();
+  void use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen);
   void reset();  // to the state of a new system, in the same mode
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
-  void leave_out(std::vector<bool> off, bool sticks);
+  void deactivate_rows(std::vector<bool> off, bool sticks);
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; biased: and nle at (q, v).
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
@@ -102,7 +105,8 @@ class Index2System {
   // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
   // if requested; and the partials of rows in use, (ng,). J and poses are current at q. Other rows may take their place.
   void closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                        std::vector<ActingWrench>* wrenches = nullptr, std::vector<WrenchPartials>* turnings = nullptr,
+                        std::vector<ActingWrench>* wrenches = nullptr,
+                        std::vector<WrenchPartials>* wrench_partials = nullptr,
                         const IndependentRows* others = nullptr);
   // With current G and, for closure friction, slip directions: rhs (ng,) by row becomes lam, f (nv,) v'; the power of
   // friction is added.
@@ -113,22 +117,22 @@ class Index2System {
   void derivative(double t, const double* y, double* F, double* z);
   // Like derivative(), without Baumgarte terms, at the end of a step. Keeps the rows in use; reuses the kinematics of
   // the step where q agrees to rounding.
-  void hidden(double t, const double* y, double* F, double* z);
+  void hidden_derivative(double t, const double* y, double* F, double* z);
   // The same in raw coordinates, normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
-  void rate(double t, const double* y, double* dy, double* z);
+  void raw_derivative(double t, const double* y, double* dy, double* z);
   // Between two steps: select rows, and measure the violation of all. True if the rows changed; then v is projected
   // onto them, and the carried derivative is recomputed.
   bool update_independent_rows(double t, State& s);
 
   // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
-  struct Known {
+  struct LastStage {
     double t = NAN;
     long motion = -1;           // of the mechanics
     Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
-  } known;
+  } last_stage;
 
   std::vector<SampledController> samplers;
-  void jump(double t, double* y);     // to just after t, where t is a sampling instant
+  void apply_jumps(double t, double* y);  // to just after t, where t is a sampling instant
   double potential(const double* q);  // of gravity and springs in J, at the current poses
 
   void add(const double* y, const double* x, double* out) const;  // y (+) x
@@ -138,8 +142,8 @@ class Index2System {
   const std::vector<Pair>& law_pairs() const { return law_pairs_; }
   const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, from the last `derivative`
   void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, with current G
-  double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
-  double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
+  double pivot_ratio(const double* q, int rank);                      // see mbdae/mechanism/singularity.py; uncounted
+  double minimal_stage_seconds(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
   bool is_known(double t, const double* q, const double* v, const double* s) const;

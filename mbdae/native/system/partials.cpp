@@ -19,9 +19,9 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   double* G = all_G_.data();
   constraints.value(mechanics, q, rows.in_use(), G);
   out.friction.clear();
-  if (sliding) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
+  if (friction) {  // its partials by q and v are left out: only the convergence of Newton's iteration suffers
     constraints.value(mechanics, q, rows.others(), G);
-    sliding.slips(u), sliding.partials(G, lam, out.friction);
+    friction.update_slips(u), friction.partials(G, lam, out.friction);
   }
   for (int k : rows.in_use())
     for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
@@ -66,7 +66,7 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
 
   out.g_t.assign(rows.in_use().size(), 0.0);
   std::fill(gt_.begin(), gt_.end(), 0.0);
-  constraints.speed(t, gt_.data());
+  constraints.evaluate_g_t(t, gt_.data());
   for (int k : rows.in_use()) out.g_t[rows.position()[k]] = gt_[k];
   closure_partials(q, v, lam, out.K.data(), B, wrenches);
 }
@@ -80,27 +80,27 @@ void Index2System::time_partials(double t, const double* q, const double* u, con
       law.kind->time_rate(law, {mechanics, t, q, v, s + law.state},
                           {conservative_.data(), other_.data(), out + nv + law.state});
   for (int i = 0; i < nv; ++i) out[i] = conservative_[i] + other_[i];
-  constraints.acceleration(t, gt_.data());
+  constraints.evaluate_g_tt(t, gt_.data());
   out[nv + ns] = dot(other_.data(), v, nv) - dot(gt_.data(), lam, ng);
 }
 
 void Index2System::closure_partials(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                                  std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* turnings,
-                                  const IndependentRows* others) {
+                                    std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* wrench_partials,
+                                    const IndependentRows* others) {
   const size_t m = nv;
   const IndependentRows& which = others ? *others : rows;
   const std::vector<int>& position = which.position();
   if (B) B->assign(which.in_use().size() * m, 0.0);
-  if (turnings) turnings->resize(ng);
+  if (wrench_partials) wrench_partials->resize(ng);
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
     const std::vector<int>& own = constraints.of_pair[p];
     if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
-    constraints.pairs[p].locate(mechanics);
+    constraints.pairs[p].update_poses(mechanics);
     const PairPartials here(mechanics, constraints.pairs[p], B ? v : nullptr);
-    WrenchPartials sum, turning;
+    WrenchPartials sum, scratch;
     for (int k : own) {
       if (position[k] < 0) continue;
-      WrenchPartials& one = turnings ? (*turnings)[k] : turning;
+      WrenchPartials& one = wrench_partials ? (*wrench_partials)[k] : scratch;
       one.clear();
       constraints.rows[k].partials(here.pair, one);
       if (B) here.power(one.F, one, B->data() + position[k] * m);

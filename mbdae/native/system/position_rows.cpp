@@ -6,7 +6,7 @@ namespace mbdae {
 
 namespace {
 
-std::vector<int> with_a_g(const Constraints& constraints) {
+std::vector<int> positional_rows(const Constraints& constraints) {
   std::vector<int> out;
   for (int k : constraints.all)
     if (constraints.rows[k].positional) out.push_back(k);
@@ -16,27 +16,28 @@ std::vector<int> with_a_g(const Constraints& constraints) {
 }  // namespace
 
 PositionRows::PositionRows(Index2System& s)
-    : shared(with_a_g(s.constraints).size() == s.constraints.all.size()),
+    : same_as_velocity_rows(positional_rows(s.constraints).size() == s.constraints.all.size()),
       s_(s),
-      own_(s.constraints, s.constraints.all, s.nv, s.mechanics.limits, true),
-      own_saddle_(s.point, s.constraints, own_, s.mechanics.limits, s.counts, s.nv),
-      all_(with_a_g(s.constraints)) {}
+      position_rows_(s.constraints, s.constraints.all, s.nv, s.mechanics.limits, true),
+      position_saddle_(s.point, s.constraints, position_rows_, s.mechanics.limits, s.counts, s.nv),
+      all_(positional_rows(s.constraints)) {}
 
-void PositionRows::open(const double* y) {
-  if (shared) return;
-  if (!s_.point.near(y)) s_.point.evaluate(y, true);
+void PositionRows::select(const double* y) {
+  if (same_as_velocity_rows) return;
+  if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
   const size_t nv = s_.nv;
   Z_.resize(all_.size() * nv);
   for (size_t i = 0; i < all_.size(); ++i) std::copy_n(&s_.point.Z[all_[i] * nv], nv, &Z_[i * nv]);
-  pivots(s_.nv, static_cast<int>(all_.size()), Z_.data(), order_, pivots_, work_);
-  if (own_.rank < 0) {
-    const double least = pivots_.empty() ? 0 : s_.mechanics.limits.independent * pivots_[0];
-    own_.rank = static_cast<int>(std::count_if(pivots_.begin(), pivots_.end(), [&](double x) { return x > least; }));
+  pivoted_qr(s_.nv, static_cast<int>(all_.size()), Z_.data(), order_, pivots_, work_);
+  if (position_rows_.rank < 0) {
+    const double least = pivots_.empty() ? 0 : s_.mechanics.limits.pivot_rank * pivots_[0];
+    position_rows_.rank =
+        static_cast<int>(std::count_if(pivots_.begin(), pivots_.end(), [&](double x) { return x > least; }));
   }
-  std::vector<int> kept;
-  for (int i = 0; i < own_.rank; ++i) kept.push_back(all_[order_[i]]);
-  std::sort(kept.begin(), kept.end());
-  own_.use(kept, own_.rank, 0, true);
+  std::vector<int> selected;
+  for (int i = 0; i < position_rows_.rank; ++i) selected.push_back(all_[order_[i]]);
+  std::sort(selected.begin(), selected.end());
+  position_rows_.use(selected, position_rows_.rank, 0, true);
 }
 
 }  // namespace mbdae

@@ -9,17 +9,17 @@ class PositionRows {
  public:
   explicit PositionRows(Index2System& system);
 
-  void open(const double* y);  // select them at the beginning of a step
+  void select(const double* y);  // select them at the beginning of a step
   // If all rows have a g they are the rows in use, and S is that of lam.
-  const bool shared;
-  const IndependentRows& rows() const { return shared ? s_.rows : own_; }
-  SaddleSystem& saddle() { return shared ? s_.saddle : own_saddle_; }
-  const std::vector<int>& kept() const { return rows().in_use(); }
+  const bool same_as_velocity_rows;
+  const IndependentRows& rows() const { return same_as_velocity_rows ? s_.rows : position_rows_; }
+  SaddleSystem& saddle() { return same_as_velocity_rows ? s_.saddle : position_saddle_; }
+  const std::vector<int>& in_use() const { return rows().in_use(); }
 
  private:
   Index2System& s_;
-  IndependentRows own_;
-  SaddleSystem own_saddle_;
+  IndependentRows position_rows_;
+  SaddleSystem position_saddle_;
   std::vector<int> all_, order_;  // (p,) rows with a g, and pivots
   Numbers Z_, pivots_, work_;     // (p, nv), (min(nv, p),), scratch
 };

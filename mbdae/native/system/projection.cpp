@@ -25,7 +25,7 @@ double norm_of(const double* x, const std::vector<double>& scales) {
 bool contradicts(const Index2System& s, double t, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
   Numbers g_t(s.ng, 0.0);
-  s.constraints.speed(t, g_t.data());
+  s.constraints.evaluate_g_t(t, g_t.data());
   if (largest(g_t.data(), s.ng) == 0) return false;
   double missed = 0, terms = 0;
   for (int k = 0; k < s.ng; ++k) {
@@ -34,7 +34,7 @@ bool contradicts(const Index2System& s, double t, const double* v) {
     for (int i : s.constraints.rows[k].columns) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
     missed = std::max(missed, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
   }
-  return !(missed <= limits.kept * terms);
+  return !(missed <= limits.visible * terms);
 }
 
 void add_magnitude(const Index2System& s, const double* y, double* size) {
@@ -52,7 +52,7 @@ double largest_move(const Numbers& move, const Numbers& magnitude, int measured,
 bool felt(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
   return s.constraints.sticks ||
-         norm_of(rate, limits.row_scales) > limits.rounding * largest_scaled(v, limits.coordinate_scales);
+         norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
 }
 
 namespace {
@@ -67,8 +67,9 @@ class LeastMotion {
 
   // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
   bool find(const Numbers& r, bool of_q, double* x) {
-    const bool by_rows_in_use = suffices_ && !(of_q && rolls()) && s_.saddle.symmetric(s_.mechanics.limits.truncation);
-    by_rows_in_use ? s_.saddle.normal(r.data(), x) : over_all(r, of_q, x);
+    const bool by_rows_in_use =
+        suffices_ && !(of_q && rolls()) && s_.saddle.factorize_symmetric(s_.mechanics.limits.truncation);
+    by_rows_in_use ? s_.saddle.minimum_norm_motion(r.data(), x) : over_all(r, of_q, x);
     return by_rows_in_use;
   }
   void insufficient() { suffices_ = false; }
@@ -85,8 +86,8 @@ class LeastMotion {
       const double by = of_q && !s_.constraints.rows[k].positional ? 0 : 1 / scales[k];
       for (int c : s_.constraints.rows[k].columns) rows[static_cast<size_t>(k) * s_.nv + c] *= by;
     }
-    least(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.mechanics.limits.truncation, x);
-    s_.point.back(x);
+    minimum_norm(s_.nv, s_.ng, rows.data(), scaled(r.data(), scales).data(), s_.mechanics.limits.truncation, x);
+    s_.point.solve_root_transposed(x);
   }
 
   Index2System& s_;
@@ -99,19 +100,19 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
   Configuration& point = s.point;
   LeastMotion least_motion(s);
   Numbers g(point.g), gap(s.ng), x(s.nv), nearer(s.nq);
-  s.constraints.gaps(t, g.data());
+  s.constraints.complete_g(t, g.data());
   double move = 0;
-  for (int i = 0; i < limits.iterations; ++i) {
-    if (norm_of(g.data(), limits.row_scales) <= limits.rounding * (1 + largest_scaled(q, limits.q_scales))) break;
+  for (int i = 0; i < limits.projection_iterations; ++i) {
+    if (norm_of(g.data(), limits.row_scales) <= limits.sum_rounding * (1 + largest_scaled(q, limits.q_scales))) break;
     const bool by_rows_in_use = least_motion.find(g, true, x.data());
     move = largest_scaled(x.data(), limits.coordinate_scales);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), nearer.data());
     s.mechanics.poses(nearer.data());
     s.counts.G += 1;
-    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.other_G.data(), gap.data());
-    s.constraints.gaps(t, gap.data());
-    if (!(norm_of(gap.data(), limits.row_scales) < limits.falling * norm_of(g.data(), limits.row_scales))) {
+    s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.scratch_G.data(), gap.data());
+    s.constraints.complete_g(t, gap.data());
+    if (!(norm_of(gap.data(), limits.row_scales) < limits.projection_falling * norm_of(g.data(), limits.row_scales))) {
       if (!by_rows_in_use) break;
       least_motion.insufficient();
       continue;
@@ -119,12 +120,12 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
     if (path) path->emplace_back(q, q + s.nq);
     std::copy(nearer.begin(), nearer.end(), q);
     g = gap;
-    point.forget();  // M remains that of the start
-    std::swap(point.G, point.other_G);
-    for (int k : s.constraints.all) point.scale(k);
+    point.invalidate();  // M remains that of the start
+    std::swap(point.G, point.scratch_G);
+    for (int k : s.constraints.all) point.scale_row(k);
   }
-  if (!(norm_of(g.data(), limits.row_scales) <= limits.open) &&
-      !(move <= limits.stalled * (1 + largest_scaled(q, limits.q_scales))))
+  if (!(norm_of(g.data(), limits.row_scales) <= limits.projection_open) &&
+      !(move <= limits.projection_stalled * (1 + largest_scaled(q, limits.q_scales))))
     throw FallBackToPython();
 }
 
@@ -143,7 +144,7 @@ void restore_velocities(Index2System& s, double t, double* v) {
   const double before = norm_of(rate.data(), limits.row_scales);
   if (correct()) {
     s.residual_rate(t, v, rate.data());
-    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.falling * before;
+    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_falling * before;
     if (!closed && felt(s, rate.data(), v)) least_motion.insufficient(), correct();
   }
   if (contradicts(s, t, v)) throw FallBackToPython();
@@ -153,7 +154,7 @@ void restore_velocities(Index2System& s, double t, double* v) {
 
 void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   if (!s.ng) return;
-  if (!s.point.near(y)) s.point.evaluate(y, true);
+  if (!s.point.is_current(y)) s.point.evaluate(y, true);
   s.counts.state_projections += 1;
   restore_positions(s, t, y, path);
   restore_velocities(s, t, y + s.nq);

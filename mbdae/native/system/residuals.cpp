@@ -7,11 +7,11 @@ namespace mbdae {
 void residual(Index2System& s, double t, const double* y, double* g, double* rate) {
   const double* v = y + s.nq;
   s.mechanics.inertia(y);
-  s.point.forget();
+  s.point.invalidate();
   s.constraints.value(s.mechanics, y, s.constraints.all, s.point.G.data(), g);
-  s.constraints.gaps(t, g);
+  s.constraints.complete_g(t, g);
   std::fill(rate, rate + s.ng, 0.0);
-  s.constraints.speed(t, rate);
+  s.constraints.evaluate_g_t(t, rate);
   for (int k = 0; k < s.ng; ++k)
     for (int c : s.constraints.rows[k].columns) rate[k] += s.point.G[static_cast<size_t>(k) * s.nv + c] * v[c];
 }

@@ -48,48 +48,48 @@ void SaddleSystem::assemble(const Numbers& Zhat) {
 }
 
 void SaddleSystem::factorize(const Numbers& Zhat) {
-  symmetric_ = -1;
+  symmetric_stamp_ = -1;
   if (rows_.in_use().empty()) return;
   assemble(Zhat);
   const bool regular = lu_.factorize();
-  if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw FallBackToPython();
+  if (!regular || !(lu_.pivot_ratio() > limits_.smallest_pivot)) throw FallBackToPython();
 }
 
-bool SaddleSystem::symmetric(double least_ratio) {
-  if (symmetric_ != point_.stamp() || version_ != rows_.version()) {
-    symmetric_ = -1;
+bool SaddleSystem::factorize_symmetric(double least_ratio) {
+  if (symmetric_stamp_ != point_.stamp() || version_ != rows_.version()) {
+    symmetric_stamp_ = -1;
     if (!rows_.in_use().empty()) assemble(point_.Z);
     if (!rows_.in_use().empty() && !lu_.factorize()) return false;
-    symmetric_ = point_.stamp();
+    symmetric_stamp_ = point_.stamp();
   }
-  return rows_.in_use().empty() || lu_.ratio() > least_ratio;
+  return rows_.in_use().empty() || lu_.pivot_ratio() > least_ratio;
 }
 
 void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   counts_.solves += 1;
-  if (!rows_.in_use().empty()) counts_.factorizations += 1, rows_.met(lu_.ratio());
-  respond(Zhat, rhs, f);
+  if (!rows_.in_use().empty()) counts_.factorizations += 1, rows_.record_ratio(lu_.pivot_ratio());
+  solve_uncounted(Zhat, rhs, f);
 }
 
-void SaddleSystem::respond(double* rhs, double* f) {
-  const bool by_choice = !constraints_.sticks && rows_.factorize(point_.Z.data(), point_.stamp());
+void SaddleSystem::solve_uncounted(double* rhs, double* f) {
+  const bool by_selection = !constraints_.sticks && rows_.factorize(point_.Z.data(), point_.stamp());
   x_.resize(std::max(x_.size(), rows_.in_use().size()));
-  if (!by_choice) symmetric();
-  respond(point_.Z, rhs, f, by_choice);
+  if (!by_selection) factorize_symmetric();
+  solve_uncounted(point_.Z, rhs, f, by_selection);
 }
 
-void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f, bool by_choice) {
-  point_.half(f);
+void SaddleSystem::solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool by_selection) {
+  point_.solve_root(f);
   const std::vector<int>& position = rows_.position();
-  const bool again = constraints_.sticks;  // one step of iterative refinement
-  if (again) right_.assign(rhs, rhs + position.size());
-  for (int i = 0; i <= again && !rows_.in_use().empty(); ++i) {
+  const bool refine = constraints_.sticks;  // one step of iterative refinement
+  if (refine) rhs_.assign(rhs, rhs + position.size());
+  for (int i = 0; i <= refine && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
-      double s = i ? right_[k] : rhs[k];
+      double s = i ? rhs_[k] : rhs[k];
       for (int c : constraints_.rows[k].columns) s -= Zhat[static_cast<size_t>(k) * nv_ + c] * f[c];
       x_[position[k]] = s;
     }
-    by_choice ? rows_.solve(x_.data()) : lu_.solve(x_.data());
+    by_selection ? rows_.solve(x_.data()) : lu_.solve(x_.data());
     for (int k : rows_.in_use()) {
       const double l = x_[position[k]];
       rhs[k] = i ? rhs[k] + l : l;
@@ -97,15 +97,15 @@ void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f, bool by_
       for (int c : constraints_.rows[k].columns) f[c] += z[c] * l;
     }
   }
-  point_.back(f);
+  point_.solve_root_transposed(f);
   if (!finite(f, nv_)) throw FallBackToPython();
 }
 
-void SaddleSystem::symmetric() {
-  if (!symmetric(limits_.smallest_pivot)) throw FallBackToPython();
+void SaddleSystem::factorize_symmetric() {
+  if (!factorize_symmetric(limits_.smallest_pivot)) throw FallBackToPython();
 }
 
-void SaddleSystem::normal(const double* by_row, double* out, double* multipliers) {
+void SaddleSystem::minimum_norm_motion(const double* by_row, double* out, double* multipliers) {
   const std::vector<int>& position = rows_.position();
   for (int k : rows_.in_use()) x_[position[k]] = by_row[k];
   lu_.solve(x_.data());
@@ -114,12 +114,12 @@ void SaddleSystem::normal(const double* by_row, double* out, double* multipliers
     for (int c : constraints_.rows[k].columns) out[c] += point_.Z[static_cast<size_t>(k) * nv_ + c] * x_[position[k]];
   if (multipliers)
     for (int k : rows_.in_use()) multipliers[k] = x_[position[k]];
-  point_.back(out);
+  point_.solve_root_transposed(out);
 }
 
-void SaddleSystem::balance(double* left, double* lam) {
+void SaddleSystem::update_multipliers(double* left, double* lam) {
   const std::vector<int>& position = rows_.position();
-  point_.half(left);
+  point_.solve_root(left);
   for (int k : rows_.in_use()) {
     double s = 0;
     for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * left[c];
@@ -148,7 +148,7 @@ bool SaddleSystem::others_depend(const Numbers& probe) {
   for (int k : rows_.others()) {
     double s = 0;
     for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * w[c];
-    if (s * s > limits_.probed * limits_.probed * scale) return false;
+    if (s * s > limits_.probe_tolerance * limits_.probe_tolerance * scale) return false;
   }
   return true;
 }
@@ -170,26 +170,26 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   if (!rows_.dependent()) return;
   const int d = static_cast<int>(others.size());
   u_.resize(rows_.in_use().size()), n_.assign(d, 0.0), residual_.resize(d), p_.resize(d), Ap_.resize(d);
-  cross_.clear();
+  couplings_.clear();
   for (int i = 0; i < d; ++i)
     for (int l : rows_.neighbours(others[i]))
-      if (position[l] >= 0) cross_.push_back({i, position[l], product(others[i], l)});
+      if (position[l] >= 0) couplings_.push_back({i, position[l], product(others[i], l)});
   auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is overwritten
     lu_.solve(u.data());
     std::fill(out.begin(), out.end(), 0.0);
-    for (const Entry& e : cross_) out[e.i] += e.s * u[e.j];
+    for (const Entry& e : couplings_) out[e.i] += e.s * u[e.j];
   };
   auto up = [&](const Numbers& n, Numbers& out) {  // out = C^T n
     std::fill(out.begin(), out.end(), 0.0);
-    for (const Entry& e : cross_) out[e.j] += e.s * n[e.i];
+    for (const Entry& e : couplings_) out[e.j] += e.s * n[e.i];
     lu_.solve(out.data());
   };
   for (int k : rows_.in_use()) u_[position[k]] = lam[k];
   down(u_, residual_);
   p_ = residual_;
   double rho = dot(residual_.data(), residual_.data(), d);
-  const double enough = limits_.converged * rho;
-  for (int it = 0; it < d + limits_.spare && rho > enough && rho > 0; ++it) {
+  const double target = limits_.cg_tolerance * rho;
+  for (int it = 0; it < d + limits_.extra_cg_iterations && rho > target && rho > 0; ++it) {
     up(p_, u_);
     down(u_, Ap_);
     for (int i = 0; i < d; ++i) Ap_[i] += p_[i];

@@ -16,19 +16,19 @@ class SaddleSystem {
   void factorize(const Numbers& Zhat);  // S
   // After `factorize`: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
-  // The same without `counts`, for further right-hand sides; by_choice: by the factors of the row selection.
-  void respond(const Numbers& Zhat, double* rhs, double* f, bool by_choice = false);
+  // The same without `counts`, for further right-hand sides; by_selection: by the factors of the row selection.
+  void solve_uncounted(const Numbers& Zhat, double* rhs, double* f, bool by_selection = false);
   // The same with current Z, by any factors of G M^-1 G^T that exist or will be needed.
-  void respond(double* rhs, double* f);
+  void solve_uncounted(double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
-  void symmetric();  // factorize G M^-1 G^T with current Z, unless those are the factors
-  bool symmetric(double least_ratio);  // the same; false where the ratio of its pivots is not above this one
+  void factorize_symmetric();                    // factorize G M^-1 G^T with current Z, unless those are the factors
+  bool factorize_symmetric(double least_ratio);  // the same; false where the ratio of its pivots is not above this one
   // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, if requested, S^-1 times it, (ng,) by row.
-  void normal(const double* by_row, double* out, double* multipliers = nullptr);
-  // After `symmetric`:
+  void minimum_norm_motion(const double* by_row, double* out, double* multipliers = nullptr);
+  // After `factorize_symmetric`:
   bool others_depend(const Numbers& probe);        // are the rows not in use dependent? Tested with one vector (nv,)
   // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is overwritten.
-  void balance(double* left, double* lam);
+  void update_multipliers(double* left, double* lam);
   // Multipliers of all rows (ng,) from those in use, of minimum norm.
   void all_multipliers(const double* lam, double* z);
 
@@ -47,11 +47,11 @@ class SaddleSystem {
   Counts& counts_;
   const int nv_;
   BandLU lu_;                          // of S, (r, r)
-  long symmetric_ = -1;  // the stamp of the point whose Z Z^T is factorized
+  long symmetric_stamp_ = -1;          // the stamp of the point whose Z Z^T is factorized
   long version_ = -1;                  // of the rows that set its size
   Numbers x_;                          // (max(nv, r),) right-hand side, and solution
-  Numbers right_;                      // (ng,) by row, the given one if joints stick
-  std::vector<Entry> cross_;           // of Z_others Z_in_use^T, (ng - r, r)
+  Numbers rhs_;                        // (ng,) by row, the given one if joints stick
+  std::vector<Entry> couplings_;       // of Z_others Z_in_use^T, (ng - r, r)
   Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
 };
 

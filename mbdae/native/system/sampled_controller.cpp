@@ -11,7 +11,7 @@ double SampledController::next(double t) const {
   return offset + (std::floor((t - offset) * rate + coincide) + 1) / rate;
 }
 
-void SampledController::look(double t, const double* y, int nq, int nv, double* after) const {
+void SampledController::sample(double t, const double* y, int nq, int nv, double* after) const {
   const double k = (t - offset) * rate;
   if (std::fabs(k - std::nearbyint(k)) > coincide) return;
   const double* s = y + nq + nv + state;
@@ -22,9 +22,9 @@ void SampledController::look(double t, const double* y, int nq, int nv, double* 
   if (states > 1) after[1] = s[1] + error * (1 / rate);
 }
 
-void Index2System::jump(double t, double* y) {
+void Index2System::apply_jumps(double t, double* y) {
   const Numbers before(y, y + length);
-  for (const SampledController& x : samplers) x.look(t, before.data(), nq, nv, y + nq + nv + x.state);
+  for (const SampledController& x : samplers) x.sample(t, before.data(), nq, nv, y + nq + nv + x.state);
   if (!finite(y, length)) throw FallBackToPython();
 }
 

@@ -10,7 +10,8 @@
 namespace mbdae {
 
 struct SampledController {
-  enum Kind { pid, python } kind = pid;
+  NAMED_ENUM(enum, Kind, pid, python)
+  Kind kind = pid;
   double rate = 1, offset = 0;  // Hz; a sampling instant in s
   double coincide = 0;          // of a period: tolerance for a time to count as an instant
   int state = 0, states = 0;    // first index of its states, torques and memory, in s
@@ -20,9 +21,11 @@ struct SampledController {
   // Python: (t, q, v, s) -> s after the instant.
   std::function<void(double t, const double* q, const double* v, const double* s, double* after)> call;
 
+  FIELDS(kind, rate, offset, coincide, state, states, reference, a, x, v)
+
   double next(double t) const;  // the first instant after t
   // s (states,) after time t from y = (q, v, s, ...) before it, if that is an instant.
-  void look(double t, const double* y, int nq, int nv, double* after) const;
+  void sample(double t, const double* y, int nq, int nv, double* after) const;
 };
 
 }  // namespace mbdae

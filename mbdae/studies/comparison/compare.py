@@ -12,7 +12,7 @@ from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find_method
 from ...mechanism import Mechanism
 from ...methods import obstacle
-from ...methods.fixed_step import FIXED_STEP
+from ...methods.fixed_step import FIXED_STEP, uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
@@ -99,6 +99,8 @@ def compare(
     _reject_unsupported(problem, kinds, steps is None)
     runs = [(v.formulation, v.baumgarte) for v in kinds]
     shared, because = common_backend(problem, runs, backend)
+    because = uncompiled([find_method(v.formulation, v.method) for v in kinds], because)
+    shared = "python" if because else shared
     motion = replace(motion, backend=shared, because=because)
     pair = variants(reference)
     if len(pair) != 2 or not SUM_ROUNDING < reference_rtol < INTERPOLATION:

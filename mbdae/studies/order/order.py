@@ -9,6 +9,7 @@ from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
+from ...methods.fixed_step import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
@@ -57,7 +58,7 @@ def order(
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
     orders, missing = finished(chosen, measure.judge)
-    return OrderStudy(problem.title, T, orders, backend, because, missing)
+    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing)
 
 
 def _admitted(problem: Problem) -> list[Method]:

@@ -38,7 +38,7 @@ def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, A
     return {
         "joints": _joints(tree, q),
         "values": _values(mech, q).tolist(),
-        "pairs": [[{"joint": last[j], "turn": R, "at": p} for j, R, p in pair] for pair in pairs],
+        "pairs": [[{"joint": last[a["joint"]], "turn": a["R"], "at": a["p"]} for a in pair] for pair in pairs],
         "rows": rows,
         "held": [find_joint(mech.model, s.joint).idx_v for s in sliders],
         "curves": [typed(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],

@@ -182,7 +182,7 @@ def test_a_cycle_of_a_mode_keeps_the_loops_closed():
     ("name", "named", "text"),
     [
         ("four_bar", {"hold": "crank"}, "has no degree of freedom left with crank locked"),
-        ("four_bar", {"q": None, "v": {"crank": 1.0}}, "do not fit the closures|are not steady"),
+        ("four_bar", {"q": None, "v": {"crank": 1.0}}, "do not satisfy the closures|are not steady"),
         ("double_pendulum", {"v": {"joint1": 1.0}}, "not steady"),
     ],
 )

@@ -7,7 +7,7 @@ import mbdae
 import mbdae.finite_differences as differences
 from mbdae.errors import InputError
 from mbdae.finite_differences import ABOVE, BELOW, STENCIL
-from mbdae.mechanism.discrete_sensitivity.parameter_direction import FIRST, possible
+from mbdae.mechanism.discrete_sensitivity.parameter_direction import FIRST, feasible_stencil
 from mbdae.mechanism.formats.template import Template
 
 G, M = 9.81, 2.0
@@ -181,7 +181,7 @@ def test_mechanisms_exist_at_all_points_of_a_width(low, high, found):
             raise InputError("outside")
         return by
 
-    assert possible(make, 1.0) == found
+    assert feasible_stencil(make, 1.0) == found
     h, places = found
     assert all(low <= k * h <= high for k in places) == (low < high)
 

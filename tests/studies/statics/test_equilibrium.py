@@ -252,7 +252,7 @@ def test_a_pose_in_which_closures_lose_rank_gets_no_verdict():
     [
         ({"find": "best"}, UnknownNameError, "valid: stable, any"),
         ({"hold": "knee"}, UnknownNameError, "unknown joint 'knee'"),
-        ({"v": {"crank": 1.0}}, InputError, "do not fit the closures"),
+        ({"v": {"crank": 1.0}}, InputError, "do not satisfy the closures"),
         ({"q": {"crank": "up"}}, InputError, "crank"),
     ],
 )

@@ -104,7 +104,7 @@ class BoundUserRow(BoundJointRow):
     def core_data(self) -> dict[str, Any]:
         """See `BoundJointRow`; the core calls the functions."""
         coordinates = [i for j in self.joints for i in range(j.idx_q, j.idx_q + j.nq)]
-        numbers = {"coordinates": coordinates, "velocities": self.columns, "positional": not self.rows.velocity}
+        numbers = {"iq": coordinates, "iv": self.columns, "positional": not self.rows.velocity}
         return {
             "kind": "function",
             **numbers,

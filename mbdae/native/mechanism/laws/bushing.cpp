@@ -7,7 +7,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 12 + 1; }
+static bool fits(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 12 + 1; }
 
 // angle/sine for 0 <= angle < pi, by the square of the sine: at 0 the root has no derivative, and none is needed.
 template <class S>
@@ -31,7 +31,7 @@ static Vec3<S> inverse_jacobian(const Tolerances& limits, const Vec3<S>& theta, 
   Vec3<S> out = a + 0.5 * cross(theta, a), term = a;
   for (double b : limits.series) {
     term = cross(theta, cross(theta, term)), out = out + b * term;
-    if (largest(term) * std::fabs(b) <= limits.series_end * largest(a)) break;
+    if (largest(term) * std::fabs(b) <= limits.below_rounding * largest(a)) break;
   }
   return out;
 }

@@ -5,7 +5,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 3 && law.signals.size() == 1; }
+static bool fits(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 3 && law.signals.size() == 1; }
 
 struct SpringDamper {
   static bool damped(const Law& law) { return law.a[1] != 0; }

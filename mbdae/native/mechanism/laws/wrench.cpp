@@ -3,7 +3,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.paired && law.signals.size() == 6; }
+static bool fits(Law& law, const Sizes&) { return law.pair >= 0 && law.signals.size() == 6; }
 
 struct AppliedWrench {
   static bool damped(const Law&) { return false; }
@@ -13,7 +13,7 @@ struct AppliedWrench {
     S u[6];
     for (int i = 0; i < 6; ++i) u[i] = law.signals[i].at(at.t);
     Vec3<S> force(u), moment(u + 3);
-    if (law.turning) force = x.Rb * force, moment = x.Rb * moment;
+    if (law.rotating) force = x.Rb * force, moment = x.Rb * moment;
     if (law.steady) return {wrench_at(x.pb, force), {{}, moment}};
     return {{}, wrench_at(x.pb, force, moment)};
   }
