@@ -4,7 +4,8 @@ A stage solves M v' = f + G^T lam, Ghat v' = rhs. Measured are whole runs of phe
 their linear solves, everything included. The bare calls, timed in the same run at the model's start: crba,
 nonLinearEffects, the Cholesky factorization of M, M^-1 [G^T f], the factorization of G M^-1 G^T and the solution with
 it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core. "partials" are all first
-partial derivatives at a point, which an iteration of Radau IIA, statics and modes need.
+partial derivatives at a point, which an iteration of Radau IIA, statics and modes need. The column "serves" names the
+source of M, nle and J in native stages: the core's sweep through the tree, or Pinocchio's routines.
 
 Run: python examples/benchmarks/stages.py [--brief]
 """
@@ -78,6 +79,12 @@ def measure(name: str, h: float, steps: int, repeats: int) -> dict[str, float]:
     return medians(runs | in_core(mech), repeats)
 
 
+def serves(name: str) -> str:
+    """Return the source of M, nle and J of a model in the compiled core; empty without it."""
+    native = load()
+    return "" if native is None else "sweep" if native.sweeps(mbdae.load(name).model) else "Pinocchio"
+
+
 def main(argv: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
     """Print the table and return seconds by model and name."""
     steps, repeats = (10, 1) if brief(argv, __doc__) else (200, 7)
@@ -89,10 +96,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
         python, native, bare, core, partials = times
         cells = [microseconds(t) for t in times]
         ratios = (python, native), (python, bare), (native, core), (partials, core)
-        rows.append([name, *cells, *(ratio(*pair) for pair in ratios)])
+        rows.append([name, serves(name), *cells, *(ratio(*pair) for pair in ratios)])
     print(machine() + "\n")
-    header = ["microseconds per stage", "Python", "native", "bare calls, Python", "bare calls, C++", "partials"]
-    print(table([*header, "Python / native", "Python / bare", "native / bare", "partials / bare"], rows))
+    header = ["microseconds per stage", "serves", "Python", "native", "bare calls, Python", "bare calls, C++"]
+    print(table([*header, "partials", "Python / native", "Python / bare", "native / bare", "partials / bare"], rows))
     return measured
 
 

@@ -165,6 +165,11 @@ def test_drift_limit(tmp_path):
     assert call("drift", "four_bar", "-t", "1", "--max", "1e-20")[0] == 1
 
 
+@pytest.mark.native
+def test_info_reports_what_computes_the_inertia():
+    assert "inertia   by the core's sweep through the tree" in call("info", "four_bar")[1]
+
+
 def test_info_says_what_is_not_modelled():
     code, out, _ = call("info", "slider_crank")
     assert code == 0

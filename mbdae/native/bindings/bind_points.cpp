@@ -100,6 +100,24 @@ std::optional<double> ratio_of_pivots(PyCore& c, const Array& q, int rank) {
   }
 }
 
+// M by rows, nle, J by columns, M a + nle; velocities and accelerations of joints for v' = a, (joints, 6).
+nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
+  const CoreLock lock(c);
+  Mechanics& m = c.core->system.mechanics;
+  c.core->system.point.invalidate();
+  const size_t nv = m.nv, n = m.joints;
+  Numbers at = numbers(q, m.nq, "q"), u = numbers(v, nv, "v"), rate = numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
+  m.dynamics(at.data(), u.data());
+  Numbers M(m.M(), m.M() + nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
+  for (size_t i = 0; i < nv; ++i)
+    for (size_t k = i + 1; k < nv; ++k) M[i * nv + k] = M[k * nv + i];
+  m.inverse(at.data(), u.data(), rate.data(), full.data());
+  m.motions(at.data(), u.data(), rate.data());
+  for (size_t j = 0; j < n; ++j) m.velocity(j, &V[6 * j]), m.acceleration(j, &A[6 * j]);
+  return nb::make_tuple(array(M, {nv, nv}), vector(nle), array(J, {nv, 6}), vector(full), array(V, {n, 6}),
+                        array(A, {n, 6}));
+}
+
 double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
@@ -129,6 +147,8 @@ void bind_points(nb::class_<PyCore>& core) {
            "Return g and G v + g_t over all rows whatever the mode, or None.")
       .def("pivot_ratio", ratio_of_pivots, arg("q"), arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
+      .def("dynamics", dynamics, arg("q"), arg("v"), arg("a"),
+           "Return M, nle, J^T, M a + nle, and velocities and accelerations of joints in the world, (njoints, 6).")
       .def("minimal_stage_seconds", minimal_stage_seconds, arg("q"), arg("v"), arg("repetitions"),
            "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }

@@ -1,28 +1,20 @@
 #include "mechanism/mechanics.hpp"
 
-#include <chrono>
 #include <iterator>
 #include <stdexcept>
 
-#include <pinocchio/multibody.hpp>
-#include <pinocchio/algorithm/cholesky.hpp>
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/jacobian.hpp>
-#include <pinocchio/algorithm/joint-configuration.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 
 #include <boost/python/extract.hpp>
 
-#include "math/dense_lu.hpp"
+#include "mechanism/mechanics_workspace.hpp"
 #include "mechanism/model.hpp"
+#include "mechanism/tree_joints.hpp"
 
 namespace mbdae {
-
-using Eigen::VectorXd;
-using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library compiles its algorithms
-using In = Eigen::Map<const VectorXd>;
-using Out = Eigen::Map<VectorXd>;
 
 namespace {
 
@@ -47,21 +39,8 @@ pinocchio::Data lean(const pinocchio::Model& model) {
 
 }  // namespace
 
-struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m)
-      : model(m), data(lean(m)), kept(data.oMi), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
-  const pinocchio::Model& model;
-  pinocchio::Data data;
-  decltype(data.oMi) kept;
-  VectorXd q, v, a, rate, end;  // a stays 0
-  struct Begun {  // partials at (q, v): terms known so far
-    VectorXd q, v, nle;
-    pinocchio::Data::Matrix6x J, about;  // about the world's origin, and about the reference point of the partials
-    Eigen::MatrixXd M;
-    decltype(pinocchio::Data::oMi) oMi;
-  } begun;
-  std::unique_ptr<RneaPartials> partials;
-};
+Mechanics::Workspace::Workspace(const pinocchio::Model& m)
+    : model(m), data(lean(m)), kept(data.oMi), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
 
 Mechanics::Mechanics(const void* model, const Tolerances& limits_)
     : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
@@ -76,6 +55,10 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_)
       const auto end = own.end() - w->model.nvs[j] + i;
       ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
     }
+  w->nle.setZero(nv);
+  auto tree = tree_joints(w->model);
+  const double *gravity = w->model.gravity.linear().data(), *armature = w->model.armature.data();
+  if (!tree.empty()) w->sweep.reset(new TreeSweep(std::move(tree), ancestors, gravity, armature));
 }
 
 Mechanics::~Mechanics() = default;
@@ -91,12 +74,20 @@ std::vector<std::vector<int>> Mechanics::supports() const {
 
 void Mechanics::inertia(const double* q) {
   ++placed_;
+  if (w->sweep) return w->sweep->inertia(q, w->poses(), w->J(), w->data.M.data());
   w->q = In(q, nq);
   pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
 }
 
+void Mechanics::dynamics(const double* q, const double* v) {
+  if (!w->sweep) return inertia(q), bias(q, v);
+  ++motion_, ++placed_;
+  w->sweep->dynamics(q, v, w->poses(), w->J(), w->data.M.data(), w->nle.data());
+}
+
 void Mechanics::poses(const double* q) {
   ++placed_;
+  if (w->sweep) return w->sweep->poses(q, w->poses(), w->J());
   w->q = In(q, nq);
   pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
 }
@@ -106,24 +97,28 @@ void Mechanics::back() { ++placed_, w->data.oMi = w->kept; }
 
 void Mechanics::motions(const double* q, const double* v) {
   ++motion_, ++placed_;
+  if (w->sweep) return w->sweep->motions(q, v, nullptr, w->poses(), w->J());
   w->q = In(q, nq), w->v = In(v, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
 }
 
 void Mechanics::motions(const double* q, const double* v, const double* a) {
   ++motion_, ++placed_;
+  if (w->sweep) return w->sweep->motions(q, v, a, w->poses(), w->J());
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
 }
 
-void Mechanics::bias(const double* q, const double* v, double* out) {
+void Mechanics::bias(const double* q, const double* v) {
   ++motion_, ++placed_;
+  if (w->sweep) return w->sweep->inverse(q, v, nullptr, w->poses(), w->J(), w->nle.data());
   w->q = In(q, nq), w->v = In(v, nv);
-  Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
+  w->nle = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
 }
 
 void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
   ++motion_, ++placed_;
+  if (w->sweep) return w->sweep->inverse(q, v, a, w->poses(), w->J(), out);
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
   pinocchio::updateGlobalPlacements(w->model, w->data);
@@ -160,13 +155,13 @@ void Mechanics::inertia(const double* q, const double* v) {
   }
   begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
   for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), amid.data(), &begun.about(0, k));
-  begun.q = In(q, nq), begun.v = In(v, nv), begun.nle.resize(nv), begun.M.resize(nv, nv);
-  w->partials->stand(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), begun.nle.data());
+  begun.q = In(q, nq), begun.v = In(v, nv), begun.M.resize(nv, nv);
+  w->partials->stand(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), w->nle.data());
   begun.M.diagonal() += w->model.armature;
   w->data.M = begun.M;
 }
 
-const double* Mechanics::bias() const { return w->begun.nle.data(); }
+const double* Mechanics::bias() const { return w->nle.data(); }
 
 void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
   ++placed_;
@@ -176,58 +171,6 @@ void Mechanics::partials(const double* q, const double* v, const double* a, doub
     inertia(q, v);
   w->partials->find(a, by_q, by_v, alone);
 }
-
-void Mechanics::integrate(const double* q, const double* x, double* out) {
-  w->q = In(q, nq), w->v = In(x, nv);
-  pinocchio::integrate(w->model, w->q, w->v, w->end);
-  Out(out, nq) = w->end;
-}
-
-void Mechanics::difference(const double* q0, const double* q1, double* out) {
-  Out(out, nv) = pinocchio::difference(w->model, VectorXd(In(q0, nq)), VectorXd(In(q1, nq)));
-}
-
-double Mechanics::bare(const double* q, const double* v, int r, const double* G_, int repetitions) {
-  using Matrix = Eigen::MatrixXd;
-  const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
-  w->q = In(q, nq), w->v = In(v, nv);
-  pinocchio::Data data(w->model);
-  Matrix X(nv, r + 1);
-  DenseLU<1> S;
-  VectorXd lam(r), vdot(nv);
-  const auto start = std::chrono::steady_clock::now();
-  for (int i = 0; i < repetitions; ++i) {
-    pinocchio::crba(w->model, data, Vector(w->q), pinocchio::Convention::WORLD);
-    pinocchio::cholesky::decompose(w->model, data);
-    X.leftCols(r) = GT;
-    X.col(r) = -pinocchio::nonLinearEffects(w->model, data, Vector(w->q), Vector(w->v));
-    pinocchio::cholesky::solve(w->model, data, X);
-    vdot = X.col(r);
-    if (r) {
-      S.resize(r);
-      Eigen::Map<Matrix>(S.column(0), r, r).noalias() = GT.transpose() * X.leftCols(r);
-      lam.noalias() = -GT.transpose() * vdot;
-      if (S.factorize()) S.solve(lam.data());
-      vdot.noalias() += X.leftCols(r) * lam;
-    }
-  }
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
-}
-
-void Mechanics::normalize(double* q) {
-  w->q = In(q, nq);
-  pinocchio::normalize(w->model, w->q);
-  Out(q, nq) = w->q;
-}
-
-void Mechanics::tangent_map(const double* q, const double* v, double* dq) {
-  Eigen::MatrixXd T = Eigen::MatrixXd::Zero(nq, nv);
-  w->q = In(q, nq);
-  pinocchio::tangentMap(w->model, w->q, T, pinocchio::SETTO);
-  Out(dq, nq).noalias() = T * In(v, nv);
-}
-
-void Mechanics::neutral(double* q) { Out(q, nq) = pinocchio::neutral(w->model); }
 
 double Mechanics::potential() const {
   double out = 0;
@@ -244,6 +187,7 @@ const double* Mechanics::rotation(int j) const { return w->data.oMi[j].rotation(
 const double* Mechanics::position(int j) const { return w->data.oMi[j].translation().data(); }
 
 void Mechanics::velocity(int j, double* out) const {
+  if (w->sweep) return w->sweep->velocity(j, out);
   Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
   if (j)
     o = w->data.oMi[j].act(w->data.v[j]).toVector();
@@ -252,6 +196,7 @@ void Mechanics::velocity(int j, double* out) const {
 }
 
 void Mechanics::acceleration(int j, double* out) const {
+  if (w->sweep) return w->sweep->acceleration(j, out);
   Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
   if (j)
     o = w->data.oMi[j].act(w->data.a[j]).toVector();
@@ -260,6 +205,7 @@ void Mechanics::acceleration(int j, double* out) const {
 }
 
 void Mechanics::falling(int j, double* out) const {
+  if (w->sweep) return w->sweep->acceleration(j, out);
   Eigen::Map<Eigen::Matrix<double, 6, 1>>(out, 6) = w->data.oMi[j].act(w->data.a_gf[j]).toVector();
 }
 
@@ -288,6 +234,10 @@ const void* model_pointer(PyObject* object) {
   boost::python::extract<const pinocchio::Model&> extract(object);
   if (!extract.check()) throw std::invalid_argument("expected a pinocchio.Model");
   return &extract();
+}
+
+bool model_sweeps(const void* pointer) {
+  return !tree_joints(*static_cast<const pinocchio::Model*>(pointer)).empty();
 }
 
 std::array<int, 3> model_sizes(const void* pointer) {

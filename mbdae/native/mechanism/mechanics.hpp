@@ -1,4 +1,5 @@
-// Interface to Pinocchio in arrays of numbers: only mechanics.cpp includes its types.
+// Interface to Pinocchio in arrays of numbers: of all other files only those named in README.md see its types. What the
+// sweep through the tree computes (tree_sweep.hpp), Pinocchio computes where it does not know a kind of joint.
 #pragma once
 
 #include <memory>
@@ -25,14 +26,15 @@ class Mechanics {
   std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
 
   void inertia(const double* q);                                  // M; J and poses in the world
-  void inertia(const double* q, const double* v);                 // the same, and the first terms of `partials`
-  const double* bias() const;                                     // (nv,) nle there
+  void dynamics(const double* q, const double* v);                // the same, and all that `bias` computes
+  void inertia(const double* q, const double* v);                 // M; J and poses; the first terms of `partials`
+  const double* bias() const;                                     // (nv,) nle of the last two, or of `bias`
   void poses(const double* q);                                    // J and poses alone
   void keep();                                                    // save poses for `back`; others are computed next
   void back();                                                    // to the saved poses
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
-  void bias(const double* q, const double* v, double* out);       // nle(q, v); velocities, inputs of `falling`
+  void bias(const double* q, const double* v);                    // nle(q, v); velocities, inputs of `falling`
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
   // model points to the expanded tree (mechanism/expanded_tree.py).

@@ -40,7 +40,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
   for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
-  point.inertia(q_.data(), with_partials_ ? v_.data() : nullptr);
+  point.dynamics(q_.data(), v_.data(), with_partials_);
   s_.counts.M += 1, s_.counts.factorizations += 1;
   const bool slides = static_cast<bool>(s_.friction);
   const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;
@@ -48,7 +48,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
   if (slides) s_.friction.update_slips(v_.data());
   double* rates = F + 2 * nv_;
-  s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, with_partials_);
+  s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
   if (!rows.empty()) constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
   if (last) {
     Index2System::LastStage& last_stage = s_.last_stage;

@@ -19,8 +19,14 @@ Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& cou
       U_(static_cast<size_t>(m.nv) * m.nv),
       root_(m.nv) {}
 
-void Configuration::inertia(const double* q, const double* v) {
-  v ? m_.inertia(q, v) : m_.inertia(q);
+void Configuration::inertia(const double* q) { m_.inertia(q), factorize(); }
+
+void Configuration::dynamics(const double* q, const double* v, bool with_partials) {
+  with_partials ? m_.inertia(q, v) : m_.dynamics(q, v);
+  factorize();
+}
+
+void Configuration::factorize() {
   invalidate();
   const int nv = m_.nv;
   const double* M = m_.M();
@@ -31,18 +37,18 @@ void Configuration::inertia(const double* q, const double* v) {
     for (int i : m_.ancestors[k]) c[i] = from[i];
   }
   for (int k = nv - 1; k >= 0; --k) {
-    const double* c = &U_[static_cast<size_t>(k) * nv];
+    double* c = &U_[static_cast<size_t>(k) * nv];
     const double d = c[k];
     if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
-    root_[k] = std::sqrt(d);
-    double* write = &U_[static_cast<size_t>(k) * nv];
+    root_[k] = 1 / std::sqrt(d);
+    const double over = 1 / d;
     for (int i : m_.ancestors[k]) {
-      const double a = c[i] / d;
+      const double a = c[i] * over;
       double* ci = &U_[static_cast<size_t>(i) * nv];
       ci[i] -= a * c[i];
       for (int j : m_.ancestors[i]) ci[j] -= a * c[j];
+      c[i] = a;
     }
-    for (int i : m_.ancestors[k]) write[i] /= d;
   }
 }
 
@@ -51,7 +57,7 @@ void Configuration::solve_root(double* x) const {
   for (int k = nv - 1; k >= 0; --k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
     for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
-    x[k] /= root_[k];
+    x[k] *= root_[k];
   }
 }
 
@@ -60,7 +66,7 @@ void Configuration::solve_root(double* x, const std::vector<int>& columns) const
     const int k = columns[j];
     const double* c = &U_[static_cast<size_t>(k) * m_.nv];
     for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
-    x[k] /= root_[k];
+    x[k] *= root_[k];
   }
 }
 
@@ -68,7 +74,7 @@ void Configuration::solve_root_transposed(double* x) const {
   const int nv = m_.nv;
   for (int k = 0; k < nv; ++k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
-    double s = x[k] / root_[k];
+    double s = x[k] * root_[k];
     for (int i : m_.ancestors[k]) s -= c[i] * x[i];
     x[k] = s;
   }

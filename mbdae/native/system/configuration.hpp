@@ -15,7 +15,8 @@ class Configuration {
  public:
   Configuration(Mechanics& m, Constraints& constraints, Counts& counts);
 
-  void inertia(const double* q, const double* v = nullptr);     // M, its factors; v: first partials; G, Z invalid
+  void inertia(const double* q);                                // M, its factors; G, Z invalid
+  void dynamics(const double* q, const double* v, bool with_partials);  // and nle; or the first terms of partials
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
   void scale_row(int row) { scale_row(row, G, Z); }             // Z of a row, from G
   void scale_row(int row, const Numbers& G, Numbers& Z) const;  // the same of other rows (ng, nv)
@@ -35,6 +36,8 @@ class Configuration {
   Numbers scratch_G;  // (ng, nv) scratch, zero outside the columns of rows
 
  private:
+  void factorize();  // M
+
   Mechanics& m_;
   Constraints& constraints_;
   Counts& counts_;
@@ -42,7 +45,7 @@ class Configuration {
   long stamp_ = 0;
   Numbers q_;     // (nq,) where it is current
   Numbers U_;     // (nv, nv) by columns: above the diagonal, U
-  Numbers root_;  // (nv,) D^1/2
+  Numbers root_;  // (nv,) D^-1/2
 };
 
 }  // namespace mbdae

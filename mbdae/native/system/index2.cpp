@@ -31,7 +31,6 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       conservative_(nv),
       other_(nv),
       f_(nv),
-      f_bias_(nv),
       lam_(ng),
       gt_(ng),
       gap_(ng),
@@ -80,10 +79,10 @@ void Index2System::torque(double t, const double* q, const double* v, const doub
 }
 
 void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
-                          bool begun) {
+                          bool biased) {
   torque(t, q, v, s, f, rates);
-  if (!begun) mechanics.bias(q, v, f_bias_.data());
-  const double* bias = begun ? mechanics.bias() : f_bias_.data();
+  if (!biased) mechanics.bias(q, v);
+  const double* bias = mechanics.bias();
   for (int i = 0; i < nv; ++i) f[i] -= bias[i];
   if (!finite(f, nv)) throw FallBackToPython();
 }

@@ -89,10 +89,9 @@ class Index2System {
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void deactivate_rows(std::vector<bool> off, bool sticks);
 
-  // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; begun: with first terms of
-  // partials.
+  // f (nv,) and the rates (s', power in W), (ns + 1,), with current kinematics at q; biased: and nle at (q, v).
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
-              bool begun = false);
+              bool biased = false);
   // tau (nv,) of all laws, and the rates, with current kinematics at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
   // Partials at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses are current afterwards.
@@ -153,7 +152,7 @@ class Index2System {
   std::vector<Law> laws_;
   const Numbers probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
-  Numbers conservative_, other_, f_, f_bias_;  // (nv,)
+  Numbers conservative_, other_, f_;  // (nv,)
   Numbers lam_, gt_, gap_, rate_;     // (ng,)
   Numbers all_G_;                     // (ng, nv)
   Numbers law_partials_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ... import backend
 from ...integrate.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
@@ -50,6 +51,8 @@ class Card(Tabular):
         solve: settings of runs in the file.
         not_modelled: features that the motion ignores.
         fixed: links without a parent joint: their base is fixed to the world.
+        inertia: the source of M, nle and J in runs of the compiled core: its sweep through the tree, or Pinocchio's
+            routines where the sweep does not know a kind of joint; empty without the core.
     """
 
     title: str
@@ -75,6 +78,7 @@ class Card(Tabular):
     solve: dict[str, Any] = field(default_factory=dict)
     not_modelled: tuple[str, ...] = NOT_MODELLED
     fixed: tuple[str, ...] = ()
+    inertia: str = ""
 
     def facts(self) -> dict[str, str]:
         """Return the facts by heading; lists have several lines."""
@@ -112,6 +116,8 @@ class Card(Tabular):
         lines += self._closures()
         lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
         lines += [f"  parameter {p['name']} = {p['value']}: {p['takes']}" for p in self.parameters]
+        if self.inertia:
+            lines.append(f"  inertia   by {self.inertia}")
         if self.solve:
             lines.append(f"  solve     {', '.join(f'{name} = {x}' for name, x in self.solve.items())}")
         if self.motors:
@@ -204,4 +210,11 @@ def card(mech: Mechanism) -> Card:
         solve=mech.settings.given,
         not_modelled=(*NOT_MODELLED, *mech.left_out),
         fixed=tuple(fixed_links(mech.model)),
+        inertia=_inertia_by(mech),
     )
+
+
+def _inertia_by(mech: Mechanism) -> str:
+    if (native := backend.load()) is None:
+        return ""
+    return "the core's sweep through the tree" if native.sweeps(mech.model) else "Pinocchio"

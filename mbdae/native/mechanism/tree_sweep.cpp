@@ -1,0 +1,258 @@
+#include "mechanism/tree_sweep.hpp"
+
+#include <cmath>
+#include <cstring>
+
+namespace mbdae {
+
+namespace {
+
+inline void rotate(const double* R, const double* x, double* out) {  // R by columns
+  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
+}
+
+inline void copy(const double* R, double* out) { std::memcpy(out, R, 9 * sizeof(double)); }
+
+inline void rotate_columns(const double* R, const double* X, double* out) {
+  for (int j = 0; j < 3; ++j) rotate(R, X + 3 * j, out + 3 * j);
+}
+
+inline void turn_about(int i, double c, double s, const double* R, double* out) {  // out = R Rot(e_i, angle)
+  const int j = 3 * ((i + 1) % 3), k = 3 * ((i + 2) % 3);
+  for (int l = 0; l < 3; ++l) {
+    const double y = R[j + l], z = R[k + l];
+    out[3 * i + l] = R[3 * i + l], out[j + l] = c * y + s * z, out[k + l] = c * z - s * y;
+  }
+}
+
+inline void about_axis(const double* e, double c, double s, double* R) {
+  const double C = 1 - c;
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i) R[3 * j + i] = C * e[i] * e[j] + (i == j ? c : 0);
+  R[1] += s * e[2], R[2] -= s * e[1], R[3] -= s * e[2], R[5] += s * e[0], R[6] += s * e[1], R[7] -= s * e[0];
+}
+
+inline void of_quaternion(const double* q, double* R) {  // x, y, z, w
+  const double x = 2 * q[0], y = 2 * q[1], z = 2 * q[2];
+  const double wx = x * q[3], wy = y * q[3], wz = z * q[3], xx = x * q[0], xy = y * q[0], xz = z * q[0];
+  const double yy = y * q[1], yz = z * q[1], zz = z * q[2];
+  R[0] = 1 - (yy + zz), R[1] = xy + wz, R[2] = xz - wy;
+  R[3] = xy - wz, R[4] = 1 - (xx + zz), R[5] = yz + wx;
+  R[6] = xz + wy, R[7] = yz - wx, R[8] = 1 - (xx + yy);
+}
+
+inline void symmetric(const double* S, const double* x, double* out) {  // S x; xx, xy, yy, xz, yz, zz
+  out[0] = S[0] * x[0] + S[1] * x[1] + S[3] * x[2];
+  out[1] = S[1] * x[0] + S[2] * x[1] + S[4] * x[2];
+  out[2] = S[3] * x[0] + S[4] * x[1] + S[5] * x[2];
+}
+
+inline void rotate_symmetric(const double* R, const double* S, double* out) {  // R S R^T
+  double RS[9];  // by columns
+  const double columns[9] = {S[0], S[1], S[3], S[1], S[2], S[4], S[3], S[4], S[5]};
+  rotate_columns(R, columns, RS);
+  for (int i = 0, at = 0; i < 3; ++i)
+    for (int j = 0; j <= i; ++j, ++at) out[at] = RS[i] * R[j] + RS[3 + i] * R[3 + j] + RS[6 + i] * R[6 + j];
+}
+
+}  // namespace
+
+TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors,
+                     const double* gravity, const double* armature)
+    : joints_(std::move(joints)), gravity_(gravity), armature_(armature), about_(ancestors.size()) {
+  for (const auto& x : ancestors) {
+    first_.push_back(static_cast<int>(ancestors_.size()));
+    ancestors_.insert(ancestors_.end(), x.begin(), x.end());
+  }
+  first_.push_back(static_cast<int>(ancestors_.size()));
+  for (size_t i = 0; i < joints_.size(); ++i)
+    if (joints_[i].joint >= 0) carrier_.push_back(static_cast<int>(i));
+  links_.resize(12 * joints_.size());
+  V_.resize(joints_.size()), A_.resize(joints_.size()), arms_.resize(joints_.size()), from_.resize(joints_.size());
+  subtrees_.resize(joints_.size());
+}
+
+inline void TreeSweep::place(int j, const double* q, const double* before, double* pose) {
+  const TreeJoint& x = joints_[j];
+  const double* at = q + x.q;
+  double R[9], step[3];
+  if (x.parent)
+    rotate_columns(before, x.R, R), rotate(before, x.p, step);
+  else
+    copy(x.R, R), std::memcpy(step, x.p, sizeof(step));
+  if (x.slides == 1 || x.pitch != 0) {
+    const double far = x.slides ? at[0] : x.pitch * at[0];
+    double along[3];
+    rotate(R, x.axis, along);
+    for (int i = 0; i < 3; ++i) step[i] += far * along[i];
+  } else {
+    for (int k = 0; k < x.slides; ++k)
+      for (int i = 0; i < 3; ++i) step[i] += at[k] * R[3 * k + i];
+  }
+  for (int i = 0; i < 3; ++i) {  // arms apart: differences of positions far from the origin have lost digits
+    pose[9 + i] = x.parent ? before[9 + i] + step[i] : step[i];
+    arms_[j][i] = x.parent ? arms_[x.parent][i] + step[i] : 0;
+  }
+  at += x.slides;
+  if (x.turn == TreeJoint::none) return copy(R, pose);
+  double local[9];
+  if (x.turn == TreeJoint::quaternion) {
+    of_quaternion(at, local);
+  } else {
+    const bool angle = x.turn == TreeJoint::angle;
+    const double c = angle ? std::cos(at[0]) : at[0], s = angle ? std::sin(at[0]) : at[1];
+    if (x.along >= 0) return turn_about(x.along, c, x.sense * s, R, pose);
+    about_axis(x.axis, c, s, local);
+  }
+  rotate_columns(R, local, pose);
+}
+
+// Sliding axes of a joint come first, then those of rotation.
+inline void TreeSweep::columns(int j, const double* pose, double* J) {
+  const TreeJoint& x = joints_[j];
+  const double *p = pose + 9, *arm = arms_[j].data();
+  int k = x.v;
+  const auto slide = [&](const double* e) {
+    const Six column{e[0], e[1], e[2], 0, 0, 0};
+    about_[k] = column, std::copy(column.begin(), column.end(), J + 6 * k++);
+  };
+  const auto turn = [&](const double* e) {
+    double *here = about_[k].data(), *out = J + 6 * k++;
+    cross(arm, e, here), cross(p, e, out);
+    for (int i = 0; i < 3; ++i) here[3 + i] = out[3 + i] = e[i];
+  };
+  if (x.nv != 1) {
+    const int turns = x.nv - x.slides;
+    for (int i = 0; i < x.slides; ++i) slide(pose + 3 * i);
+    for (int i = 3 - turns; i < 3; ++i) turn(pose + 3 * i);
+    return;
+  }
+  double e[3];
+  if (x.along >= 0)
+    for (int i = 0; i < 3; ++i) e[i] = x.sense * pose[3 * x.along + i];
+  else
+    rotate(pose, x.axis, e);
+  x.slides ? slide(e) : turn(e);
+  if (x.pitch != 0)
+    for (int i = 0; i < 3; ++i) about_[x.v][i] += x.pitch * e[i], J[6 * x.v + i] += x.pitch * e[i];
+}
+
+inline void TreeSweep::move(int j, const double* v, const double* a) {
+  const TreeJoint& x = joints_[j];
+  const Six& before = V_[x.parent];
+  Six own{}, A = A_[x.parent];
+  for (int k = x.v; k < x.v + x.nv; ++k)
+    for (int i = 0; i < 6; ++i) own[i] += about_[k][i] * v[k];
+  if (x.parent) {
+    double turned[6];
+    motion_cross(before.data(), own.data(), turned);
+    for (int i = 0; i < 6; ++i) A[i] += turned[i], own[i] += before[i];
+  }
+  for (int k = x.v; a && k < x.v + x.nv; ++k)
+    for (int i = 0; i < 6; ++i) A[i] += about_[k][i] * a[k];
+  V_[j] = own, A_[j] = A;
+}
+
+template <bool weighs, bool pushes>
+inline void TreeSweep::weigh(int j, const double* pose) {
+  const TreeJoint& x = joints_[j];
+  Subtree& out = subtrees_[j];
+  if (x.joint < 0) {
+    out = {};
+    return;
+  }
+  const double mass = *x.mass;
+  double c[3], I[6];
+  rotate(pose, x.lever, c), rotate_symmetric(pose, x.I, I);
+  for (int i = 0; i < 3; ++i) c[i] += arms_[j][i];
+  if (pushes) {  // mass times the acceleration of the centre, and Euler's equation
+    const double *V = V_[j].data(), *A = A_[j].data(), *w = V + 3;
+    double u[3], h[3], *F = out.f.data(), *N = F + 3;
+    std::copy(A, A + 3, F), add_cross(A + 3, c, F);
+    std::copy(V, V + 3, u), add_cross(w, c, u), add_cross(w, u, F);
+    for (int i = 0; i < 3; ++i) F[i] *= mass;
+    symmetric(I, A + 3, N), symmetric(I, w, h), add_cross(w, h, N), add_cross(c, F, N);
+  }
+  if (weighs) {
+    out.mass = mass;
+    for (int i = 0; i < 3; ++i) out.moment[i] = mass * c[i];
+    const double square = dot(out.moment, c);
+    for (int i = 0, at = 0; i < 3; ++i)
+      for (int k = 0; k <= i; ++k, ++at) out.I[at] = I[at] - out.moment[i] * c[k] + (i == k ? square : 0);
+  }
+}
+
+template <bool moves, bool weighs, bool pushes>
+void TreeSweep::outward(const double* q, const double* v, const double* a, double* poses, double* J) {
+  const int n = static_cast<int>(joints_.size());
+  for (int j = 1; j < n; ++j) {
+    const TreeJoint& x = joints_[j];
+    double* here = pose(j, poses);
+    place(j, q, pose(x.parent, poses), here);
+    columns(j, here, J);
+    if (moves) {
+      const double* from = pose(x.root, poses) + 9;
+      std::copy(from, from + 3, from_[j].begin()), move(j, v, a);
+    }
+    if (weighs || pushes) weigh<weighs, pushes>(j, here);
+  }
+}
+
+template <bool weighs, bool pushes>
+void TreeSweep::inward(double* M, double* nle) {
+  const size_t nv = about_.size();
+  for (int j = static_cast<int>(joints_.size()) - 1; j > 0; --j) {
+    const TreeJoint& x = joints_[j];
+    const Subtree& own = subtrees_[j];
+    for (int k = x.v; k < x.v + x.nv; ++k) {
+      const double* J = about_[k].data();
+      if (pushes) nle[k] = dot6(own.f.data(), J);
+      if (!weighs) continue;
+      double F[6], *column = M + nv * k;
+      for (int i = 0; i < 3; ++i) F[i] = own.mass * J[i];
+      add_cross(J + 3, own.moment, F), symmetric(own.I, J + 3, F + 3), add_cross(own.moment, J, F + 3);
+      column[k] = dot6(F, J) + armature_[k];
+      for (int i = first_[k]; i < first_[k + 1]; ++i) column[ancestors_[i]] = dot6(F, about_[ancestors_[i]].data());
+    }
+    if (!x.parent) continue;
+    Subtree& to = subtrees_[x.parent];
+    if (pushes)
+      for (int i = 0; i < 6; ++i) to.f[i] += own.f[i];
+    if (!weighs) continue;
+    to.mass += own.mass;
+    for (int i = 0; i < 3; ++i) to.moment[i] += own.moment[i];
+    for (int i = 0; i < 6; ++i) to.I[i] += own.I[i];
+  }
+}
+
+void TreeSweep::poses(const double* q, double* poses, double* J) {
+  outward<false, false, false>(q, nullptr, nullptr, poses, J);
+}
+
+void TreeSweep::inertia(const double* q, double* poses, double* J, double* M) {
+  outward<false, true, false>(q, nullptr, nullptr, poses, J), inward<true, false>(M, nullptr);
+}
+
+void TreeSweep::dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) {
+  for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
+  outward<true, true, true>(q, v, nullptr, poses, J), inward<true, true>(M, nle);
+}
+
+void TreeSweep::inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) {
+  for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
+  outward<true, false, true>(q, v, a, poses, J), inward<false, true>(nullptr, out);
+  for (size_t k = 0; a && k < about_.size(); ++k) out[k] += armature_[k] * a[k];
+}
+
+void TreeSweep::motions(const double* q, const double* v, const double* a, double* poses, double* J) {
+  A_[0] = {};
+  outward<true, false, false>(q, v, a, poses, J);
+}
+
+void TreeSweep::shift(const std::vector<Six>& of, int joint, double* out) const {
+  const int j = carrier_[joint];
+  const Six& x = of[j];
+  std::copy(x.begin(), x.end(), out), add_cross(from_[j].data(), x.data() + 3, out);
+}
+
+}  // namespace mbdae

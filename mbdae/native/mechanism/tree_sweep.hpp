@@ -1,0 +1,79 @@
+// Poses, joint Jacobian, mass matrix and bias of a tree in one pass outward and one inward, in the world's frame, for
+// joints whose axes are fixed in their bodies (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "math/spatial.hpp"
+
+namespace mbdae {
+
+// A joint with fixed axes and its child body: a joint of the model, or one of several that make it. The numbers of the
+// model are read where Pinocchio has them, so that they may change.
+struct TreeJoint {
+  enum Turn { none, angle, circle, quaternion } turn = none;  // coordinates of rotation, after those of position
+  int parent = 0, root = 0;  // in this tree; root: the first one of its branch
+  int joint = 0;             // of the model, whose body it carries; -1: a link without mass
+  int q = 0, v = 0, nv = 0;
+  int slides = 0;       // coordinates of position: one along the axis, or along the axes of the placement
+  double axis[3] = {};  // unit vector of a joint with one velocity, and of the rotation of a planar one
+  int along = -1;       // the frame's axis that this is, times `sense`; -1: none
+  double sense = 1;
+  double pitch = 0;     // m/rad
+  const double *R = nullptr, *p = nullptr;                       // placement on the parent, by columns
+  const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body; about its centre, xx, xy, yy, xz, yz, zz
+};
+
+class TreeSweep {
+ public:
+  // Parents first, the world before all; ancestors of each degree of freedom, nearest first; gravity (3,), armature
+  // (nv,).
+  TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors, const double* gravity,
+            const double* armature);
+
+  // Poses (joints, 12), R by columns and p, of which the first is that of the world, and J (6, nv) by columns at the
+  // world's origin.
+  void poses(const double* q, double* poses, double* J);
+  // The same, and entries of M (nv, nv) by columns, above the diagonal on the branches of the tree.
+  void inertia(const double* q, double* poses, double* J, double* M);
+  // The same, with nle (nv,); velocities, and accelerations for v' = 0 minus gravity.
+  void dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle);
+  // M a + nle, a = nullptr: 0; velocities, and accelerations for v' = a minus gravity.
+  void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out);
+  // Velocities and accelerations for v' = a.
+  void motions(const double* q, const double* v, const double* a, double* poses, double* J);
+
+  void velocity(int joint, double* out) const { shift(V_, joint, out); }  // spatial, at the world's origin
+  void acceleration(int joint, double* out) const { shift(A_, joint, out); }
+
+ private:
+  struct Subtree {  // mass, moment, inertia as in TreeJoint, wrench: about the root's position
+    double mass, moment[3], I[6];
+    Six f;
+  };
+
+  template <bool moves, bool weighs, bool pushes>
+  void outward(const double* q, const double* v, const double* a, double* poses, double* J);
+  template <bool weighs, bool pushes>
+  void inward(double* M, double* nle);
+  double* pose(int j, double* poses) { return joints_[j].joint < 0 ? &links_[12 * j] : poses + 12 * joints_[j].joint; }
+  void place(int j, const double* q, const double* before, double* pose);
+  void columns(int j, const double* pose, double* J);
+  void move(int j, const double* v, const double* a);
+  template <bool weighs, bool pushes>
+  void weigh(int j, const double* pose);
+  void shift(const std::vector<Six>& x, int joint, double* out) const;
+
+  const std::vector<TreeJoint> joints_;
+  std::vector<int> carrier_;  // of each joint of the model: its place in joints_
+  std::vector<double> links_;  // (joints, 12) poses of links without mass
+  std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
+  const double *gravity_, *armature_;
+  std::vector<Six> about_;  // (nv,) columns of J about the root's position, where few digits cancel
+  std::vector<Six> V_, A_;  // (joints,) about the same points
+  std::vector<std::array<double, 3>> arms_, from_;  // (joints,) from the root's position; about which V_ and A_ are
+  std::vector<Subtree> subtrees_;
+};
+
+}  // namespace mbdae
