@@ -198,6 +198,29 @@ class Core:
     def partials(
         self, t: float, q: Array, u: Array, vdot: Array, lam: Array
     ) -> tuple[Array, Array, Array, Array, Array, Array] | None: ...
+    def start(
+        self, t: float, y: Array, project: bool, ambiguous: float, fallen: float, dependent: float
+    ) -> tuple[Array, Array, Array, list[int], float] | None: ...
+    def others_depend(self, q: Array, tolerance: float) -> bool | None: ...
+    def first_step(
+        self,
+        t: float,
+        y: Array,
+        F: Array,
+        *,
+        sign: float,
+        left: float,
+        rtol: float,
+        atol: Array,
+        power: float,
+        small: float,
+        least: float,
+        share: float,
+        change: float,
+        growth: float,
+        flat: float,
+        nothing: float,
+    ) -> float | None: ...
     def derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
     def raw_derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
     def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]: ...

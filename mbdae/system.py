@@ -215,6 +215,26 @@ class System(Protocol):
         """Return y (n,) projected onto constraints that methods do not enforce (positions); to rounding, if tight."""
         return y
 
+    def start(self, t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
+        """Select the rows in use at the start of a run, on the constraints close to y; return y, y' and z there.
+
+        Args:
+            t: time.
+            y: the point, with constraints violated by no more than the accuracy of its numbers.
+            project: whether y is projected onto the constraints.
+        """
+        with suppress(StepError):
+            closed = self.restore(t, y)
+            self.update_independent_rows(t, State(closed))
+            self.counts.state_projections = 0  # only those of steps are counted
+            y = closed if project else y
+        y = self.update_independent_rows(t, State(y)).y
+        return y, *self.derivative(t, y)
+
+    def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
+        """Return a first step size in s from the compiled core; None where Python estimates it."""
+        return None
+
     @property
     def in_use(self) -> tuple[int, ...]:
         """The constraint rows in use, if some are redundant."""

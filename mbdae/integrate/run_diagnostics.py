@@ -3,13 +3,14 @@
 import numpy as np
 
 from ..mechanism.closures.closure_error import largest_error
-from ..mechanism.closures.preconditions import lost_precondition
+from ..mechanism.closures.preconditions import closures_with_preconditions, lost_precondition
 from ..mechanism.contacts import first_negative, rolling_closures
 from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.formulations.projection import contradicting_rows
 from ..mechanism.reactions import mass_scaled_jacobian
 from ..solution.columns import energy_balance
 from ..solution.solution import Solution
+from ..system import Array
 from ..tolerances import AMBIGUOUS_PIVOT, VISIBLE
 
 POSITION_TOLERANCE = 0.01  # rad or characteristic lengths
@@ -69,8 +70,10 @@ def energy_imbalance(sol: Solution, system: Index2System) -> str:
 
 def lost_preconditions(sol: Solution, system: Index2System) -> str:
     """Return which closure lost a precondition, and when; empty if none."""
+    if not closures_with_preconditions(sol.mechanism):
+        return ""
     ts, ys, _ = sol.nodes
-    some = np.unique(np.linspace(0, len(ts) - 1, PRECONDITION_NODES).astype(int))
+    some = _spread(len(ts), PRECONDITION_NODES)
     return lost_precondition(system, ts[some], ys[some, : system.nq])
 
 
@@ -89,6 +92,8 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     if not sol.settings["project"] or not 0 < len(used) < system.ng:
         return ""
     ts, ys, _ = sol.nodes
+    if system.others_depend(ts[-1], ys[-1]):
+        return ""
     G = mass_scaled_jacobian(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]
     size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
@@ -126,13 +131,18 @@ def lift_off(sol: Solution, system: Index2System) -> str:
 def relative_energy_error(sol: Solution, system: Index2System) -> float:
     """Return the largest |E - E_0 - W| at some steps, relative to |W|, kinetic energy and potential energy range."""
     ts, ys, _ = sol.nodes
-    at = np.unique(np.linspace(0, len(ys) - 1, SAMPLES + 1).astype(int))
+    at = _spread(len(ys), SAMPLES + 1)
     times, some = ts[at], ys[at]
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic, potential = system.residuals(times, some)[2].T
         v = some[:, system.nq : system.nq + system.nv]
         error, scale = energy_balance(system.mechanism, v, kinetic, potential, some[:, -1])
     return float(error.max() / scale) if scale else 0.0
+
+
+def _spread(n: int, most: int) -> Array:
+    """Return indices of n nodes, evenly spread from the first to the last, at most so many."""
+    return np.arange(n) if n <= most else np.unique(np.linspace(0, n - 1, most).astype(int))
 
 
 CHECKS = (

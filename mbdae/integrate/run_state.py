@@ -85,27 +85,22 @@ class RunState:
         y = self.ys[-1].copy()
         for source in reversed(self.sources):  # states jump before mode selection
             y = source.adjust_point(self, y)
-        if not self.in_use:
-            y = self._start_on_closures(y)
-        self._start_at(y)
+        if self.in_use:
+            self._start_at(y)
+        else:
+            self._set_start(*self.system.start(self.t, y, self.project))
         self.interval = self.jumps.interval(self.t)
         for source in self.sources:
             source.begin_interval(self)
 
-    def _start_on_closures(self, y: Array) -> Array:
-        """Determine rank and rows in use at a point on the closures; return that point if the run projects, else y."""
-        with suppress(StepError):
-            closed = self.system.restore(self.t, y)
-            self.system.update_independent_rows(self.t, State(closed))
-            self.system.counts.state_projections = 0  # only those of steps are counted
-            return closed if self.project else y
-        return y
-
     def _start_at(self, y: Array, restarted: bool = False) -> None:
-        y = self.ys[-1] = self.system.update_independent_rows(self.t, State(y)).y
+        y = self.system.update_independent_rows(self.t, State(y)).y
+        self._set_start(y, *self.system.derivative(self.t, y), restarted)
+
+    def _set_start(self, y: Array, F: Array, z: Array, restarted: bool = False) -> None:
         self.record_rows(restarted)
-        self.F, z = self.system.derivative(self.t, y)
-        self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
+        self.ys[-1], self.zs[-1], self.F = y, z, F
+        self.state = State(y, self.system.carry(F, z))
         self.carries.store(len(self.ts) - 1, self.state.carry)
 
     def record_rows(self, restarted: bool = False) -> None:

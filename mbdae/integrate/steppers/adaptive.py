@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from ..run_state import RunState
 
 SMALLEST_RTOL = 100 * EPS
-STARTING_STEP = 1e-5, 1e-6, 1e-3  # of Hairer's algorithm: small norms, and h_0 for them; h_1 relative to h_0
+# Of Hairer's algorithm: small norms, and h_0 for them; h_1 of h_0 at rest; change of y in h_0; largest h_1 / h_0.
+STARTING_STEP = {"small": 1e-5, "least": 1e-6, "share": 1e-3, "change": 0.01, "growth": 100.0}
 
 
 class Adaptive(PythonStepper):
@@ -87,8 +88,8 @@ class Adaptive(PythonStepper):
     def ready_for_core(self, run: "RunState") -> bool:
         """Choose the first step size, if unknown; the compiled core may take the next steps."""
         if self.h is None:
+            self._check_atol(run)
             self.h = max(self._estimate_first_step(run), smallest_step(run.t, run.t1))
-            self._scale(run, run.state.y)
         return True
 
     def limit_step(self, h: float) -> None:
@@ -105,32 +106,42 @@ class Adaptive(PythonStepper):
         """Return the settings that are recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
 
-    def _scale(self, run: "RunState", y: Array) -> Array:
-        m = run.system.measured
-        n = len(range(run.system.ny)[m])
+    def _check_atol(self, run: "RunState") -> None:
+        n = len(range(run.system.ny)[run.system.measured])
         if self.atol.shape not in ((), (n,)):
             raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
+
+    def _scale(self, run: "RunState", y: Array) -> Array:
+        self._check_atol(run)
+        m = run.system.measured
         size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
         return self.atol + self.rtol * size + TINY
 
     def _estimate_first_step(self, run: "RunState") -> float:
         """Estimate the first step size (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
         s, y, F = run.system, run.state.y, run.F
+        small, least, share, change, growth = STARTING_STEP.values()
+        left, power = run.time_to_interval_end(), self.controller.power
+        found = s.first_step(
+            run.t, y, F, sign=run.sign, left=left, rtol=float(self.rtol), atol=self.atol.ravel(), power=power,
+            flat=ROUNDING, nothing=TINY, **STARTING_STEP,
+        )  # fmt: skip
+        if found is not None:
+            return found
         scale, m = self._scale(run, y), s.measured
 
         def norm(x: Array) -> float:
             return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
 
         d0, d1 = norm(s.size(y)), norm(F)
-        small, least, first_share = STARTING_STEP
-        h0 = min(least if min(d0, d1) < small else 0.01 * d0 / d1, run.time_to_interval_end())
+        h0 = min(least if min(d0, d1) < small else change * d0 / d1, left)
         if not h0 > 0:  # the rates overflow: the error appears in the smallest step
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0
         steepest = max(d1, d2)
-        h1 = max(least, first_share * h0) if steepest <= ROUNDING else (0.01 / steepest) ** (1 / self.controller.power)
-        return min(100 * h0, h1)
+        h1 = max(least, share * h0) if steepest <= ROUNDING else (change / steepest) ** (1 / power)
+        return min(growth * h0, h1)
 
 
 def _not_negative(name: str, value: Any) -> Array:

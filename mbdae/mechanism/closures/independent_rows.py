@@ -7,7 +7,7 @@ from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
 
 from ...discovery import lazy_import
 from ...errors import StepError
-from ...tolerances import BELOW_ROUNDING, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
+from ...tolerances import AMBIGUOUS_PIVOT, BELOW_ROUNDING, EPS, PIVOT_RANK, SUM_ROUNDING, TRUNCATION
 
 csr_array = lazy_import("scipy.sparse", "csr_array")
 reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mckee")
@@ -140,7 +140,26 @@ def select_rows(
     order, best = pivoting or pivots(B)
     if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
         return rows
+    if B.shape[1] > MANY_ROWS:
+        order = order_of_many(B, r, AMBIGUOUS_PIVOT if rows is None else EPS**0.5)
     return order[:r][position[order[:r]].argsort()]
+
+
+def order_of_many(B: np.ndarray, r: int, tie: float) -> np.ndarray:
+    """Return the first r columns of pivoted QR of B, (r,), by Cholesky's elimination of B^T B.
+
+    Of squared pivots that are equal to a relative tolerance ``tie``, the first column is taken: in a symmetric
+    mechanism many are equal, and their rounding, which differs in the compiled core, must not decide.
+    """
+    S, order = B.T.dot(B), np.empty(r, int)
+    diagonal = S.diagonal().copy()
+    for k in range(r):
+        order[k] = p = int((diagonal > diagonal.max() * (1 - tie)).argmax())
+        column = S[p] / diagonal[p]
+        S -= np.outer(column, S[p])
+        diagonal = np.where(diagonal < 0, -1.0, np.maximum(S.diagonal(), 0.0))
+        diagonal[p] = -1.0
+    return order
 
 
 class SelectionTrigger:

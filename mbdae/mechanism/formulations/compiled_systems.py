@@ -12,6 +12,8 @@ import numpy as np
 
 from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
+from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
+from ..closures.independent_rows import FALLEN
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from .core_description import core_tolerances, describe, samplers_of
@@ -90,6 +92,24 @@ class CompiledSystem(Index2System):
         """Determine the rank and the rows in use at a point, unless they are known."""
         if not self._rank_known:
             self.derivative(t, y)
+
+    def start(self, t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
+        """See `mbdae.system.System`; with modes, and next to singular configurations, in Python."""
+        found = None
+        if self.formulation == "index2" and not self.mechanism.switches:
+            found = self.core.start(t, y, project, self.ambiguous_pivot, FALLEN, SOLUTION_ROUNDING)
+        self.take_core_record()
+        if found is None:
+            return super().start(t, y, project)
+        y, F, z, rows, self.rank_threshold = found
+        self.rows, self.rank, self.rows_frozen, self._rank_known = np.array(rows, int), len(rows), True, True
+        return y, F, z
+
+    def first_step(self, t: float, y: Array, F: Array, **given: Any) -> float | None:
+        """See `mbdae.system.System`."""
+        found = self.core.first_step(t, y, F, **given) if self._rank_known and self.rows_frozen else None
+        self.take_core_record()
+        return found
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first call, which determines the rank, is computed in Python."""
@@ -174,6 +194,10 @@ class CompiledSystem(Index2System):
         """See `Index2System.pivot_ratio`."""
         found = self.core.pivot_ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
         return super().pivot_ratio(t, y) if found is None else found
+
+    def others_depend(self, t: float, y: Array) -> bool:
+        """See `Index2System.others_depend`."""
+        return bool(self.core.others_depend(self.split(y)[0].copy(), SEARCH_TOLERANCE))
 
     def take_core_record(self) -> None:
         """Add the core's counts to those of the system, and update its extremes."""

@@ -280,7 +280,7 @@ class Index2System(PinocchioData, RunVariables, System):
     rows_of_step = row_selection.rows_of_step
     variational_step, second_order_step = variational_step, second_order_step
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
-    residuals = residuals.residuals
+    residuals, others_depend = residuals.residuals, row_selection.others_depend
     features = property(features.features)
     interpolant = interpolation.interpolant
 

@@ -97,3 +97,8 @@ def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
     """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
     diagonal = independent_rows.pivots(dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2])[1]
     return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
+
+
+def others_depend(system: "Index2System", t: float, y: Array) -> bool:
+    """Return whether rows that are not in use certainly depend on the others at y; False where QR must decide."""
+    return False

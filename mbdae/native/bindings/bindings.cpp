@@ -209,5 +209,5 @@ NB_MODULE(_native, m) {
           "set_smallest_slip", [](PyCore& c, double speed) { c.core->system.friction.smallest_slip = speed; },
           arg("speed"), "Set the speed below which a slip has no direction.")
       .def("restore", restored, arg("t"), arg("y"), "Return the projected point, or None.");
-  bind_run(m), bind_points(core), bind_sensitivity(m, core);
+  bind_run(m), bind_points(core), bind_start(core), bind_sensitivity(m, core);
 }

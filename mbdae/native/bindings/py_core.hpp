@@ -100,6 +100,7 @@ void run_unlocked(PyCore& c, F&& compute) {
 }
 
 void bind_points(nb::class_<PyCore>& core);
+void bind_start(nb::class_<PyCore>& core);
 void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core);
 
 }  // namespace mbdae

@@ -134,44 +134,6 @@ void pivoted_qr(int m, int n, const double* B, std::vector<int>& order, std::vec
   qr(m, n, work.data(), order, diagonal, work.data() + static_cast<size_t>(m) * n);
 }
 
-double pivot_ratio(std::vector<SparseRow>& S, int rank, double rounding) {
-  const int n = static_cast<int>(S.size());
-  Numbers diagonal(n);  // -1: eliminated
-  for (int i = 0; i < n; ++i)
-    for (const auto& [j, x] : S[i])
-      if (j == i) diagonal[i] = x;
-  // A row whose pivot is rounding depends on those before: it is left out, or all such rows would couple.
-  const double first = n ? *std::max_element(diagonal.begin(), diagonal.end()) : 0;
-  const double nothing = rounding * first;
-  double last = 0;
-  SparseRow merged;
-  for (int k = 0; k < rank; ++k) {
-    const int p = static_cast<int>(std::max_element(diagonal.begin(), diagonal.end()) - diagonal.begin());
-    last = diagonal[p];
-    if (!(last > nothing)) return 0;
-    diagonal[p] = -1;
-    for (const auto& [i, x] : S[p]) {
-      if (i == p || diagonal[i] <= nothing) continue;
-      const double f = x / last;
-      double diagonal_entry = 0;
-      merged.clear();
-      auto a = S[i].begin();
-      for (const auto& [j, y] : S[p]) {
-        for (; a != S[i].end() && a->first < j; ++a) merged.push_back(*a);
-        const bool both = a != S[i].end() && a->first == j;
-        if (j != p && diagonal[j] > nothing) merged.emplace_back(j, (both ? a->second : 0.0) - f * y);
-        if (j == i) diagonal_entry = merged.back().second;
-        a += both;
-      }
-      merged.insert(merged.end(), a, S[i].end());
-      S[i].swap(merged);
-      diagonal[i] = std::max(0.0, diagonal_entry);
-    }
-    S[p].clear();
-  }
-  return std::sqrt(last / first);
-}
-
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z) {
   // B P = Q [R1; 0], R1 (k, n): z = Q1 w with R1^T w = P^T r in the least-squares sense, by a second QR of R1^T.
   std::vector<double> A(B, B + static_cast<size_t>(m) * n), head(std::min(m, n)), diagonal, d2;

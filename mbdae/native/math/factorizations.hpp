@@ -1,7 +1,6 @@
 // Linear algebra of the core, on arrays: small and banded systems, and the selection of independent rows.
 #pragma once
 
-#include <utility>
 #include <vector>
 
 namespace mbdae {
@@ -30,12 +29,6 @@ class BandLU {
 // Householder QR with column pivoting of B (m, n), by columns: the order of the columns and |diag R|, decreasing.
 void pivoted_qr(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
                 std::vector<double>& work);
-
-// The ratio of the last to the first of so many pivots, in magnitude as |diag R| of `pivoted_qr`, from S = B^T B by
-// sparse rows: (column, entry) in order, of the whole matrix. By Cholesky's elimination with diagonal pivoting, in a
-// time that is short for chains; accurate to the square root of rounding. S is overwritten.
-using SparseRow = std::vector<std::pair<int, double>>;
-double pivot_ratio(std::vector<SparseRow>& S, int rank, double rounding);
 
 // The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void minimum_norm(int m, int n, const double* B, const double* r, double truncation, double* z);

@@ -9,7 +9,8 @@ namespace mbdae {
 
 IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> elimination, int nv,
                                  const Tolerances& limits, bool positions)
-    : limits_(limits),
+    : constraints_(constraints),
+      limits_(limits),
       nv_(nv),
       elimination_(std::move(elimination)),
       neighbours_(constraints.rows.size()),
@@ -60,7 +61,12 @@ void IndependentRows::set(std::vector<int> rows) {
 
 void IndependentRows::update_pivots(const double* Z, long stamp) {
   if (pivots_stamp_ == stamp) return;
-  pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
+  if (has_many()) {  // of more rows than these, rounding is left
+    std::vector<SparseRow> S = products(Z, false);
+    sparse_pivots(S, rank + 1, std::sqrt(limits_.eps), order_, pivots_);
+  } else {
+    pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
+  }
   pivots_stamp_ = stamp;
 }
 
@@ -91,26 +97,39 @@ bool IndependentRows::select(const double* Z, long stamp) {
   if (rank < 0) throw std::logic_error("the rows in use are not set");
   const int ng = static_cast<int>(position_.size());
   update_pivots(Z, stamp);
-  if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw FallBackToPython();
-  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0])
-    throw FallBackToPython();
+  const int found = static_cast<int>(pivots_.size());
+  if (found < rank || (rank && !(pivots_[rank - 1] > floor * pivots_[0]))) throw FallBackToPython();
+  if (found > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0]) throw FallBackToPython();
   if (rank) {
     const double smallest = pivots_[rank - 1] / pivots_[0];
     least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);
   }
   if (version_) {
     if (rank == ng || !rank) return false;
-    B_.resize(static_cast<size_t>(rank) * nv_);
-    for (int i = 0; i < rank; ++i)
-      std::copy_n(&Z[static_cast<size_t>(rows_[i]) * nv_], nv_, &B_[static_cast<size_t>(i) * nv_]);
-    pivoted_qr(nv_, rank, B_.data(), order_in_use_, pivots_in_use_, work_);
-    if (pivots_in_use_[rank - 1] >= limits_.worst_conditioning * pivots_[rank - 1]) return false;
+    if (smallest_pivot_in_use(Z) >= limits_.worst_conditioning * pivots_[rank - 1]) return false;
   }
+  return use_first_pivots();
+}
+
+bool IndependentRows::use_first_pivots() {
   std::vector<int> rows(order_.begin(), order_.begin() + rank);
   std::sort(rows.begin(), rows.end(), [&](int k, int l) { return elimination_[k] < elimination_[l]; });
   if (version_ && rows == rows_) return false;
   set(std::move(rows));
   return true;
+}
+
+double IndependentRows::smallest_pivot_in_use(const double* Z) {
+  if (has_many()) {
+    std::vector<SparseRow> S = products(Z, true);
+    sparse_pivots(S, rank, std::sqrt(limits_.eps), order_in_use_, pivots_in_use_);
+    return static_cast<int>(pivots_in_use_.size()) < rank ? 0 : pivots_in_use_[rank - 1];
+  }
+  B_.resize(static_cast<size_t>(rank) * nv_);
+  for (int i = 0; i < rank; ++i)
+    std::copy_n(&Z[static_cast<size_t>(rows_[i]) * nv_], nv_, &B_[static_cast<size_t>(i) * nv_]);
+  pivoted_qr(nv_, rank, B_.data(), order_in_use_, pivots_in_use_, work_);
+  return pivots_in_use_[rank - 1];
 }
 
 bool IndependentRows::select_if_triggered(const double* Z, long stamp) {
@@ -122,22 +141,33 @@ bool IndependentRows::select_if_triggered(const double* Z, long stamp) {
   return select(Z, stamp);
 }
 
-double IndependentRows::ratio(const Constraints& constraints, const double* Z, int rank) {
-  const int ng = static_cast<int>(position_.size());
+double IndependentRows::ratio(const double* Z, int rank) {
+  pivots_stamp_ = -1;
   if (!has_many()) {
-    pivots_stamp_ = -1;
-    pivoted_qr(nv_, ng, Z, order_, pivots_, work_);
+    pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, work_);
     return pivots_[rank - 1] / pivots_[0];
   }
-  std::vector<SparseRow> S(ng);
-  for (int k = 0; k < ng; ++k)
+  std::vector<SparseRow> S = products(Z, false);
+  sparse_pivots(S, rank, std::sqrt(limits_.eps), order_, pivots_);
+  return static_cast<int>(pivots_.size()) < rank ? 0 : pivots_[rank - 1] / pivots_[0];
+}
+
+std::vector<SparseRow> IndependentRows::products(const double* Z, bool of_rows_in_use) const {
+  const int ng = static_cast<int>(position_.size());
+  std::vector<SparseRow> S(of_rows_in_use ? rows_.size() : ng);
+  for (int k = 0; k < ng; ++k) {
+    if (of_rows_in_use && position_[k] < 0) continue;
+    SparseRow& row = S[of_rows_in_use ? position_[k] : k];
     for (int l : neighbours_[k]) {
+      if (of_rows_in_use && position_[l] < 0) continue;
       double s = 0;
-      for (int c : constraints.rows[k].columns)
+      for (int c : constraints_.rows[k].columns)
         s += Z[static_cast<size_t>(k) * nv_ + c] * Z[static_cast<size_t>(l) * nv_ + c];
-      S[k].emplace_back(l, s);
+      row.emplace_back(of_rows_in_use ? position_[l] : l, s);
     }
-  return pivot_ratio(S, rank, limits_.eps);
+    if (of_rows_in_use) std::sort(row.begin(), row.end());
+  }
+  return S;
 }
 
 }  // namespace mbdae

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "math/sparse_pivots.hpp"
 #include "mechanism/rows.hpp"
 
 namespace mbdae {
@@ -35,6 +36,17 @@ class IndependentRows {
   void use(const std::vector<int>& rows, int rank, double floor, bool frozen);
   void reset();  // as when new
   void record_ratio(double ratio);  // note the pivot ratio of a saddle-point system
+  // Determine rank, floor and rows at the start of a run from G and Z (ng, nv), as `initial_rank` and `select_rows` in Python;
+  // where Python must decide, as next to singular configurations, `FallBackToPython`.
+  struct FirstRank {
+    double ambiguous;  // ratio of pivots below which no smooth interval begins
+    double fallen;     // of the ratio of pivots at the start: still small below this multiple
+    double dependent;  // of the largest row of many: its part outside the rows in use
+  };
+  void determine(const double* G, const double* Z, long stamp, const FirstRank& first, const Numbers& probe);
+  // Is a vector in the null space of the rows in use, from one in general position (nv,) and its reverse, also one of all
+  // rows? To a tolerance of their length; negligible rows are ignored. B: G or Z, (ng, nv).
+  bool others_depend(const double* B, double tolerance, const Numbers& probe) const;
   // From Z (ng, nv), the rows of G M^-1/2: select again; returns whether the rows in use changed. stamp: changes with
   // Z.
   bool select(const double* Z, long stamp);
@@ -44,14 +56,20 @@ class IndependentRows {
   bool factorize(const double* Z, long stamp);
   void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
   // Smallest of this many pivots of all rows to the largest: many rows by sparse elimination.
-  double ratio(const Constraints& constraints, const double* Z, int rank);
+  double ratio(const double* Z, int rank);
 
   class Freeze;  // while it exists, the rows in use are fixed, and solves are not part of the run
 
  private:
   void set(std::vector<int> rows);
   void update_pivots(const double* Z, long stamp);  // pivots and factors of all rows, for this Z
+  // Z Z^T of all rows, or of those in use by their position.
+  std::vector<SparseRow> products(const double* Z, bool of_rows_in_use) const;
+  double smallest_pivot_in_use(const double* Z);
+  bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
+  int dense_rank(const double* G, const FirstRank& first);
 
+  const Constraints& constraints_;
   const Tolerances& limits_;
   const int nv_;
   const std::vector<int> elimination_;         // (ng,) of each row in the order of elimination

@@ -242,7 +242,7 @@ void Index2System::size(const double* y, double* out) {
 
 double Index2System::pivot_ratio(const double* q, int rank) {
   if (!point.is_current(q)) point.evaluate(q, false);
-  return rows.ratio(constraints, point.Z.data(), rank);
+  return rows.ratio(point.Z.data(), rank);
 }
 
 double Index2System::minimal_stage_seconds(const double* q, const double* v, int repetitions) {

@@ -85,6 +85,8 @@ class Index2System {
   void probe_other_rows();
   void use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen);
   void reset();  // to the state of a new system, in the same mode
+  bool others_depend(const double* q, double tolerance);  // at q, on the rows in use; uncounted
+  void determine_rows(const double* q, const IndependentRows::FirstRank& first);  // at the start of a run
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void deactivate_rows(std::vector<bool> off, bool sticks);

@@ -63,7 +63,7 @@ namespace {
 // pseudoinverse, in cubic time.
 class LeastMotion {
  public:
-  explicit LeastMotion(Index2System& s) : s_(s), suffices_(!s.constraints.sticks) {}
+  explicit LeastMotion(Index2System& s) : s_(s), suffices_(!s.constraints.sticks && s.rows.rank >= 0) {}
 
   // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
   bool find(const Numbers& r, bool of_q, double* x) {

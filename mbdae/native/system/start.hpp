@@ -1,0 +1,25 @@
+// The start of a run, and its first step size (mbdae/system.py, mbdae/integrate/steppers/adaptive.py).
+#pragma once
+
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+// Determine rank and rows in use at the point on the closures next to y, and move y there if `project`; y' (ny,) and lam
+// (ng,) at y. `FallBackToPython`, with the rank unknown, where Python must decide.
+void start(Index2System& system, double t, bool project, const IndependentRows::FirstRank& first, Numbers& y, Numbers& F,
+           Numbers& z);
+
+struct FirstStep {
+  double sign, left;  // of time, s to the end of the smooth interval
+  double rtol;
+  Numbers atol;               // (1,) or (measured,)
+  double power;               // of h in the error estimate
+  double small, least, share; // norms that are small, and h_0 in s for them; h_1 of h_0 where nothing changes
+  double change, growth;      // of y in a step of h_0; largest h_1 / h_0
+  double flat, nothing;       // norm of no change; keeps scales positive
+};
+// The first step size in s, by Hairer's algorithm (Hairer, Noersett, Wanner I, II.4).
+double first_step(Index2System& system, double t, const Numbers& y, const Numbers& F, const FirstStep& given);
+
+}  // namespace mbdae

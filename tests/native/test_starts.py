@@ -1,0 +1,56 @@
+"""The start of a run in the core: rank, rows, point, derivative and first step are those of Python."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import _native
+from mbdae.system import System
+
+MODELS = ("pendulum", "four_bar", "andrews_squeezer", "panda_handle", "bricard", "stewart_platform", "heavy_top")
+MANY = 12  # four-bars: more rows than are examined by QR
+
+
+def both(mech: mbdae.Mechanism):
+    """Return workspaces of the core and of Python, and a start that violates the closures by 1e-9."""
+    q, v = mech.start
+    q = mech.manifold.integrate(q, 1e-9 * np.random.default_rng(1).normal(size=mech.nv))
+    return mech.system(native=_native), mech.system(), mech.point(q, v, 0.0)
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("project", [True, False])
+def test_the_start_is_that_of_python(name, project):
+    core, python, y = both(mbdae.load(name))
+    found, expected = core.start(0.0, y, project), python.start(0.0, y, project)
+    for a, b in zip(found, expected, strict=True):
+        assert np.abs(a - b).max(initial=0) <= 1e-8 * (1 + np.abs(b).max(initial=0))
+    assert core.rank == (python.rank or 0)
+    assert core.rank_threshold == pytest.approx(python.rank_threshold, rel=1e-6)
+    assert core.largest_g == pytest.approx(python.largest_g, abs=1e-9)
+
+
+@pytest.mark.parametrize("project", [True, False])
+def test_many_rows_start_by_sparse_elimination(project, monkeypatch):
+    core, python, y = both(mbdae.load("n_four_bar", N=MANY))
+    expected = python.start(0.0, y, project)
+    monkeypatch.setattr(System, "start", lambda *_: pytest.fail("the start was computed in Python"))
+    found = core.start(0.0, y, project)
+    for a, b in zip(found, expected, strict=True):
+        assert np.abs(a - b).max() <= 1e-7 * (1 + np.abs(b).max())
+    assert core.in_use == python.in_use
+    assert core.rank < core.ng
+    assert core.others_depend(0.0, y)
+    core.use_rows(core.in_use[:-1])
+    assert not core.others_depend(0.0, y)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "andrews_squeezer", "heavy_top", "car_axis"])
+def test_the_first_step_is_that_of_python(name, monkeypatch):
+    mech = mbdae.load(name)
+    core = mbdae.solve(mech, (0, 0.01), max_steps=1000)
+    monkeypatch.setattr(System, "first_step", lambda *_, **__: None)
+    monkeypatch.setattr("mbdae.mechanism.formulations.compiled_systems.CompiledSystem.first_step", System.first_step)
+    python = mbdae.solve(mech, (0, 0.01), max_steps=1000)
+    assert core.stats["steps"] == python.stats["steps"]
+    assert core.t[1] == pytest.approx(python.t[1], rel=1e-8)
