@@ -1,6 +1,7 @@
 """Textbook problems: index-2 equations in Hessenberg form, defined by two functions."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from typing import ClassVar
@@ -152,11 +153,17 @@ class HessenbergSystem(System):
             del self._roots[next(iter(self._roots))]
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess."""
-        known = near is not None and np.isfinite(near).all()
+        """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess or the last z."""
         g_y, g_t = self.g_y(t, y), self.g_t(t, y)
-        start = np.array(near, float) if known else self.initial_z(y)
-        z = self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
+
+        def root(start: Array) -> Array:
+            return self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
+
+        z = None
+        if near is not None and np.isfinite(near).all():
+            with suppress(StepError):
+                z = root(np.array(near, float))
+        z = root(self.initial_z(y)) if z is None else z
         self.store_z(y, z)
         return self.f(t, y, z), z
 

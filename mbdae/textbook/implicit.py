@@ -63,7 +63,7 @@ class HessenbergStages:
         s, y = self.system, self.y + x
         if dx is not None:
             z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
-        self.system.store_z(y, z)
+            self.system.store_z(y, z)  # otherwise z may not converge, and is no guess
         return y, z
 
 
