@@ -111,8 +111,11 @@ class Chart(Protocol):
     def linearize(self, x: Array, dx: Array, z: Array) -> Linearization:
         """Return the partial derivatives at (x, x', z)."""
 
-    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y_n (+) x (n,), the end of a step, and all multipliers z there, (nz,), consistent with x'."""
+    def end(self, t: float, x: Array, dx: Array | None, z: Array) -> tuple[Array, Array]:
+        """Return y_n (+) x (n,), the end of a step, and all multipliers z there, (nz,).
+
+        If the step ends at a stage, both are consistent with its x'; else dx is None, and they are as given.
+        """
 
 
 class VariationalStep(Protocol):

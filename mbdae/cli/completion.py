@@ -20,7 +20,9 @@ def problems() -> list[str]:
 
 def methods() -> list[str]:
     """Return names of all methods, including those of installed packages, except scipy's."""
-    found = instance_names("mbdae.methods", "Tableau", "RadauIIA", "Composition", "alpha_method", "ExplicitMethod")
+    found = instance_names(
+        "mbdae.methods", "Tableau", "RadauIIA", "ImplicitTableau", "Composition", "alpha_method", "ExplicitMethod"
+    )
     return sorted({*found, *(point.name for point in entry_points_of("mbdae.methods"))})
 
 

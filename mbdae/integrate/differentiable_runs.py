@@ -6,6 +6,8 @@ from ..methods import Tableau, method_from_settings
 from ..methods.radau import RadauIIA
 from ..solution.solution import Solution
 
+DIFFERENTIABLE = Tableau, RadauIIA
+
 
 def require_differentiable(sol: Solution) -> Mechanism:
     """Return the mechanism of a run that can be recomputed and differentiated.
@@ -15,7 +17,7 @@ def require_differentiable(sol: Solution) -> Mechanism:
     """
     mech, s = sol.mechanism, sol.settings
     form = s.get("formulation")
-    if form not in ("index2", "ggl") or not isinstance(method_from_settings(s), Tableau | RadauIIA):
+    if form not in ("index2", "ggl") or not isinstance(method_from_settings(s), DIFFERENTIABLE):
         known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
         raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
     if not sol.ended:

@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..methods import obstacle
-from ..methods.fixed_step import FIXED_STEP
+from ..methods.fixed_step import FIXED_STEP, in_python
 from ..solution.solution import Problem
 from ..system import Array, System
 from ..tolerances import INPUT_DIGITS, NEGLIGIBLE
@@ -45,13 +45,13 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     inner = _stepper(system, options)
-    native = system.native and not isinstance(options.method, (ScipySolver, *FIXED_STEP))
+    native = system.native and not isinstance(options.method, ScipySolver) and not in_python(options.method)
     stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
     if inner.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(inner.control.rtol)
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
-    run.fallback = fallback or f"method {options.method.name!r}" * isinstance(options.method, FIXED_STEP)
+    run.fallback = fallback or f"method {options.method.name!r}" * in_python(options.method)
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
         run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}

@@ -15,7 +15,7 @@ from ..errors import InputError, StepError
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
 from ..methods import method_from_settings
-from ..methods.radau import RungeKutta
+from ..methods.runge_kutta import RungeKutta
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE

@@ -1,9 +1,9 @@
-"""Half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs, and symplectic ones; independent of mechanisms."""
+"""Half-explicit, implicit and symplectic methods for index-2 DAEs, independent of mechanisms."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 from .. import errors
 from ..discovery import members, plugins
@@ -13,12 +13,13 @@ from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
 from .order.conditions import proven_orders
 from .radau import RadauIIA
+from .runge_kutta import RungeKutta
 from .tableau import Tableau
 from .variational import Composition
 
-Method = Tableau | RadauIIA | Composition | GeneralizedAlpha
+Method = RungeKutta | Composition | GeneralizedAlpha
 
-_FOUND = members(__name__, Tableau, RadauIIA, Composition, GeneralizedAlpha)
+_FOUND = members(__name__, *get_args(Method))
 METHODS: dict[str, Method] = {m.name: m for m in sorted(_FOUND, key=lambda m: m.name)}
 """All methods by name, discovered in the files of this folder: none can be missing."""
 

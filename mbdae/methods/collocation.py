@@ -2,7 +2,10 @@
 
 In the coordinates x of a step, y = y_n (+) x, with K_i = x'_i at the stages,
 
-    E (K_i - f(t_i, X_i, Z_i)) = 0,   0 = g(t_i, X_i),   X_i = h sum_j a_ij K_j,   y_1 = y_n (+) X_s,  z_1 = Z_s.
+    E (K_i - f(t_i, X_i, Z_i)) = 0,   0 = g(t_i, X_i),   X_i = h sum_j a_ij K_j,
+    y_1 = y_n (+) h sum_i b_i K_i,   z_1 = R(infinity) z_n + sum_ij b_i omega_ij Z_j,   omega = A^-1;
+
+if b is the last row of A, as in Radau IIA, y_1 = y_n (+) X_s and z_1 = Z_s. Other methods do not satisfy 0 = g(y_1).
 
 E is a matrix chosen by the problem (the mass matrix of a mechanism), so that a residual needs no solve. With the
 partial derivatives at one point in place of all others an iteration reads
@@ -23,7 +26,7 @@ import numpy as np
 from ..errors import StepError
 from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING, NEGLIGIBLE
-from .radau_coefficients import RadauArrays, lagrange
+from .stage_arrays import StageArrays, lagrange
 
 MAX_FURTHER_ITERATIONS = 8  # after a change of the size of rounding errors
 FIRST_ITERATIONS = 3  # further iterations if already the first change is that small, so that the rate is unknown
@@ -46,10 +49,11 @@ class StageMemory(NamedTuple):
     partials: Linearization
     solvers: list[Solver]
     rate: float
+    z: Array | None = None  # at the end of the step, unless it is the last stage
 
 
 def collocation_step(
-    system: System, a: RadauArrays, t: float, h: float, state: State, max_iterations: int, estimate: bool
+    system: System, a: StageArrays, t: float, h: float, state: State, max_iterations: int, estimate: bool
 ) -> Step:
     """Advance (t, y) to t + h.
 
@@ -75,14 +79,15 @@ def collocation_step(
     """
     chart = system.chart(t, state.y)
     memory, s = state.carry, len(a.c)
-    if isinstance(memory, StageMemory) and memory.unknowns == chart.unknowns and len(memory.K) == s:
+    if not (isinstance(memory, StageMemory) and memory.unknowns == chart.unknowns and len(memory.K) == s):
+        memory = None
+    if memory and a.ends_at_stage:
         F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
         onward = lagrange(a.c, 1 + a.c * h / memory.h)
-        K, Z = onward @ memory.K, onward @ memory.Z
-    else:
-        memory = None
+        K, Z, z_n = onward @ memory.K, onward @ memory.Z, memory.Z[-1]
+    else:  # also where the end of the last step does not satisfy 0 = g, to which the next stages jump back
         F, z = chart.start()
-        K, Z = np.tile(F, (s, 1)), np.tile(z, (s, 1))
+        K, Z, z_n = np.tile(F, (s, 1)), np.tile(z, (s, 1)), z if memory is None or memory.z is None else memory.z
     accuracy = system.accuracy if estimate else 0.0
     stages = _Stages(system, chart, a, t, h, system.size(state.y), max_iterations, accuracy)
     found = None
@@ -92,17 +97,22 @@ def collocation_step(
     if found is None:
         # the caller may retry with a shorter step
         found = stages.simplified_newton(K, Z) if estimate else stages.solve_with_fallback(K, Z)
-    x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
-    y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
+    x = h * (a.b @ found.K) + (0.0 if state.compensation is None else state.compensation)
+    if a.ends_at_stage:
+        y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
+    else:
+        z_1 = a.growth * z_n + a.z_weights @ found.Z
+        found = found._replace(z=z_1)
+        y, own = chart.end(t + h, x, None, z_1)
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
     return Step(State(y, found, system.rounding_loss(state.y, x, y)), own, errors)
 
 
-def _factorize(partials: Linearization, a: RadauArrays, h: float) -> list[Solver]:
+def _factorize(partials: Linearization, a: StageArrays, h: float) -> list[Solver]:
     return [partials.factorize(h * mode.value) for mode in a.modes]
 
 
-def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
+def _errors(a: StageArrays, F: Array, found: StageMemory) -> Array:
     """Return error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
 
         (E - h gamma (E f)_x) e - (E f)_z * = E h gamma (y'_n - u'(t_n)),   g_x e = 0.
@@ -140,7 +150,7 @@ class _Stages:
         self,
         system: System,
         chart: Chart,
-        a: RadauArrays,
+        a: StageArrays,
         t: float,
         h: float,
         size: Array,

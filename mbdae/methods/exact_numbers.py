@@ -102,6 +102,25 @@ def _evaluate(node: ast.expr, text: str) -> Number:
     raise ValueError(f"not an exact number: {text!r}")
 
 
+def regular_inverse(matrix: list[list[Number]]) -> list[list[Number]]:
+    """Return the inverse of a square matrix by elimination.
+
+    Raises:
+        ZeroDivisionError: if it is singular.
+    """
+    n = len(matrix)
+    rows = [[*row, *(Fraction(int(i == j)) for j in range(n))] for i, row in enumerate(matrix)]
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if rows[i][k]), k)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        rows[k] = [x / rows[k][k] for x in rows[k]]
+        for i in range(n):
+            factor = rows[i][k]
+            if i != k and factor:
+                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    return [row[n:] for row in rows]
+
+
 def row(text: str) -> tuple[str, ...]:
     """Split ``"1/6 2/3 1/6"``, numbers without inner blanks."""
     return tuple(text.split())

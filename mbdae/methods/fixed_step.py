@@ -1,15 +1,21 @@
-"""Methods with fixed steps alone, computed in Python."""
+"""Methods with fixed steps alone, and those whose steps are computed in Python."""
 
 from collections.abc import Iterable
 from typing import Any
 
 from .alpha import GeneralizedAlpha
+from .implicit_tableau import ImplicitTableau
 from .variational import Composition
 
-FIXED_STEP = Composition, GeneralizedAlpha
+FIXED_STEP = Composition, GeneralizedAlpha, ImplicitTableau
+
+
+def in_python(method: Any) -> bool:
+    """Return whether the steps of a method are computed in Python with any back end."""
+    return isinstance(method, FIXED_STEP) and not (isinstance(method, ImplicitTableau) and method.in_core)
 
 
 def uncompiled(methods: Iterable[Any], because: str) -> str:
     """Return why methods are computed in Python: a known reason, or the names of those whose steps are; or ""."""
-    names = ", ".join(dict.fromkeys(m.name for m in methods if isinstance(m, FIXED_STEP)))
+    names = ", ".join(dict.fromkeys(m.name for m in methods if in_python(m)))
     return because or (names and f"steps of {names} in Python")

@@ -5,31 +5,23 @@ This follows from the assumptions B(2s - 1), C(s), D(s - 1) (Hairer, Lubich, Roc
 has five.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import prod
-from typing import Any, ClassVar
-
-import numpy as np
 
 from ..system import State, Step, System
-from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING, NEGLIGIBLE
-from . import collocation
 from .collocation import collocation_step
-from .controller import PI
-from .radau_coefficients import RadauArrays, coefficients
-from .tableau import Row, Tableau
+from .coupled_method import MAX_ITERATIONS_CONTROLLED, CoupledMethod
+from .radau_coefficients import coefficients
+from .stage_arrays import StageArrays
+from .tableau import Row
 
-MAX_ITERATIONS, MAX_ITERATIONS_CONTROLLED = 60, 15  # for fixed steps, and for steps that can be shortened
-TYPICAL_ITERATIONS = 5
-SUPPRESSED_GROWTH, LARGE_SYSTEM = 1.2, 40  # growth of h that costs more than it saves, for systems of larger dimension
 MAX_STAGES = 15  # stages: with more, the eigenvectors of A are too ill-conditioned for double precision
 
 
 @dataclass(frozen=True)
-class RadauIIA:
+class RadauIIA(CoupledMethod):
     """The Radau IIA method with s stages.
 
     Args:
@@ -39,7 +31,7 @@ class RadauIIA:
     stages: int
 
     family = "Radau IIA"
-    excludes: ClassVar[Mapping[str, str]] = {}
+    growth = 0.0  # R(infinity)
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II, sections IV.5 and VII.4"
 
     def __post_init__(self) -> None:
@@ -81,48 +73,22 @@ class RadauIIA:
         """Power of h in the error estimate: s + 1, one more if a second vector improves it (s >= 3)."""
         return self.order_embedded + 1 + (self.stages >= 3)
 
-    control = PI
-    blend = 1.0
-    roundings = 0
-    noise = 0.0  # stages are iterated to rounding
-
-    @property
-    def solves(self) -> int:
-        """Stage evaluations per step with a typical five iterations, 5 s.
-
-        An iteration evaluates s residuals and solves s // 2 complex systems of one stage, and a real one for odd s.
-        """
-        return TYPICAL_ITERATIONS * self.stages
-
-    @property
-    def smallest_pivot(self) -> float:
-        """1 / sum_j |omega_sj|, omega the inverse of A; the rounding error of the method's z is eps / (h times it)."""
-        return 1 / float(np.abs(np.linalg.inv(self.arrays.A)[-1]).sum())
-
-    carries = False  # data of the previous step serve as a guess only
-
     @cached_property
-    def arrays(self) -> RadauArrays:
+    def arrays(self) -> StageArrays:  # type: ignore[override]
         """The coefficients in double precision."""
         return coefficients(self.stages).arrays
 
-    # -- order conditions: the method as a tableau with an explicit first stage at y_n ---------------------------------
+    # -- order conditions: see `CoupledMethod` -------------------------------------------------------------------------
 
-    explicit_first = True
     project_embedded = True
     rounded = True
 
     @cached_property
-    def exact_A(self) -> list[Row]:
+    def exact_A(self) -> list[Row]:  # type: ignore[override]
         """A to 40 digits with an additional zero row and column for the explicit stage, (s + 1, s + 1)."""
         rows: list[Row] = [[Fraction(0)] * (self.stages + 1)]
         rows += [[Fraction(0), *map(Fraction, row)] for row in coefficients(self.stages).A]
         return rows
-
-    @property
-    def exact_Ahat(self) -> list[Row]:
-        """Equal to `exact_A`: a stage satisfies the constraint at the point where it evaluates f."""
-        return self.exact_A
 
     @property
     def exact_b(self) -> Row:
@@ -146,43 +112,6 @@ class RadauIIA:
         defect = [Fraction(1), *(-x for x in start)]
         return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, defect, strict=True))
 
-    def steady(self, ny: int) -> float:
-        """Return the factor below which growth of h is suppressed, to reuse partial derivatives and factors."""
-        return SUPPRESSED_GROWTH if ny > LARGE_SYSTEM else 1.0
-
-    def compiled(self, native: Any) -> Any:
-        """Return the method for the compiled core, with the thresholds of its iteration."""
-        a = self.arrays
-        return native.Radau(
-            c=a.c,
-            A=a.A,
-            modes=[
-                native.EigenMode(
-                    value=m.value, column=m.column.astype(complex).tolist(), row=m.row.astype(complex).tolist()
-                )
-                for m in a.modes
-            ],
-            real=-1 if a.real is None else a.real,
-            gamma=a.gamma,
-            start=a.start,
-            middle=a.middle,
-            patience=MAX_ITERATIONS,
-            short_patience=MAX_ITERATIONS_CONTROLLED,
-            extra_iterations=collocation.MAX_FURTHER_ITERATIONS,
-            first_iterations=collocation.FIRST_ITERATIONS,
-            below_rounding=BELOW_ROUNDING,
-            iteration_rounding=ITERATION_ROUNDING,
-            negligible=NEGLIGIBLE,
-            expected_rate=collocation.EXPECTED_RATE,
-            reuse=collocation.REUSE_RATE,
-        )
-
-    def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""
-        return system.compiled_step(self, t, h, state) or collocation_step(
-            system, self.arrays, t, h, state, MAX_ITERATIONS, estimate=False
-        )
-
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate; fail if the iteration converges slowly."""
         return system.compiled_step(self, t, h, state, controlled=True) or collocation_step(
@@ -191,5 +120,3 @@ class RadauIIA:
 
 
 radau1, radau3, radau5 = (RadauIIA(s) for s in (1, 2, 3))
-
-RungeKutta = Tableau | RadauIIA

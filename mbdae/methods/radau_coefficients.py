@@ -14,27 +14,15 @@ from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from functools import cache, cached_property
 from math import comb, perm
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import roots_jacobi
 
-from ..system import Array
+from .stage_arrays import StageArrays, stage_arrays
 
 DIGITS = 40
 
 Polynomial = list[Decimal]  # coefficients of 1, x, x^2, ...
-
-
-class EigenMode(NamedTuple):
-    """An eigenvalue of A with its eigenvector ``column`` (s,) and the matching ``row`` (s,) of the inverse.
-
-    One mode represents a complex pair (its column is doubled), so that A x = Re sum column * value * (row . x).
-    """
-
-    value: float | complex
-    column: Array
-    row: Array
 
 
 @dataclass(frozen=True)
@@ -45,47 +33,10 @@ class Coefficients:
     A: tuple[tuple[Decimal, ...], ...]
 
     @cached_property
-    def arrays(self) -> "RadauArrays":
+    def arrays(self) -> StageArrays:
         """Data of a step, in double precision."""
-        c, A = np.array(self.c, float), np.array(self.A, float)
-        values, T = np.linalg.eig(A)
-        rows = np.linalg.inv(T)
-        modes = []
-        for value, column, row in zip(values, T.T, rows, strict=True):
-            if value.imag == 0:
-                modes.append(EigenMode(float(value.real), column.real, row.real))
-            elif value.imag > 0:
-                modes.append(EigenMode(complex(value), 2 * column, row))
-        real = next((i for i, mode in enumerate(modes) if isinstance(mode.value, float)), None)
-        gamma = float(np.linalg.det(A) ** (1 / len(c))) if real is None else modes[real].value.real
-        start = [lagrange(c, np.zeros(1))[0]]
-        if len(c) >= 3:
-            start.append(np.append(0.0, lagrange(c[1:], np.zeros(1))))
-        middle = int(np.argmin(np.abs(c - 0.5)))
-        return RadauArrays(c, A, tuple(modes), real, gamma, np.array(start), middle)
-
-
-@dataclass(frozen=True)
-class RadauArrays:
-    """Double-precision data of a step.
-
-    Attributes:
-        c: nodes, (s,).
-        A: coefficients, (s, s).
-        modes: real eigenvalues and complex pairs of A.
-        real: index of the real mode; None if s is even.
-        gamma: the real eigenvalue of A, or the geometric mean of all: the weight of y'_0 in the error estimate.
-        start: the Lagrange polynomials of the nodes at 0, and for s >= 3 of all but the first node, (1 or 2, s).
-        middle: index of the node next to 1/2.
-    """
-
-    c: Array
-    A: Array
-    modes: tuple[EigenMode, ...]
-    real: int | None
-    gamma: float
-    start: Array
-    middle: int
+        A = np.array(self.A, float)
+        return stage_arrays(np.array(self.c, float), A, A[-1], growth=0.0)
 
 
 @cache
@@ -97,13 +48,6 @@ def coefficients(s: int) -> Coefficients:
         A = _collocation(c)
         context.prec = DIGITS
         return Coefficients(tuple(+x for x in c), tuple(tuple(+x for x in row) for row in A))
-
-
-def lagrange(c: Array, x: Array) -> Array:
-    """Return the Lagrange polynomials of the nodes c (s,) at the points x (n,), as (n, s)."""
-    others = ~np.eye(len(c), dtype=bool)
-    factors = (x[:, None, None] - c) / np.where(others, c[:, None] - c, 1.0)
-    return np.prod(np.where(others, factors, 1.0), axis=2)
 
 
 def _nodes(s: int) -> list[Decimal]:

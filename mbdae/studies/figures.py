@@ -60,6 +60,8 @@ STYLES = {  # a hue for a family, a shade and a marker for a method
     "kutta3": ("#c49c94", "+"), "rk4": ("#8c564b", "x"), "rule38": ("#a1887f", "d"),
     "rattle2": ("#fa9fb5", "<"), "rattle4": ("#f768a1", "o"), "rattle6": ("#c51b8a", "D"), "rattle8": ("#7a0177", "s"),
     "alpha": ("#01665e", "^"), "alpha_i3": ("#5ab4ac", "v"), "hht": ("#8c510a", "^"), "hht_i3": ("#d8b365", "v"),
+    "midpoint": ("#fa9fb5", "1"), "gauss2": ("#f768a1", "2"), "gauss3": ("#ae017e", "*"), "radau_ia2": ("#dd3497", "P"),
+    "lobatto_iiic2": ("#fcc5c0", "X"), "lobatto_iiic3": ("#7a0177", "8"), "sdirk2": ("#e7298a", "H"),
     "dop853": ("#000000", "P"),
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip

@@ -1,16 +1,19 @@
 """Textbook problems: index-2 equations in Hessenberg form, defined by two functions."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
+from ..tolerances import PIVOT_RANK
 from .implicit import HessenbergStages
 
 Function = Callable[..., Array]
@@ -37,7 +40,8 @@ class Hessenberg:
         duration: default end time of a run in s.
 
     Raises:
-        InputError: at the start of a run, if f or g returns a wrong shape, or y0 does not satisfy 0 = g.
+        InputError: at the start of a run, if f or g returns a wrong shape, y0 does not satisfy 0 = g, or g_y f_z is
+            singular; the message names the components of z that are not determined.
     """
 
     f: Function
@@ -97,6 +101,32 @@ class HessenbergSystem(System):
                 f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
                 f"expected ({self.ny},) and ({self.nz},)"
             )
+        self._require_index_2(y, z)
+
+    def _require_index_2(self, y: Array, z: Array) -> None:
+        """Check the rank of g_y f_z at the start, and name the components that it does not determine.
+
+        Raises:
+            InputError: if it is singular.
+        """
+        if not self.nz:
+            return
+        g_y, f_z = self.g_y(0.0, y), self.f_z(0.0, y, z)
+        self.counts = Counts()
+        if not (np.isfinite(g_y).all() and np.isfinite(f_z).all()):
+            raise InputError(f"f_z or g_y of {self.problem.title!r} is not finite at the start")
+        sizes = np.linalg.norm(g_y, axis=1)[:, None] * np.linalg.norm(f_z, axis=0)
+        matrix = g_y @ f_z / np.where(sizes, sizes, 1.0)  # independent of units
+        names = []
+        for a, name in ((matrix, "z"), (matrix.T, "g")):  # dependent columns, and rows
+            R, order = qr(a, mode="r", pivoting=True)
+            rank = int((np.abs(R.diagonal()) > PIVOT_RANK).sum())
+            names.append(", ".join(f"{name}.{i + 1}" for i in sorted(order[rank:].tolist())))
+        if rank < self.nz:
+            raise InputError(
+                f"{self.problem.title!r} does not have index 2 at the start: g_y f_z has rank {rank} of {self.nz}, "
+                f"column {names[0]} and row {names[1]} depend on the others or are zero"
+            )
 
     @property
     def features(self) -> dict[str, str]:
@@ -123,11 +153,17 @@ class HessenbergSystem(System):
             del self._roots[next(iter(self._roots))]
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess."""
-        known = near is not None and np.isfinite(near).all()
+        """Return y' = f(t, y, z) and z from g_t + g_y f(t, y, z) = 0, by Newton's method from a guess or the last z."""
         g_y, g_t = self.g_y(t, y), self.g_t(t, y)
-        start = np.array(near, float) if known else self.initial_z(y)
-        z = self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
+
+        def root(start: Array) -> Array:
+            return self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
+
+        z = None
+        if near is not None and np.isfinite(near).all():
+            with suppress(StepError):
+                z = root(np.array(near, float))
+        z = root(self.initial_z(y)) if z is None else z
         self.store_z(y, z)
         return self.f(t, y, z), z
 

@@ -58,11 +58,12 @@ class HessenbergStages:
         s, y = self.system, self.y + x
         return LinearizedHessenberg(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
-    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y, and z after a Gauss-Newton step for x' = f(t, y, z), with f_z at the end of the step."""
+    def end(self, t: float, x: Array, dx: Array | None, z: Array) -> tuple[Array, Array]:
+        """Return y, and z, after a Gauss-Newton step for a given x' = f(t, y, z), with f_z at the end of the step."""
         s, y = self.system, self.y + x
-        z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
-        self.system.store_z(y, z)
+        if dx is not None:
+            z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
+            self.system.store_z(y, z)  # otherwise z may not converge, and is no guess
         return y, z
 
 

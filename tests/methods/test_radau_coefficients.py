@@ -12,7 +12,8 @@ from mbdae.methods import method
 from mbdae.methods.exact_numbers import exact
 from mbdae.methods.order.conditions import check_conditions
 from mbdae.methods.radau import MAX_STAGES, RadauIIA
-from mbdae.methods.radau_coefficients import coefficients, lagrange
+from mbdae.methods.radau_coefficients import coefficients
+from mbdae.methods.stage_arrays import lagrange
 
 PRINTED = {  # Hairer, Wanner II, tables IV.5.5 and IV.5.6, and implicit Euler
     1: [["1"]],

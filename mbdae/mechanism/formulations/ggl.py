@@ -175,12 +175,13 @@ class GGLChart(Index2Chart):
         out.G_p = self.system.jacobian()[self.position_rows]
         return out
 
-    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+    def end(self, t: float, x: Array, dx: Array | None, z: Array) -> tuple[Array, Array]:
         """Return y and (lam, mu) of all rows, (2 ng,)."""
         s, r = self.system, len(self.rows)
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
-        self._require_closed(t, g, s.split(y)[0])
+        if dx is not None:
+            self._require_closed(t, g, s.split(y)[0])
         return y, np.concatenate([lam, s.all_position_multipliers(s._last[0], G, self.position_rows, z[r:])])
 
     def all_multipliers(self, z: Array) -> Array:

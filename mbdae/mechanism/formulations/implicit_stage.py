@@ -84,17 +84,21 @@ class ImplicitStages:
         local = equation_partials(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
         return Linearized(local, _tangent_map(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
-    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+    def end(self, t: float, x: Array, dx: Array | None, z: Array) -> tuple[Array, Array]:
         """Return y and the multipliers of all rows, (ng,); the next step reuses the mass matrix and G.
 
         The remaining iteration error of z is |G - G_0| times its last change, much larger than those of x and x'. One
         linear solve removes it: it minimises |M^-1/2 (f + G^T z - M v')|. If bodies rotate far within a step,
         components that rounding excites converge slowly: the velocities in x are projected onto 0 = G v + g_t.
+        Neither applies without dx, where the step does not end at a stage.
         """
         s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
         q, _ = s.split(y)
         U, G = s.inertia(t, q), s.closures()[1]
         s._last_q, s._last = q, (U, G)
+        if dx is None:
+            s.manifold.require_small_rotations(x[:nv])
+            return y, s.all_multipliers(U, G, self.rows, z)
         residual, minus_rate = ImplicitStages.residual(self, t, x, dx, z)
         used = G[self.rows]
         X = dpotrs(U, np.column_stack([used.T, residual[nv : 2 * nv]]))[0]

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
+from ...tolerances import PUBLISHED_DECIMALS
 from ..exact_numbers import Number
-from ..radau import RungeKutta
+from ..runge_kutta import RungeKutta
 from ..tableau import Row
 
 
@@ -25,21 +26,26 @@ class Assumptions:
     Chat: tuple[int, ...]
     D: int
 
+    @property
+    def implicit(self) -> str:
+        """``"B(3) C(2) D(1)"``, as in the literature on implicit methods; the first row is the explicit stage."""
+        return f"B({self.B}) C({min(self.C[1:])}) D({self.D})"
+
     def __str__(self) -> str:
         C, Chat = (" ".join(map(str, rows)) for rows in (self.C, self.Chat))
         return f"B({self.B}), D({self.D}), C on rows: {C}, Chat on rows: {Chat}"
 
 
-def assumptions(tableau: RungeKutta, tolerance: float = 0.0) -> Assumptions:
-    """Find the simplifying assumptions that a tableau satisfies.
+def assumptions(tableau: RungeKutta) -> Assumptions:
+    """Find the simplifying assumptions that a tableau satisfies, rounded coefficients to their last decimals.
 
     Args:
         tableau: the method.
-        tolerance: a residual up to this counts as zero.
 
     Returns:
         The largest k of each; for rows at most the method's order, since a row of zeros satisfies all.
     """
+    tolerance = PUBLISHED_DECIMALS if tableau.rounded else 0.0
     A, Ahat, b = tableau.exact_A, tableau.exact_Ahat, tableau.exact_b
     zero: Number = Fraction(0)
     c, chat = ([sum(row, start=zero) for row in M] for M in (A, Ahat))

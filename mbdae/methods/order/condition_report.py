@@ -69,6 +69,9 @@ class ConditionReport:
         y: conditions of y for general f.
         y_linear: those that remain when f is linear in z.
         own: conditions of the method's z.
+        normal: conditions of the error along f_z, which y does not contain, if the step does not end at a stage.
+        normal_linear: those that remain when f is linear in z.
+        growth: R(infinity) of an implicit method.
         w_last_1: growth factor per step of the error of the carried z; None if nothing is carried.
         assumptions: the simplifying assumptions that hold.
         embedded: one entry for each embedded formula.
@@ -85,21 +88,31 @@ class ConditionReport:
     embedded: tuple[Embedded, ...]
     claims: dict[str, int]
     tolerance: float
+    normal: Check | None = None
+    normal_linear: Check | None = None
+    growth: float | None = None
 
     @property
     def order_y(self) -> int:
         """Order of y for general f."""
-        return self.y.order
+        return self._order(self.y, self.normal)
 
     @property
     def order_y_linear(self) -> int:
         """Order of y for f linear in z."""
-        return self.y_linear.order
+        return self._order(self.y_linear, self.normal_linear)
+
+    def _order(self, y: Check, normal: Check | None) -> int:
+        return y.order if normal is None else min(y.order, normal.order + (self.growth != 1)) * self.stable
 
     @property
     def order_own(self) -> int:
-        """Order of the method's z, at most that of y."""
-        return min(self.own.order, self.y.order)
+        """Order of the method's z, at most that of y; 0 if it does not converge."""
+        if self.normal is None:
+            return min(self.own.order, self.y.order)
+        accumulated = self.growth == 1  # local errors add up; those of y add up in z even if their signs alternate
+        lost = 0 if abs(self.growth or 0) < 1 else 1 + accumulated
+        return max(0, min(self.own.order - accumulated, self.normal.order - lost)) * self.stable
 
     @property
     def order_embedded(self) -> int:
@@ -108,8 +121,8 @@ class ConditionReport:
 
     @property
     def stable(self) -> bool:
-        """Whether errors of a carried z are damped: |w_n1| < 1."""
-        return self.w_last_1 is None or abs(self.w_last_1) < 1
+        """Whether errors of a carried z are damped, |w_n1| < 1, and those of an implicit method do not grow."""
+        return (self.w_last_1 is None or abs(self.w_last_1) < 1) and abs(self.growth or 0) <= 1
 
     @property
     def holds(self) -> bool:
@@ -130,11 +143,21 @@ class ConditionReport:
         if self.w_last_1 is not None:
             state = "damped" if self.stable else "NOT DAMPED"
             lines.append(f"  carried z           its error is {state}, factor {self.w_last_1:.4g} per step")
+        if self.normal is not None:
+            state = "damped" if abs(self.growth or 0) < 1 else "NOT DAMPED: |R(infinity)| < 1 is violated"
+            lines += [
+                f"  error along f_z     order {self.normal}; it is {state}",
+                f"  together            y {self.order_y}, f linear in z {self.order_y_linear}, own z "
+                + (str(self.order_own) if self.order_own else "does not converge"),
+            ]
         for formula in self.embedded:
             lines.append(f"  {formula.name:<19} claimed {self._claim(formula)}, found {formula.used}")
             if formula.used is formula.projected:
                 lines.append(f"                      after projection; without it {formula.y}")
-        return "\n".join([*lines, f"  {self.assumptions}"])
+        held = str(self.assumptions)
+        if self.growth is not None:
+            held = f"{self.assumptions.implicit}, R(infinity) = {self.growth:g}"
+        return "\n".join([*lines, f"  {held}"])
 
     def _claim(self, formula: Embedded) -> int:
         return self.claims["order_embedded"] - (formula.name == "b_companion")

@@ -5,9 +5,19 @@ With the elementary weights phi, psi of a tableau (`mbdae.methods.order.weights`
     y_1:    b . phi(t) = 1 / gamma(t)     for all t in DAT2_y with rho(t) <= p      gives order p of y
     method's z:  psi_n(u)   = 1 / gamma(u)     for all u in DAT2_z with rho(u) <= m - 1  gives order m of Z_n
 
-(with p >= m, and for a carried z with |w_n1| < 1). Trees in which a vertex has two fat sons drop out when f
-is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989, chapter 5; A. Murua, Computing 59
-(1997).
+(with p >= m, and for a carried z with |w_n1| < 1).
+
+An implicit method whose step does not end at a stage violates 0 = g(y_1). The trees [u]_y with one fat son are the part
+of its local error along f_z; let them hold up to order q, the others up to p, and those of z up to m - 1. The error
+along f_z is multiplied by R(infinity) in each step, as that of z, to which it contributes its h-th part. Therefore
+
+    |R(infinity)| < 1:  y min(p, q + 1),  z min(m, q)
+    R(infinity) = -1:   y min(p, q + 1),  z min(m, q - 1)
+    R(infinity) = 1:    y min(p, q),      z min(m - 1, q - 2)
+
+where z does not converge with order 0 (Hairer, Wanner II, section VII.4 with table 4.1). Trees in which
+a vertex has two fat sons drop out when f is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989,
+chapter 5; A. Murua, Computing 59 (1997).
 """
 
 from collections.abc import Callable, Iterable
@@ -19,8 +29,8 @@ from typing import Any
 from ...errors import InputError
 from ...tolerances import PUBLISHED_DECIMALS
 from ..exact_numbers import Number, exact
-from ..radau import RungeKutta
-from ..tableau import Row
+from ..runge_kutta import RungeKutta
+from ..tableau import Row, Tableau
 from .assumptions import assumptions
 from .condition_report import Check, ConditionReport, Embedded, Failure
 from .trees import RootedTree, iterate_y, trees_z
@@ -55,16 +65,39 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
         ]
         return Embedded(name, checks[2 if tableau.project_embedded else 0], *checks)
 
-    own = _search(weights.last, trees_z, max_order - 1 if max_order else tableau.order_own, tolerance)
+    at_stage = b in tableau.exact_Ahat
+    own_weight = weights.last if at_stage else lambda u: weights.end(b, u)
+    own = _search(own_weight, trees_z, max_order - 1 if max_order else tableau.order_own + (not at_stage), tolerance)
     rows = {"b_embedded": tableau.b_embedded, "b_companion": tableau.b_companion}
     claims = ("order", "order_linear", "order_own", "order_embedded")
+
+    def conditions(trees: Trees, order: int) -> tuple[Check, Check | None]:
+        """Check all trees; those of the error along f_z apart if it remains at the end of a step."""
+
+        def along_fz(normal: bool) -> Trees:
+            return lambda n: (t for t in trees(n) if normal == (not t.sons_y and len(t.sons_z) == 1))
+
+        def weight(t: RootedTree) -> Number:
+            return weights.sum(b, t)
+
+        if at_stage:
+            return search(weight, trees, order + 1), None
+        return search(weight, along_fz(False), order + 1), search(weight, along_fz(True), order + 1)
+
+    (y, normal), (y_linear, normal_linear) = (
+        conditions(iterate_y, tableau.order),
+        conditions(_linear_y, tableau.order_linear),
+    )
     return ConditionReport(
         name=tableau.name,
-        y=search(lambda t: weights.sum(b, t), iterate_y, tableau.order + 1),
-        y_linear=search(lambda t: weights.sum(b, t), _linear_y, tableau.order_linear + 1),
+        y=y,
+        y_linear=y_linear,
+        normal=normal,
+        normal_linear=normal_linear,
+        growth=None if isinstance(tableau, Tableau) else float(tableau.growth),
         own=Check(own.order + 1, own.trees, own.residual, own.failure),
-        w_last_1=float(weights.W[-1][0]) if tableau.explicit_first else None,
-        assumptions=assumptions(tableau, tolerance),
+        w_last_1=float(weights.W[-1][0]) if tableau.explicit_first and at_stage else None,
+        assumptions=assumptions(tableau),
         embedded=tuple(embedded(name, [exact(x) for x in row]) for name, row in rows.items() if row),
         claims={key: getattr(tableau, key) for key in claims},
         tolerance=tolerance,

@@ -1,7 +1,7 @@
 """The proof of a method's claims, by its family."""
 
 from ..alpha import GeneralizedAlpha
-from ..radau import RungeKutta
+from ..runge_kutta import RungeKutta
 from ..variational import Composition
 from .alpha import AlphaReport, check_alpha
 from .composition import CompositionReport, check_composition

@@ -8,8 +8,8 @@ from fractions import Fraction
 from math import gcd, lcm, prod
 from typing import NamedTuple
 
-from ..exact_numbers import Number, Surd
-from ..radau import RungeKutta
+from ..exact_numbers import Number, Surd, regular_inverse
+from ..runge_kutta import RungeKutta
 from ..tableau import Row
 from .trees import RootedTree
 
@@ -40,7 +40,8 @@ class Weights:
         A, Ahat = tableau.exact_A, tableau.exact_Ahat
         self.n = len(A)
         self.d = next((x.d for r in (*A, *Ahat, tableau.exact_b) for x in r if isinstance(x, Surd)), 0)
-        self.W = _inverse(Ahat, tableau.explicit_first)
+        first: Row = [Fraction(int(not j)) for j in range(self.n)]
+        self.W = regular_inverse([first, *Ahat[1:]] if tableau.explicit_first else Ahat)
         self._A, self._Ahat, self._W = (self._matrix(M) for M in (A, Ahat, self.W))
         self._ones = Vector([1] * self.n + [0] * (self.n if self.d else 0), 1)
         self._phi: dict[RootedTree, Vector] = {}
@@ -66,6 +67,11 @@ class Weights:
     def last(self, tree: RootedTree) -> Number:
         """Return phi or psi at the last stage."""
         return self._number(self.stages(tree), self.n - 1)
+
+    def end(self, b: Row, tree: RootedTree) -> Number:
+        """Return psi of z_1 = R(infinity) z_0 + sum_ij b_i w_ij Z_j: that of a stage whose row of Ahat is b."""
+        columns = zip(*self.W, strict=True)
+        return self.sum([sum((x * w for x, w in zip(b, col, strict=True)), start=Fraction(0)) for col in columns], tree)
 
     def _memo(self, known: dict[RootedTree, Vector], matrix: "_Matrix", tree: RootedTree) -> Vector:
         if tree not in known:
@@ -120,18 +126,3 @@ class _Matrix(NamedTuple):
 def _reduced(numbers: list[int], denominator: int) -> Vector:
     common = gcd(denominator, *numbers)
     return Vector([x // common for x in numbers], denominator // common)
-
-
-def _inverse(Ahat: list[Row], explicit_first: bool) -> list[Row]:
-    """Return the inverse by elimination without pivoting, the zero first row replaced by e_1."""
-    n = len(Ahat)
-    rows = [[*row, *(Fraction(int(i == j)) for j in range(n))] for i, row in enumerate(Ahat)]
-    if explicit_first:
-        rows[0][0] = Fraction(1)
-    for k in range(n):
-        rows[k] = [x / rows[k][k] for x in rows[k]]
-        for i in range(n):
-            factor = rows[i][k]
-            if i != k and factor:
-                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
-    return [row[n:] for row in rows]

@@ -61,6 +61,8 @@ def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
     """List the methods with their claims, or check their order conditions exactly."""
     from ...methods import METHODS, method
+    from ...methods.coupled_method import CoupledMethod
+    from ...methods.order.assumptions import assumptions
     from ...methods.order.reports import check_claims
 
     chosen = [method(n) for n in names or METHODS]
@@ -77,6 +79,8 @@ def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
             "own lam": m.order_own,
             "embedded": m.order_embedded or None,
             "solves": m.solves,
+            "assumptions": assumptions(m).implicit if isinstance(m, CoupledMethod) else None,
+            "R(inf)": float(m.growth) if isinstance(m, CoupledMethod) else None,
             "title": m.title,
         }
         for m in chosen

@@ -16,6 +16,7 @@ import numpy as np
 from ...errors import InputError, as_list
 from ...finite_differences import STENCIL, central_difference
 from ...integrate.binding import common_backend
+from ...integrate.differentiable_runs import DIFFERENTIABLE
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
@@ -112,7 +113,8 @@ def check_gradients(
         InputError: for invalid T or steps, no mechanism, or one without degrees of freedom and no parameter.
     """
     mech = mechanism_of(mech, "check_gradients")
-    names = as_list(methods or METHODS, "methods is a list of names")
+    differentiable = [name for name, m in METHODS.items() if isinstance(m, DIFFERENTIABLE)]
+    names = as_list(methods or differentiable, "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps

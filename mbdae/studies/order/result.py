@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+DIVERGENT = 0.2  # observed orders below it are those of an error that does not tend to zero
 MAX_DETAILED = 3  # methods for which the text has tables of errors
 
 
@@ -23,7 +24,7 @@ class ObservedOrder:
 
     Attributes:
         quantity: q, v, own lam (of the method) or lam (hidden constraint); y, own z or z of a textbook problem.
-        claimed: the method's claim.
+        claimed: the method's claim; 0 if it does not converge.
         observed: fitted slope, None if it cannot be judged.
         verdict: ``"holds"`` (observed >= claimed - 0.2), ``"misses"`` or the reason why it cannot be judged.
         steps: numbers of steps.
@@ -45,6 +46,12 @@ class ObservedOrder:
     def judged(self) -> bool:
         """Whether a slope could be fitted."""
         return self.observed is not None
+
+    @property
+    def claim(self) -> str:
+        """The claimed order in words: ``"0: does not converge"`` where the method promises no order."""
+        stays = not self.claimed and self.observed is not None and self.observed < DIVERGENT
+        return f"{self.claimed}: does not converge" if stays else str(self.claimed)
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -105,7 +112,7 @@ class OrderStudy(Tabular):
         """Return observed and claimed orders."""
         quantities = [s.quantity for s in next(iter(self.orders.values()), ())]
         rows = [
-            [name, *((f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in row)]
+            [name, *((f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claim})" for s in row)]
             for name, row in self.orders.items()
         ]
         return [["method", *quantities], *rows]
@@ -170,7 +177,7 @@ class OrderStudy(Tabular):
         lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]
         for name, row in self.orders.items():
             cells = [
-                f"{s.quantity} {s.observed:.2f} ({s.claimed})" if s.judged else f"{s.quantity} - ({s.claimed})"
+                f"{s.quantity} {s.observed:.2f} ({s.claim})" if s.judged else f"{s.quantity} - ({s.claimed})"
                 for s in row
             ]
             bad = [f"{s.quantity}: {s.verdict}" for s in row if s.verdict != "holds"]

@@ -1,0 +1,61 @@
+"""The index of a problem is checked at the start: rank of g_y f_z, with the names of what is not determined."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import Hessenberg
+from mbdae.errors import InputError
+from mbdae.textbook.problems import TEXTBOOK
+
+
+def linear(B, G, scale=1.0):
+    """The problem y' = B z, 0 = G y, with z in other units."""
+    B, G = np.array(B, float) * scale, np.array(G, float)
+    return Hessenberg(
+        f=lambda t, y, z: B @ z, g=lambda t, y: G @ y, y0=np.zeros(len(B)), z0=np.zeros(B.shape[1]), title="linear"
+    )
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_textbook_problems_have_index_2(name):
+    assert TEXTBOOK[name]().system().counts.f == 0, "the check is not counted"
+
+
+@pytest.mark.parametrize(
+    ("B", "G", "said"),
+    [
+        ([[1, 0], [0, 0], [0, 0]], [[1, 0, 0], [0, 1, 0]], "rank 1 of 2, column z.2 and row g.2 depend"),
+        ([[1, 2], [2, 4], [0, 0]], [[1, 0, 0], [0, 1, 0]], "rank 1 of 2, column z.[12] and row g.[12] depend"),
+        ([[1, 0], [0, 1], [1, 1]], [[1, 1, 0], [2, 2, 0]], "rank 1 of 2, column z.[12] and row g.[12] depend"),
+        ([[0], [1]], [[1, 0]], "rank 0 of 1, column z.1 and row g.1 depend on the others or are zero"),
+    ],
+)
+def test_a_singular_problem_is_rejected_by_name(B, G, said):
+    with pytest.raises(InputError, match=rf"'linear' does not have index 2 at the start: g_y f_z has {said}"):
+        mbdae.solve(linear(B, G), (0, 1), method="herk3", step=0.1)
+
+
+def test_the_pendulum_with_positions_alone_has_index_3():
+    problem = Hessenberg(
+        f=lambda t, y, z: np.array([y[2], y[3], -z[0] * y[0], -z[0] * y[1] - 9.81]),
+        g=lambda t, y: np.array([y[0] ** 2 + y[1] ** 2 - 1]),
+        y0=(1.0, 0.0, 0.0, 0.0),
+        z0=(0.0,),
+    )
+    with pytest.raises(InputError, match=r"column z\.1"):
+        mbdae.solve(problem, (0, 1))
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e12])
+def test_the_check_does_not_depend_on_units(scale):
+    regular = linear([[1, 1], [0, 1], [0, 0]], [[1, 0, 0], [0, 1, 0]], scale)
+    assert mbdae.solve(regular, (0, 1), method="herk3", step=0.1).ended
+
+
+def test_values_that_are_not_finite_are_rejected():
+    problem = Hessenberg(
+        f=lambda t, y, z: z, g=lambda t, y: y, y0=(0.0,), z0=(0.0,), f_z=lambda t, y, z: np.array([[np.nan]])
+    )
+    with pytest.raises(InputError, match="not finite at the start"):
+        problem.system()
