@@ -43,7 +43,8 @@ LONGER = {("four_bar", "herk5"): 6000, ("four_bar", "pherk6"): 6000}
 def test_orders(model, half, back_end, monkeypatch):
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     mech = mbdae.load(model)
-    fast = [n for n, m in mbdae.METHODS.items() if isinstance(m, Tableau) or (back_end == "native" and not in_python(m))]
+    native = back_end == "native"
+    fast = [n for n, m in mbdae.METHODS.items() if isinstance(m, Tableau) or (native and not in_python(m))]
     for method in fast[half::2]:
         largest = LARGEST_RUN if back_end == "native" else LONGER.get((model, method), IN_PYTHON)
         monkeypatch.setattr(Measurement, "largest", largest)
