@@ -138,8 +138,8 @@ def test_folders_of_files_that_are_not_asked_for_do_not_matter(monkeypatch, tmp_
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("drift run.npz -m herk3", "options of a run go with a model"),
-        ("drift run.npz --rtol 1e-3", "options of a run go with a model"),
+        ("drift run.npz -m herk3", "options of a run need a model"),
+        ("drift run.npz --rtol 1e-3", "options of a run need a model"),
         ("drift four_bar --project --formulation ggl", "not both"),
     ],
 )
