@@ -7,14 +7,13 @@ from math import isfinite
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.linalg.lapack import dgesv
 
 from ..errors import InputError, StepError
 from ..hermite import powers, refine
 from ..system import Array, Counts, System
-from ..tolerances import PIVOT_RANK
 from .implicit import HessenbergStages
+from .index_check import require_index_2
 
 Function = Callable[..., Array]
 CACHE_SIZE = 8
@@ -101,32 +100,9 @@ class HessenbergSystem(System):
                 f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
                 f"expected ({self.ny},) and ({self.nz},)"
             )
-        self._require_index_2(y, z)
-
-    def _require_index_2(self, y: Array, z: Array) -> None:
-        """Check the rank of g_y f_z at the start, and name the components that it does not determine.
-
-        Raises:
-            InputError: if it is singular.
-        """
-        if not self.nz:
-            return
-        g_y, f_z = self.g_y(0.0, y), self.f_z(0.0, y, z)
-        self.counts = Counts()
-        if not (np.isfinite(g_y).all() and np.isfinite(f_z).all()):
-            raise InputError(f"f_z or g_y of {self.problem.title!r} is not finite at the start")
-        sizes = np.linalg.norm(g_y, axis=1)[:, None] * np.linalg.norm(f_z, axis=0)
-        matrix = g_y @ f_z / np.where(sizes, sizes, 1.0)  # independent of units
-        names = []
-        for a, name in ((matrix, "z"), (matrix.T, "g")):  # dependent columns, and rows
-            R, order = qr(a, mode="r", pivoting=True)
-            rank = int((np.abs(R.diagonal()) > PIVOT_RANK).sum())
-            names.append(", ".join(f"{name}.{i + 1}" for i in sorted(order[rank:].tolist())))
-        if rank < self.nz:
-            raise InputError(
-                f"{self.problem.title!r} does not have index 2 at the start: g_y f_z has rank {rank} of {self.nz}, "
-                f"column {names[0]} and row {names[1]} depend on the others or are zero"
-            )
+        if self.nz:
+            require_index_2(problem.title, self.g_y(0.0, y), self.f_z(0.0, y, z))
+            self.counts = Counts()
 
     @property
     def features(self) -> dict[str, str]:
