@@ -78,16 +78,10 @@ def collocation_step(
         StepError: if the iteration does not converge, or if the problem raises it.
     """
     chart = system.chart(t, state.y)
-    memory, s = state.carry, len(a.c)
-    if not (isinstance(memory, StageMemory) and memory.unknowns == chart.unknowns and len(memory.K) == s):
+    memory = state.carry if isinstance(state.carry, StageMemory) else None
+    if memory and (memory.unknowns != chart.unknowns or len(memory.K) != len(a.c)):
         memory = None
-    if memory and a.ends_at_stage:
-        F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
-        onward = lagrange(a.c, 1 + a.c * h / memory.h)
-        K, Z, z_n = onward @ memory.K, onward @ memory.Z, memory.Z[-1]
-    else:  # also where the end of the last step does not satisfy 0 = g, to which the next stages jump back
-        F, z = chart.start()
-        K, Z, z_n = np.tile(F, (s, 1)), np.tile(z, (s, 1)), z if memory is None or memory.z is None else memory.z
+    F, K, Z, z_n = _guess(system, chart, a, h, memory)
     accuracy = system.accuracy if estimate else 0.0
     stages = _Stages(system, chart, a, t, h, system.size(state.y), max_iterations, accuracy)
     found = None
@@ -106,6 +100,22 @@ def collocation_step(
         y, own = chart.end(t + h, x, None, z_1)
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
     return Step(State(y, found, system.rounding_loss(state.y, x, y)), own, errors)
+
+
+def _guess(
+    system: System, chart: Chart, a: StageArrays, h: float, memory: StageMemory | None
+) -> tuple[Array, Array, Array, Array]:
+    """Return y'_n, the guess of K (s, ny) and Z (s, m), and z_n (m,).
+
+    The last stages are extrapolated, unless the last step ended where 0 = g does not hold: stages jump back to it.
+    """
+    if memory and a.ends_at_stage:
+        F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
+        onward = lagrange(a.c, 1 + a.c * h / memory.h)
+        return F, onward @ memory.K, onward @ memory.Z, memory.Z[-1]
+    F, z = chart.start()
+    s, z_n = len(a.c), z if memory is None or memory.z is None else memory.z
+    return F, np.tile(F, (s, 1)), np.tile(z, (s, 1)), z_n
 
 
 def _factorize(partials: Linearization, a: StageArrays, h: float) -> list[Solver]:

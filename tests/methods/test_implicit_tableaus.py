@@ -141,7 +141,7 @@ def test_orders_on_mechanisms(name, model, formulation):
     mech, T, m = mbdae.load(model), 0.44, METHODS[name]
     best = mbdae.solve(mech, (0, T), method="pherk6", step=T / 800)
     errors = []
-    steps = 64 if name == "sdirk2" else 16  # the order of its own z shows late
+    steps = 64 if name == "sdirk2" else 16  # its z reaches its order late
     for n in (steps, 2 * steps):
         sol = mbdae.solve(mech, (0, T), method=name, step=T / n, formulation=formulation)
         assert sol.ended, sol.message
@@ -198,7 +198,7 @@ def test_refusals():
         ImplicitTableau(**trapezium, b=("1",), order=2, order_own=0)
     code, _, err = call("solve", "four_bar", "-m", "gauss2")
     assert code != 0
-    assert err == "mbdae: method 'gauss2' has no error estimate and takes fixed steps: give step\n"
+    assert err == "mbdae: method 'gauss2' takes fixed steps: give a step\n"
     sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.1), method="sdirk2", step=0.01)
     with pytest.raises(InputError, match="derivatives of runs are those of half-explicit methods and Radau IIA"):
         mbdae.sensitivity(sol, start=True)
