@@ -26,6 +26,9 @@ class Rates:
     def size(self, y):
         return np.abs(y)
 
+    def first_step(self, *_, **__):
+        return None  # no compiled core
+
     def noise(self, y, share):
         return np.full(self.ny, self.rounding * share)
 
