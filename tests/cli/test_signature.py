@@ -35,7 +35,7 @@ def test_arguments_read_from_the_text_are_those_of_the_function(command):
 
 def test_types_defaults_choices_and_help_follow():
     find = option("equilibrium", "--find")
-    assert (find.default, find.help) == ("stable", "Which equilibrium.")
+    assert (find.default, find.help) == ("stable", "Kind of equilibrium.")
     assert isinstance(find.type, Choice)
     assert [*find.type.choices] == ["stable", "any"]
     assert (option("kinematics", "--turns").default, option("kinematics", "--turns").type.name) == (1.0, "float")

@@ -73,6 +73,6 @@ def test_the_model_jams_slips_and_pecks():
     assert begins[1] - begins[0] == pytest.approx(0.1295, abs=2e-4)
     grips = sol.t[[node for node, _ in sol.modes]].searchsorted(begins)
     held = slice(sol.modes[grips[0]][0], sol.modes[grips[0] + 1][0])
-    assert np.abs(sol.v[held, :2]).max() < 1e-14
+    assert np.abs(sol.v[held, :2]).max() < 1e-13  # m/s, of speeds of 0.1 to 10: rounding
     assert np.ptp(sol.q[held, 0]) < 1e-14
     assert mbdae.drift(sol).energy_relative < 1e-7

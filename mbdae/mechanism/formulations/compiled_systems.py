@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
 from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
-from ..closures.independent_rows import FALLEN
+from ..closures.independent_rows import FALLEN, MANY_ROWS
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from .core_description import core_tolerances, describe, samplers_of
@@ -94,12 +94,12 @@ class CompiledSystem(Index2System):
             self.derivative(t, y)
 
     def start(self, t: float, y: Array, project: bool) -> tuple[Array, Array, Array]:
-        """See `mbdae.system.System`; with modes, and next to singular configurations, in Python."""
+        """See `mbdae.system.System`; with modes, few dependent rows, and near singular configurations, in Python."""
         found = None
-        if self.formulation == "index2" and not self.mechanism.switches:
+        if self.formulation == "index2" and not self.mechanism.switches and not self._rank_known:
             found = self.core.start(t, y, project, self.ambiguous_pivot, FALLEN, SOLUTION_ROUNDING)
         self.take_core_record()
-        if found is None:
+        if found is None or len(found[3]) < self.ng <= MANY_ROWS:  # equal pivots: rounding must not choose other rows
             return super().start(t, y, project)
         y, F, z, rows, self.rank_threshold = found
         self.rows, self.rank, self.rows_frozen, self._rank_known = np.array(rows, int), len(rows), True, True

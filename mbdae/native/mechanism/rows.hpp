@@ -124,7 +124,7 @@ inline const std::map<Row::Kind, RowKind> ROW_KINDS = {{Row::dot_product_1, {"pa
                                                        {Row::knife_edge, {"pair, b", false}},
                                                        {Row::gear, {"pair, a, length", false}},
                                                        {Row::bevel, {"pair, a, b, length, other_length", false}},
-                                                       {Row::screw, {"pair, a, length"}},
+                                                       {Row::screw, {"pair, a, length", false}},
                                                        {Row::roller, {"pair, length, profile"}},
                                                        {Row::flat_face, {"pair, b, profile"}}};
 

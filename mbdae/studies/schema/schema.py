@@ -29,7 +29,7 @@ class FileSchema(GenerateJsonSchema):
         inner, name = super().function_before_schema(schema), getattr(schema["function"]["function"], "__name__", "")
         if name == "_coerce":  # of signals
             return {"anyOf": [{"type": "number"}, inner]}
-        if name == "_one_or_several":  # of sources
+        if name == "_as_sources":  # of sources
             return {"anyOf": [{"type": "string"}, inner["items"], inner]}
         return inner
 
