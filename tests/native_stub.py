@@ -38,7 +38,7 @@ def stub() -> str:
     text = re.sub(r"Annotated\[NDArray\[\w+\.\w+\], dict\([^()]*\)\]|NDArray\[numpy\.float64\]", "Array", text)
     text = re.sub(r"\bobject\b", "Any", re.sub(ATTRIBUTE, r"    \1: \2\n", text))
     text = HEADER + text.partition("\n\n\n")[2]
-    command = [sys.executable, "-m", "ruff", "format", "--stdin-filename", str(STUB), "-"]
+    command = [sys.executable, "-m", "ruff", "format", "--line-length", "120", "--stdin-filename", str(STUB), "-"]
     return subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
 from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
-from ..closures.independent_rows import FALLEN, MANY_ROWS
+from ..closures.independent_rows import FALLEN
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from .core_description import core_tolerances, describe, samplers_of
@@ -99,7 +99,7 @@ class CompiledSystem(Index2System):
         if self.formulation == "index2" and not self.mechanism.switches and not self._rank_known:
             found = self.core.start(t, y, project, self.ambiguous_pivot, FALLEN, SOLUTION_ROUNDING)
         self.take_core_record()
-        if found is None or len(found[3]) < self.ng <= MANY_ROWS:  # equal pivots: rounding must not choose other rows
+        if found is None:
             return super().start(t, y, project)
         y, F, z, rows, self.rank_threshold = found
         self.rows, self.rank, self.rows_frozen, self._rank_known = np.array(rows, int), len(rows), True, True

@@ -29,7 +29,9 @@ void IndependentRows::determine(const double* G, const double* Z, long stamp, co
   floor = rank ? std::min(1.0, first.fallen * ratio) * limits_.pivot_rank : 0;
   const bool fell = above(pivots_, floor) < rank;
   const bool grew = static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.growth_tolerance * pivots_[0];
-  if (fell || grew) rank = -1;
+  // Equal pivots of few rows: Python chooses, since rounding must not choose other rows there.
+  const bool chosen = !has_many() && rank < ng;
+  if (fell || grew || chosen) rank = -1;
   if (rank < 0) throw FallBackToPython();
   use_first_pivots();
   // Rows that the elimination left out: dependent, or else Python examines them by QR.
