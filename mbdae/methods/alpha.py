@@ -14,13 +14,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..system import Array, State, Step, System
-from .variational import TYPICAL, solved
+from .variational import TYPICAL, NewtonMethod, end_of_step, solved
 
 
 class Memory(NamedTuple):
@@ -32,7 +32,7 @@ class Memory(NamedTuple):
 
 
 @dataclass(frozen=True)
-class GeneralizedAlpha:
+class GeneralizedAlpha(NewtonMethod):
     """A generalised-alpha method.
 
     Args:
@@ -52,10 +52,8 @@ class GeneralizedAlpha:
     family = "generalised alpha"
     reference = "Arnold, Bruels, BIT 47 (2007)"
     order = order_linear = order_own = 2
-    order_embedded = 0
-    error_power = 0  # no step-size control
     roundings = 1  # per step: v_1 is an unknown of the velocity constraint
-    blend, noise, carries = 1.0, 0.0, True
+    carries = True
     solves = TYPICAL
     smallest_pivot = 0.1
     excludes: ClassVar[Mapping[str, str]] = {
@@ -75,13 +73,6 @@ class GeneralizedAlpha:
         """Weight of a_1 in positions, for the largest damping of high frequencies."""
         return (self.gamma + Fraction(1, 2)) ** 2 / 4
 
-    def steady(self, ny: int) -> float:
-        """As for `mbdae.methods.tableau.Tableau.steady`."""
-        return 1.0
-
-    def compiled(self, native: Any) -> None:
-        """Return None: its steps are not compiled."""
-
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; its errors are empty, (0, ny).
 
@@ -98,11 +89,7 @@ class GeneralizedAlpha:
         step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
         du, z = solved(system, step)
         moved, lam = step.end(du, z)
-        if state.compensation is not None:
-            moved = moved + state.compensation
-        y = system.add(state.y, moved)
-        carry = Memory(known + weight * du, du, h)
-        return Step(State(y, carry, system.rounding_loss(state.y, moved, y)), lam, np.empty((0, system.ny)))
+        return end_of_step(system, state, moved, lam, Memory(known + weight * du, du, h))
 
     def started(self, system: System, t: float, h: float, y: Array) -> Memory:
         """Return a and u' of a first step: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
@@ -113,10 +100,6 @@ class GeneralizedAlpha:
         ahead = abs(offset) * h
         change = system.derivative(t + ahead, system.add(y, ahead * F))[0] - F
         return Memory((F + np.sign(offset) * change)[-n:], F[-n:], h)
-
-    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Reject step-size control."""
-        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
 
 
 def alpha_method(name: str) -> GeneralizedAlpha | None:

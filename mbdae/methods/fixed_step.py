@@ -3,16 +3,15 @@
 from collections.abc import Iterable
 from typing import Any
 
-from .alpha import GeneralizedAlpha
 from .implicit_tableau import ImplicitTableau
-from .variational import Composition
+from .variational import NewtonMethod
 
-FIXED_STEP = Composition, GeneralizedAlpha, ImplicitTableau
+FIXED_STEP = NewtonMethod, ImplicitTableau
 
 
 def in_python(method: Any) -> bool:
     """Return whether the steps of a method are computed in Python with any back end."""
-    return isinstance(method, FIXED_STEP) and not (isinstance(method, ImplicitTableau) and method.in_core)
+    return isinstance(method, NewtonMethod) or (isinstance(method, ImplicitTableau) and not method.in_core)
 
 
 def uncompiled(methods: Iterable[Any], because: str) -> str:

@@ -25,8 +25,28 @@ TYPICAL = 4  # evaluations of the equations in a step of RATTLE
 FALLING = 0.5  # of a change: a later one that is larger is rounding, or Newton's method diverges
 
 
+class NewtonMethod:
+    """A method with fixed steps, each solved by Newton's method to rounding in Python."""
+
+    name: str
+    order_embedded = 0
+    error_power = 0  # no step-size control
+    blend, noise = 1.0, 0.0
+
+    def steady(self, ny: int) -> float:
+        """As for `mbdae.methods.tableau.Tableau.steady`."""
+        return 1.0
+
+    def compiled(self, native: Any) -> None:
+        """Return None: its steps are not compiled."""
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Reject step-size control."""
+        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
+
+
 @dataclass(frozen=True)
-class Composition:
+class Composition(NewtonMethod):
     """Weights of a symmetric composition of RATTLE steps.
 
     Args:
@@ -45,9 +65,7 @@ class Composition:
 
     family = "RATTLE"
     order_own = 1
-    order_embedded = 0
-    error_power = 0  # no step-size control: varying steps lose the bound of the energy
-    blend, noise, carries, rounded = 1.0, 0.0, False, True
+    carries, rounded = False, True
     excludes: ClassVar[Mapping[str, str]] = {
         "textbook": "it integrates the Lagrangian of a mechanism",
         "ggl": "it enforces positions and velocities in formulation 'index2'",
@@ -93,10 +111,6 @@ class Composition:
         """Roundings of v per step that compensated summation does not remove: each substep solves for it from p."""
         return len(self.weights)
 
-    def steady(self, ny: int) -> float:
-        """As for `mbdae.methods.tableau.Tableau.steady`."""
-        return 1.0
-
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take the substeps of one step; its errors are empty, (0, ny).
 
@@ -111,13 +125,6 @@ class Composition:
         assert out is not None
         return out
 
-    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Reject step-size control."""
-        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
-
-    def compiled(self, native: Any) -> None:
-        """Return None: its steps are not compiled."""
-
 
 def rattle_step(system: System, t: float, h: float, state: State) -> Step:
     """Take a step of RATTLE, with Newton's method to rounding: a looser iteration shows as a drift of the energy.
@@ -127,11 +134,15 @@ def rattle_step(system: System, t: float, h: float, state: State) -> Step:
     """
     step = system.variational_step(t, h, state.y)
     x, lam = solved(system, step)
-    moved, mu = step.end(x, lam)
+    return end_of_step(system, state, *step.end(x, lam), None)
+
+
+def end_of_step(system: System, state: State, moved: Array, z: Array, carry: Any) -> Step:
+    """Return the step that moves y by ``moved`` (ny,), with compensated summation."""
     if state.compensation is not None:
         moved = moved + state.compensation
     y = system.add(state.y, moved)
-    return Step(State(y, None, system.rounding_loss(state.y, moved, y)), mu, np.empty((0, system.ny)))
+    return Step(State(y, carry, system.rounding_loss(state.y, moved, y)), z, np.empty((0, system.ny)))
 
 
 def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
