@@ -14,6 +14,7 @@ from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..forces import AnyForce
+from ..input_functions import Input
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
 from ..time_functions import TimeFunction
 
@@ -95,22 +96,6 @@ class Source(Table):
     packages: tuple[str, ...] = ()
 
 
-class InputTable(Table):
-    """An input of forces, which a `mbdae.Simulator` sets: forces refer to it by ``{ input = "NAME" }``.
-
-    Attributes:
-        name: of the input.
-        value: at the start.
-        unit: for tables and displays.
-        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance.
-    """
-
-    name: str = Field(min_length=1)
-    value: float = 0.0
-    unit: str = ""
-    hold: Literal["zero", "first"] = "zero"
-
-
 class MechanismFile(Table):
     """Contents of a mechanism.toml.
 
@@ -151,7 +136,7 @@ class MechanismFile(Table):
     stop: tuple[Stop, ...] = ()
     clutch: tuple[Clutch, ...] = ()
     force: tuple[AnyForce, ...] = ()
-    input: tuple[InputTable, ...] = ()
+    input: tuple[Input, ...] = ()
     start: Start = Start()
     order: OrderSettings = OrderSettings()
     solve: SolveSettings = SolveSettings()
@@ -182,7 +167,7 @@ def _with_inputs(value: Any, known: Mapping[str, Any]) -> Any:
     if isinstance(value, dict) and value.keys() == {"input"}:
         if value["input"] not in known:
             raise ValueError(f"unknown input {value['input']!r}; known: {', '.join(known) or 'none, add an [[input]]'}")
-        return {"kind": "input", **known[value["input"]]}
+        return {**known[value["input"]], "kind": "input"}
     if isinstance(value, dict):
         return {key: _with_inputs(x, known) for key, x in value.items()}
     return [_with_inputs(x, known) for x in value] if isinstance(value, list | tuple) else value
