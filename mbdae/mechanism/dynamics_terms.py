@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..backend import select_core
-from ..errors import InputError
+from ..errors import InputError, NotCompiled
 from ..system import Array
 from ..tolerances import HALF_DIGITS
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
@@ -47,7 +47,13 @@ class DynamicsTerms:
             >>> point.M @ point.vdot - point.f - point.G.T @ point.lam           # doctest: +SKIP
         """
         q0, v0 = self.start_at(t) if q is None else (q, np.zeros(self.nv))
-        return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=select_core(backend))
+        native = select_core(backend)
+        if native and backend == "auto":
+            try:
+                self.workspaces.release(self.workspaces.acquire(native=native))
+            except NotCompiled:
+                native = None
+        return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=native)
 
     def ode(
         self: Any, t: float = 0.0, q: Array | None = None, v: Array | None = None, s: Array | None = None,

@@ -6,7 +6,9 @@ import pytest
 import scipy.linalg
 
 import mbdae
+from mbdae.errors import NotCompiled
 from mbdae.finite_differences import numerical_derivative, numerical_jacobian
+from mbdae.mechanism.formulations.compiled_systems import CompiledSystem
 
 # loops, dependent rows, a free body, rolling rows, states of controllers, a driver, joint friction
 MODELS = ["four_bar", "bricard", "heavy_top", "differential_drive", "stewart_platform", "flyball_governor", "dual_arm"]
@@ -150,3 +152,15 @@ def test_rows_of_a_stop_act_in_their_mode():
     assert free.lam == pytest.approx(0.0)
     assert kept.G.any()
     assert kept.G @ kept.vdot + kept.gamma == pytest.approx(0.0, abs=1e-12)
+
+
+def test_python_computes_what_the_core_does_not_support(monkeypatch):
+    def refuse(*_, **__):
+        raise NotCompiled("a force of another package")
+
+    monkeypatch.setattr(CompiledSystem, "__init__", refuse)
+    mech = mbdae.load("four_bar")
+    assert np.isfinite(mech.at().vdot).all()
+    assert np.isfinite(mech.ode().jacobian(0.0, mech.ode().x0)[0]).all()
+    with pytest.raises(NotCompiled, match="force"):
+        _ = mech.at(backend="native").vdot
