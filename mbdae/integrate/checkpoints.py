@@ -53,3 +53,18 @@ class Checkpoints:
         first = j * self.length
         self._at, self._states = j, self.recompute(first, min(first + self.length, self.n - 1), self.saved[j])
         return self._states
+
+
+class RecordedStates:
+    """States of a run with stored carries, with the interface of `Checkpoints`."""
+
+    def __init__(self, ys: Array, carries: Array) -> None:
+        self.ys, self.carries, self.length = ys, carries, len(ys)
+
+    def __getitem__(self, i: int) -> State:
+        """Return the state at node i, from which the next step starts."""
+        return State(self.ys[i], self.carries[i])
+
+    def carries_between(self, i: int, j: int) -> Array:
+        """Return the carries at nodes i to j - 1, (j - i, nc)."""
+        return self.carries[i:j]

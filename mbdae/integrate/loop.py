@@ -64,7 +64,8 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         if len(run.ts) == before:
             continue
         step = StepMap(run, start)
-        if _rejected(run, step):
+        if start and any(source.rejects(step) for source in run.sources):  # too long to detect its events
+            run.reject_step(start)
             continue
         if _stopped_by_event(run, step, before):
             return True
@@ -89,16 +90,6 @@ def _advance(run: RunState, max_steps: int | None) -> State | None:
     return start
 
 
-def _rejected(run: RunState, step: StepMap) -> bool:
-    """Undo the last step, and return True, if a source cannot detect its events in such a long step."""
-    if not step.start or not any(source.rejects(step) for source in run.sources):
-        return False
-    run.stepper.undo_step()
-    run.undo_step(step.start)
-    run.rejected = (run.rejected or 0) + 1
-    return True
-
-
 def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
     """Let the source of the earliest event in the last step act; return whether that ends the run."""
     acting = list[EventSource]()
@@ -112,5 +103,5 @@ def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
         acting.append(source)
         if len(run.ts) == before:  # at the start of the step
             break
-        step = StepMap(run, step.start, True)
+        step = step.ended_by_event()
     return any(source.act(run) for source in acting)

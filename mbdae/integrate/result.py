@@ -11,7 +11,7 @@ from ..mechanism.formulations.index2 import Index2System
 from ..solution.solution import Solution
 from ..system import Array
 from .run_diagnostics import accuracy_warnings
-from .run_state import RunState
+from .run_state import CarryRecord, RunState
 
 
 def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
@@ -23,9 +23,10 @@ def make_solution(run: RunState, status: str, message: str, seconds: float) -> S
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     found = _results(run)
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
-    if full.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
-        full.status, full.message = "doubtful", words
-    return full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
+    out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
+    if out.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
+        out.status, out.message = "doubtful", words
+    return out
 
 
 def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
@@ -41,10 +42,18 @@ def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
 def _results(run: RunState) -> dict[str, Any]:
     """Return rows in use and carries up to the last node, and the results of the sources of events."""
     n = len(run.ts)
-    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": run.carries.up_to(n)}
+    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": _carries(run.carries, n)}
     for source in run.sources:
         found |= source.results(run)
     return found
+
+
+def _carries(record: CarryRecord, n: int) -> tuple[Array, list[int]] | None:
+    """Return the carries at nodes 0 to n - 2, (n - 1, nc), and the restarted nodes; None if one is not stored."""
+    sizes = {len(record.rows.get(i, ())) for i in range(n - 1)}
+    if len(sizes) != 1 or 0 in sizes:
+        return None
+    return np.array([record.rows[i] for i in range(n - 1)]), sorted(i for i in record.restarted if i < n)
 
 
 def _at_times(full: Solution, times: Array, sign: float, found: dict[str, Any]) -> Solution:

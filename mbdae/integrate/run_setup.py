@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..methods import obstacle
-from ..methods.fixed_step import FIXED_STEP, in_python
+from ..methods.fixed_step import FIXED_STEP
 from ..solution.solution import Problem
 from ..system import Array, System
 from ..tolerances import INPUT_DIGITS, NEGLIGIBLE
@@ -32,7 +32,8 @@ def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Ar
     Raises:
         InputError: for options that do not suit the problem, or an inconsistent start.
     """
-    return prepare_at(problem, options, _start(problem, start, options.t0, None if options.step else options.rtol))
+    y = _start(problem, start, options.t0, None if options.step else options.rtol)
+    return prepare_at(problem, options, y)
 
 
 def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
@@ -45,13 +46,13 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     inner = _stepper(system, options)
-    native = system.native and not isinstance(options.method, ScipySolver) and not in_python(options.method)
+    native = system.native and not isinstance(options.method, ScipySolver) and options.method.in_core
     stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
     if inner.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(inner.control.rtol)
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
-    run.fallback = fallback or f"method {options.method.name!r}" * in_python(options.method)
+    run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
     if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
         q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
         run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}

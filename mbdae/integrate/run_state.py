@@ -11,7 +11,7 @@ from ..mechanism import Mechanism
 from ..mechanism.formulations.index2 import Index2System
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
-from .carry_record import CarryRecord
+from .checkpoints import MAX_STORED
 from .events.driver_checks import DriverChecks
 from .events.hybrid import ModeChanges
 from .events.jumps import Jumps
@@ -34,6 +34,30 @@ SOURCES: tuple[type[EventSource], ...] = (
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
 Source = TypeVar("Source", bound=EventSource)
+
+
+class CarryRecord:
+    """The carry at each node, and the nodes at which it was restarted."""
+
+    def __init__(self) -> None:
+        self.rows: dict[int, Array] = {}
+        self.restarted: set[int] = set()
+
+    def capacity_left(self, n: int) -> int:
+        """Return for how many nodes after the first n carries can be stored."""
+        return max(MAX_STORED - n, 0)
+
+    def store(self, i: int, carry: Any, restarted: bool = False) -> None:
+        """Store the carry at node i."""
+        if i < MAX_STORED and isinstance(carry, np.ndarray):
+            self.extend(i, carry[None], [0] if restarted else [])
+
+    def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
+        """Store the carries of several nodes, (k, nc), some of them restarted."""
+        nodes = range(first, first + len(carries))
+        self.rows.update(zip(nodes, carries, strict=True))
+        self.restarted -= set(nodes)
+        self.restarted |= {first + i for i in restarted}
 
 
 class RunState:
@@ -223,6 +247,12 @@ class RunState:
         self.t, self.state = self.ts[-1], state
         self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
         self.system.use_rows(self.in_use[-1][1])
+
+    def reject_step(self, state: State) -> None:
+        """Undo the last step, which started from the given state, to repeat it with a smaller size."""
+        self.stepper.undo_step()
+        self.undo_step(state)
+        self.rejected = (self.rejected or 0) + 1
 
     def truncate(self, step: "StepMap", event: Occurrence) -> None:
         """Shorten the last step so that it ends at an event."""

@@ -35,6 +35,10 @@ class StepMap:
         self.h, self.y, self.y1, self.first = self.t1 - self.t, run.ys[-2], run.ys[-1], self.node == 0
         self._known = {0.0: self.y, 1.0: self.y1}
 
+    def ended_by_event(self) -> "StepMap":
+        """Return the same step, which ends at an event now."""
+        return StepMap(self.run, self.start, True)
+
     def dense(self, theta: float) -> Array:
         """Return y (n,) at t + theta h by dense output, one order below the method; values are cached."""
         if theta not in self._known:

@@ -19,8 +19,7 @@ from ..methods.runge_kutta import RungeKutta
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE
-from .carry_record import RecordedStates
-from .checkpoints import Checkpoints
+from .checkpoints import Checkpoints, RecordedStates
 from .differentiable_runs import require_differentiable
 from .events.jumps import MARGIN
 from .native_trajectory import NativeStep, NativeTrajectory

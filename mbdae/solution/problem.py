@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ..errors import UnknownNameError, require
+from ..errors import InputError, UnknownNameError, require
 from ..mechanism import Mechanism, load
 from ..textbook.problems import TEXTBOOK
 from .solution import Problem
@@ -40,6 +40,7 @@ def problem_of(given: Any, what: str) -> Problem:
             if e.kind != "model":
                 raise
             raise UnknownNameError("model", e.name, [*e.valid[:-1], *TEXTBOOK, e.valid[-1]]) from None
-    known = f"{what} takes a Mechanism or a Hessenberg problem, or a name or path (see mbdae.load)"
-    require(given, Problem, known)
+    if not isinstance(given, Problem):
+        known = "a Mechanism or a Hessenberg problem, or a name or path (see mbdae.load)"
+        raise InputError(f"{what} takes {known}, got {given!r:.60}")
     return given  # type: ignore[no-any-return]

@@ -41,6 +41,7 @@ class ScipySolver:
     implicit: bool
 
     excludes: ClassVar[Mapping[str, str]] = {}
+    in_core = True  # the compiled core evaluates its equations
 
     @property
     def solver(self) -> "type[OdeSolver]":
