@@ -14,21 +14,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InputError
 from ..system import Array, State, Step, System
 from .variational import TYPICAL, NewtonMethod, end_of_step, solved
-
-
-class Memory(NamedTuple):
-    """Data passed to the next step: a and u' at its start, (n,) each, and the step size."""
-
-    a: Array
-    rate: Array
-    h: float
 
 
 @dataclass(frozen=True)
@@ -73,33 +65,50 @@ class GeneralizedAlpha(NewtonMethod):
         """Weight of a_1 in positions, for the largest damping of high frequencies."""
         return (self.gamma + Fraction(1, 2)) ** 2 / 4
 
+    def compiled(self, native: Any) -> Any:
+        """Return the method for the compiled core."""
+        return native.GeneralizedAlpha(
+            alpha_m=float(self.alpha_m),
+            alpha_f=float(self.alpha_f),
+            beta=float(self.beta),
+            gamma=float(self.gamma),
+            stabilised=self.stabilised,
+            iteration=self.iteration(native),
+        )
+
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; its errors are empty, (0, ny).
+
+        The carry is (a, u', h), (2 n + 1,): a and u' at the start of the next step, and the size of this one.
 
         Raises:
             StepError: if Newton's method does not converge.
         """
-        system.compiled_step(self, t, h, state)  # None: prepares the rows in use
+        out = system.compiled_step(self, t, h, state)
+        if out is not None:
+            return out
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
-        memory = state.carry if isinstance(state.carry, Memory) else self.started(system, t, h, state.y)
-        rate, a = memory.rate, memory.rate + h / memory.h * (memory.a - memory.rate)
+        n, carry = system.ny - system.nv, state.carry
+        if carry is None or len(carry) != 2 * n + 1:
+            carry = self.started(system, t, h, state.y)
+        rate, a = carry[n:-1], carry[n:-1] + h / carry[-1] * (carry[:n] - carry[n:-1])
         step = system.second_order_step(t, h, state.y, self.stabilised)
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)
         step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
         du, z = solved(system, step)
         moved, lam = step.end(du, z)
-        return end_of_step(system, state, moved, lam, Memory(known + weight * du, du, h))
+        return end_of_step(system, state, moved, lam, np.concatenate([known + weight * du, du, [h]]))
 
-    def started(self, system: System, t: float, h: float, y: Array) -> Memory:
-        """Return a and u' of a first step: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
+    def started(self, system: System, t: float, h: float, y: Array) -> Array:
+        """Return the carry of a first step: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
         offset, F = float(self.alpha_m - self.alpha_f), system.derivative(t, y)[0]
         n = system.second_order_step(t, h, y, self.stabilised).size
         if not offset:
-            return Memory(F[-n:], F[-n:], h)
+            return np.concatenate([F[-n:], F[-n:], [h]])
         ahead = abs(offset) * h
         change = system.derivative(t + ahead, system.add(y, ahead * F))[0] - F
-        return Memory((F + np.sign(offset) * change)[-n:], F[-n:], h)
+        return np.concatenate([(F + np.sign(offset) * change)[-n:], F[-n:], [h]])
 
 
 def alpha_method(name: str) -> GeneralizedAlpha | None:

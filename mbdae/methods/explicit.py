@@ -56,6 +56,7 @@ class ExplicitMethod:
 
     family = "explicit"
     excludes: ClassVar[Mapping[str, str]] = {}
+    in_core = True  # the compiled core takes its steps
     blend = 2.0
     noise = 0.0
     explicit_first = True

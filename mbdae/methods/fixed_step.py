@@ -9,12 +9,7 @@ from .variational import NewtonMethod
 FIXED_STEP = NewtonMethod, ImplicitTableau
 
 
-def in_python(method: Any) -> bool:
-    """Return whether the steps of a method are computed in Python with any back end."""
-    return isinstance(method, NewtonMethod) or (isinstance(method, ImplicitTableau) and not method.in_core)
-
-
 def uncompiled(methods: Iterable[Any], because: str) -> str:
     """Return why methods are computed in Python: a known reason, or the names of those whose steps are; or ""."""
-    names = ", ".join(dict.fromkeys(m.name for m in methods if in_python(m)))
+    names = ", ".join(dict.fromkeys(m.name for m in methods if not m.in_core))
     return because or (names and f"steps of {names} in Python")

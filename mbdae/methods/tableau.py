@@ -72,6 +72,7 @@ class Tableau:
     rounded: bool = False
 
     excludes: ClassVar[Mapping[str, str]] = {}
+    in_core = True  # the compiled core takes its steps
     control = PI
     roundings = 0  # per step, of sums that are not compensated
     blend = 1.0  # of two error estimates, see `mbdae.methods.controller.error_norm`

@@ -26,9 +26,10 @@ FALLING = 0.5  # of a change: a later one that is larger is rounding, or Newton'
 
 
 class NewtonMethod:
-    """A method with fixed steps, each solved by Newton's method to rounding in Python."""
+    """A method with fixed steps, each solved by Newton's method to rounding."""
 
     name: str
+    in_core = True  # the compiled core takes its steps
     order_embedded = 0
     error_power = 0  # no step-size control
     blend, noise = 1.0, 0.0
@@ -37,8 +38,11 @@ class NewtonMethod:
         """As for `mbdae.methods.tableau.Tableau.steady`."""
         return 1.0
 
-    def compiled(self, native: Any) -> None:
-        """Return None: its steps are not compiled."""
+    def iteration(self, native: Any) -> Any:
+        """Return the thresholds of Newton's method for the compiled core."""
+        return native.NewtonIteration(
+            patience=PATIENCE, below_rounding=BELOW_ROUNDING, iteration_rounding=ITERATION_ROUNDING, falling=FALLING
+        )
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Reject step-size control."""
@@ -95,6 +99,10 @@ class Composition(NewtonMethod):
     def nodes(self) -> Array:
         """Start times of the substeps in units of h, and 1, (s + 1,)."""
         return np.array([sum(self.exact_weights[:i]) for i in range(len(self.exact_weights))] + [1], float)
+
+    def compiled(self, native: Any) -> Any:
+        """Return the method for the compiled core."""
+        return native.Composition(weights=self.weights, nodes=self.nodes, iteration=self.iteration(native))
 
     @property
     def solves(self) -> int:

@@ -68,7 +68,7 @@ class CompiledSystem(Index2System):
         """Return the core's version of a method; an implicit method also needs the expanded tree."""
         if self._method[0] is not method:
             self._method = method, method.compiled(self.native)
-            if isinstance(self._method[1], self.native.Radau):
+            if not isinstance(self._method[1], self.native.Tableau):
                 self.expand()
         return self._method[1]
 

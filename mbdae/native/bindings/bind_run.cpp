@@ -50,6 +50,15 @@ void complete_radau(Radau& r) {
   check_finite({&r.c, &r.A, &r.start});
 }
 
+void complete_composition(Composition& c) {
+  if (c.weights.empty() || c.nodes.size() != c.weights.size() + 1) refuse("a composition has a node more than weights");
+  check_finite({&c.weights, &c.nodes});
+}
+
+void complete_alpha(GeneralizedAlpha& a) {
+  if (!(a.alpha_m < 1) || !(a.alpha_f < 1) || !(a.beta > 0) || !(a.gamma > 0)) refuse("alpha < 1, beta, gamma > 0");
+}
+
 // Seconds of one evaluation of all partials.
 double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
@@ -92,6 +101,9 @@ void bind_structs(nb::module_& m) {
   bind_keywords<EigenMode>(m, "EigenMode", "An eigenvalue of A with its eigenvectors.");
   bind_keywords<Radau>(m, "Radau", "Coefficients of a collocation method, and thresholds of its iteration.",
                        complete_radau);
+  bind_keywords<NewtonIteration>(m, "NewtonIteration", "Thresholds of Newton's method to rounding.");
+  bind_keywords<Composition>(m, "Composition", "Weights of a composition of RATTLE steps.", complete_composition);
+  bind_keywords<GeneralizedAlpha>(m, "GeneralizedAlpha", "Numbers of a generalised-alpha method.", complete_alpha);
   bind_attributes<SmoothInterval>(m, "SmoothInterval", "A smooth interval of a run, and the current time.");
   bind_attributes<StepControl>(m, "StepControl", "Step-size control.");
   bind_attributes<Grid>(m, "Grid", "Steps of equal size.");

@@ -33,7 +33,6 @@ auto update_independent_rows(PyCore& c, double t, const Array& y, const nb::obje
   return attempt(c, [&](Index2System& s) {
     State x = state(y, carry);
     if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
-    if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.carried()) refuse("carry has the wrong length");
     const bool changed = s.update_independent_rows(t, x);
     return std::make_tuple(changed, vector(x.y), carried(x));
   });
@@ -63,6 +62,17 @@ auto collocate(PyCore& c, const Radau& radau, double t, double h, const Array& y
                const std::optional<Array>& low, bool controlled) {
   return one_step(c, y, carry, low, nullptr, [&](const State& in, State& out, double* z, Numbers& errors) {
     c.core->stages->take(radau, controlled, t, h, in, out, z, errors);
+  });
+}
+
+VariationalStep& stepper(Core& c, const Composition&) { return c.variational; }
+SecondOrderStep& stepper(Core& c, const GeneralizedAlpha&) { return c.second_order; }
+
+template <class Coefficients>
+auto newton_step(PyCore& c, const Coefficients& a, double t, double h, const Array& y, const nb::object& carry,
+                 const std::optional<Array>& low) {
+  return one_step(c, y, carry, low, nullptr, [&](const State& in, State& out, double* z, Numbers&) {
+    stepper(*c.core, a).take(a, t, h, in, out, z);
   });
 }
 
@@ -96,6 +106,16 @@ void advance_stages(PyCore& c, const Radau& radau, Run& run) {
   const CoreLock lock(c);
   c.check(run.state);
   CollocationMethod method(*c.core->stages, radau);
+  run_loop(c, method, run);
+}
+
+template <class Coefficients>
+void advance_newton(PyCore& c, const Coefficients& a, Run& run) {
+  const CoreLock lock(c);
+  c.check(run.state);
+  constexpr bool carries = std::is_same_v<Coefficients, GeneralizedAlpha>;
+  FixedStepMethod<std::remove_reference_t<decltype(stepper(*c.core, a))>, Coefficients> method(stepper(*c.core, a), a,
+                                                                                               carries);
   run_loop(c, method, run);
 }
 
@@ -196,8 +216,14 @@ NB_MODULE(_native, m) {
            "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
       .def("step", collocate, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
            arg("controlled"))
+      .def("step", newton_step<Composition>, arg("composition"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
+           arg("low").none())
+      .def("step", newton_step<GeneralizedAlpha>, arg("alpha"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
+           arg("low").none())
       .def("advance", advance, arg("tableau"), arg("run"), "Take many steps.")
       .def("advance", advance_stages, arg("radau"), arg("run"))
+      .def("advance", advance_newton<Composition>, arg("composition"), arg("run"))
+      .def("advance", advance_newton<GeneralizedAlpha>, arg("alpha"), arg("run"))
       .def("expand", expand, arg("model"), "Set the expanded tree, which partials and implicit methods need.")
       .def("set_sampled_controllers", set_sampled_controllers, arg("controllers"))
       .def("set_friction_interfaces", set_friction_interfaces, arg("interfaces"), arg("active").noconvert(),

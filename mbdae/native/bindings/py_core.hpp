@@ -9,6 +9,8 @@
 #include "bindings/bindings.hpp"
 #include "bindings/description.hpp"
 #include "steps/formulations.hpp"
+#include "steps/second_order.hpp"
+#include "steps/variational.hpp"
 #include "mechanism/model.hpp"
 
 namespace mbdae {
@@ -18,10 +20,13 @@ using Directions = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
 struct Core {
   Core(const void* model, const Tolerances& tolerances, Description d)
-      : system(model, tolerances, std::move(d)), step(half_explicit_step(system)), stages(collocation_step(system)) {}
+      : system(model, tolerances, std::move(d)), step(half_explicit_step(system)), stages(collocation_step(system)),
+        variational(system), second_order(system) {}
   Index2System system;
   std::unique_ptr<HalfExplicitStep> step;
   std::unique_ptr<CollocationStep> stages;
+  VariationalStep variational;
+  SecondOrderStep second_order;
 };
 
 struct PyCore {

@@ -39,6 +39,20 @@ int ad(const Block& b, const double* p, double* X) {
 
 }  // namespace
 
+void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int stride) {
+  for (const TangentBlock& b : blocks) {
+    double out[6] = {};
+    for (int i = 0; i < b.n; ++i)
+      for (int k = 0; k < b.n; ++k) out[k] += b.J[i * b.n + k] * a[(b.at + i) * stride];
+    for (int k = 0; k < b.n; ++k) a[(b.at + k) * stride] = out[k];
+  }
+}
+
+void multiply_rows(const std::vector<TangentBlock>& blocks, Numbers& X, int n) {
+  if (blocks.empty()) return;
+  for (size_t at = 0; at < X.size(); at += n) multiply_transposed(blocks, &X[at]);
+}
+
 // y = x + sum (-1)^k/(k + 1)! X^k x: the right Jacobian of exp.
 static void right_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];

@@ -31,6 +31,10 @@ struct TangentBlock {
   double J[36], dJv[36];
 };
 
+// a := J^T a for J of blocks, elsewhere 1; the numbers of a are a stride apart.
+void multiply_transposed(const std::vector<TangentBlock>& blocks, double* a, int stride = 1);
+void multiply_rows(const std::vector<TangentBlock>& blocks, Numbers& X, int n);  // X := X J for X (k, n) by rows
+
 // Partials of a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
 struct IntegratePartialsBlock {
   int at, n;

@@ -99,6 +99,20 @@ class CollocationMethod final : public Method {
   const Radau& a_;
 };
 
+// A method without error estimate: VariationalStep, SecondOrderStep.
+template <class Step, class Coefficients>
+class FixedStepMethod final : public Method {
+ public:
+  FixedStepMethod(Step& step, const Coefficients& a, bool carries) : Method(0, 0, carries), step_(step), a_(a) {}
+  void take(bool, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+    errors.clear(), step_.take(a_, t, h, in, out, z);
+  }
+
+ private:
+  Step& step_;
+  const Coefficients& a_;
+};
+
 class TimeLoop {
  public:
   TimeLoop(Method& method, Index2System& system, Run& run);

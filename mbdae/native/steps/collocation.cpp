@@ -227,14 +227,8 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();
-  if (!in.low.empty()) x += In(in.low.data(), ny_);
-  out.y.resize(s_.length), out.low.assign(ny_, 0.0), out.carry.clear(), out.memory = m;
-  s_.manifold.check_rotations(x.data());
-  s_.add(y, x.data(), out.y.data());
-  for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
-    const int i = k < nv_ ? k : k - nv_ + nq_;
-    out.low[k] = x[k] - (out.y[i] - y[i]);
-  }
+  out.carry.clear(), out.memory = m;
+  s_.move(in, x.data(), out);
   s_.point.evaluate(out.y.data(), true);
   Vector<double> R(ny_), C(r);
   CollocationStep::residual(t + h, x.data(), K3.row(s - 1).data(), Z3.row(s - 1).data(), R.data(), C.data());

@@ -148,15 +148,7 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
     stage(t + a.c[i] * h, t + a.chat[i] * h, h * a.Ahat[i * n + i], F + static_cast<size_t>(i) * stride, i == n - 1);
   }
   combine(a.b.data(), n, h, x_);
-  if (!in.low.empty())
-    for (int k = 0; k < ny_; ++k) x_[k] += in.low[k];
-  s_.manifold.check_rotations(x_.data());
-  out.y.resize(s_.length), out.low.assign(ny_, 0.0);
-  s_.add(y, x_.data(), out.y.data());
-  for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
-    const int i = k < nv_ ? k : k - nv_ + nq_;
-    out.low[k] = x_[k] - (out.y[i] - y[i]);
-  }
+  s_.move(in, x_.data(), out);
   const double* end = F + static_cast<size_t>(n - 1) * stride;
   if (a.explicit_first) set_carry(end, out.carry);
   const bool projected = a.project_embedded && !rows.in_use().empty();

@@ -216,6 +216,17 @@ bool Index2System::update_independent_rows(double t, State& s) {
   return changed;
 }
 
+void Index2System::move(const State& in, double* x, State& out) const {
+  for (size_t k = 0; k < in.low.size(); ++k) x[k] += in.low[k];
+  manifold.check_rotations(x);
+  out.y.resize(length), out.low.assign(ny, 0.0);
+  add(in.y.data(), x, out.y.data());
+  for (int k = manifold.flat ? 0 : nv; k < ny; ++k) {
+    const int i = k < nv ? k : k - nv + nq;
+    out.low[k] = x[k] - (out.y[i] - in.y[i]);
+  }
+}
+
 void Index2System::add(const double* y, const double* x, double* out) const {
   manifold.integrate(y, x, out);
   for (int i = 0; i < nv + ns + 1; ++i) out[nq + i] = y[nq + i] + x[nv + i];

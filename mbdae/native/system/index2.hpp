@@ -102,6 +102,10 @@ class Index2System {
   // closures, summed over rows.
   void force_partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
+  // Partials of all laws by (q, v, s): of conservative forces and others, (nv, width) each, followed by those of s', (ns,
+  // width), width = 2 nv + ns; with current kinematics at q. Valid until the next call.
+  const double* law_partials(double t, const double* q, const double* v, const double* s,
+                             std::vector<ActingWrench>* wrenches = nullptr);
   // The derivative by t of the same equations as K, (n,), at a point with lam (ng,); kinematics current at q.
   void time_partials(double t, const double* q, const double* u, const double* lam, double* out);
   // Adds partials of G^T lam by q with lam (ng,) to K (nv, nv), and writes partials of G v by q, (r, nv) by rows: each
@@ -138,6 +142,8 @@ class Index2System {
   double potential(const double* q);  // of gravity and springs in J, at the current poses
 
   void add(const double* y, const double* x, double* out) const;  // y (+) x
+  // out = in (+) x with compensated summation; x (ny,) with in.low added.
+  void move(const State& in, double* x, State& out) const;
   void difference(const double* y0, const double* y1, double* out) const;
   void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 

@@ -34,10 +34,8 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
   by_q_.resize(m * m), by_v_.resize(m * m);
   mechanics.partials(q, v, vdot, by_q_.data(), by_v_.data());
 
-  law_partials_.resize((2 * m + ns) * width + ns + 1);
-  double *conservative = law_partials_.data(), *other = conservative + m * width, *rates = other + m * width;
-  double* now = rates + ns * width;
-  torque(t, q, v, s, f_.data(), now);
+  Numbers now(ns + 1);
+  torque(t, q, v, s, f_.data(), now.data());
   out.K.resize(n * m), out.D.assign(n * n, 0.0);
   double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
   std::fill(out.K.begin() + m * m, out.K.end(), 0.0);
@@ -47,12 +45,8 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
     for (size_t j = 0; j < m; ++j) K[j] = -q_[j], D[j] = -v_[j];
     powers_by_u[i] = other_[i];
   }
-  if (!laws_.empty()) {
-    std::fill(conservative, now, 0.0);
-    for (const Law& law : laws_)
-      law.kind->partials(law, {mechanics, t, q, v, s + law.state},
-                       {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
-  }
+  const double *conservative = law_partials(t, q, v, s, wrenches), *other = conservative + m * width,
+               *rates = other + m * width;
   for (size_t i = 0; i < m && !laws_.empty(); ++i) {
     const double *a = conservative + i * width, *b = other + i * width;
     double *K = &out.K[i * m], *D = &out.D[i * n];
@@ -69,6 +63,17 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
   constraints.evaluate_g_t(t, gt_.data());
   for (int k : rows.in_use()) out.g_t[rows.position()[k]] = gt_[k];
   closure_partials(q, v, lam, out.K.data(), B, wrenches);
+}
+
+const double* Index2System::law_partials(double t, const double* q, const double* v, const double* s,
+                                         std::vector<ActingWrench>* wrenches) {
+  const size_t m = nv, width = 2 * m + ns;
+  law_partials_.assign((2 * m + ns) * width, 0.0);
+  double *conservative = law_partials_.data(), *other = conservative + m * width, *rates = other + m * width;
+  for (const Law& law : laws_)
+    law.kind->partials(law, {mechanics, t, q, v, s + law.state},
+                       {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
+  return conservative;
 }
 
 void Index2System::time_partials(double t, const double* q, const double* u, const double* lam, double* out) {

@@ -1,0 +1,42 @@
+// Newton's method with exact partials, to rounding (`solved` in mbdae/methods/variational.py).
+#pragma once
+
+#include <cmath>
+#include <utility>
+
+#include "math/factorizations.hpp"
+#include "math/fields.hpp"
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+struct NewtonIteration {
+  int patience = 0;                                    // iterations
+  double below_rounding = 0, iteration_rounding = 0;   // mbdae/tolerances.py
+  double falling = 0;  // ratio of changes above which a change near rounding is the last one
+
+  FIELDS(patience, below_rounding, iteration_rounding, falling)
+};
+
+// correct(dx): changes of the unknowns at x. measure(dx): their relative size, and that of the configuration.
+template <class Correct, class Measure>
+void solve_by_newton(const NewtonIteration& it, Counts& counts, Numbers& x, Correct&& correct, Measure&& measure) {
+  Numbers dx(x.size());
+  double last = 0;
+  for (int k = 0; k < it.patience; ++k) {
+    correct(dx);
+    for (size_t i = 0; i < x.size(); ++i) x[i] += dx[i];
+    counts.newton += 1;
+    const std::pair<double, double> found = measure(dx);
+    const double size = found.first;
+    if (!std::isfinite(size)) break;
+    const double rate = last > 0 ? size / last : 1;
+    if (rate * size <= it.below_rounding ||
+        (rate > it.falling && size <= it.iteration_rounding * found.second))
+      return;
+    last = size;
+  }
+  throw FallBackToPython();
+}
+
+}  // namespace mbdae

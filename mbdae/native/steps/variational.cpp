@@ -1,0 +1,202 @@
+#include "steps/variational.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+namespace {
+
+// out = A x, (n, n) by rows.
+void multiply(const Numbers& A, const double* x, int n, double* out) {
+  for (int i = 0; i < n; ++i) out[i] = dot(&A[static_cast<size_t>(i) * n], x, n);
+}
+
+}  // namespace
+
+VariationalStep::VariationalStep(Index2System& s)
+    : s_(s),
+      nq_(s.nq),
+      nv_(s.nv),
+      q1_(s.nq),
+      w_(s.nv),
+      still_(s.nv, 0.0),
+      G_(static_cast<size_t>(s.ng) * s.nv),
+      g_(s.ng),
+      matrix_(static_cast<size_t>(s.nv) * s.nv),
+      mean_(s.nv),
+      p_(s.nv) {}
+
+void VariationalStep::momentum_partials(const double* q, AppliedForces& out) {
+  const size_t n = static_cast<size_t>(nv_) * nv_;
+  out.N.resize(n), by_v_.resize(n);
+  s_.counts.M += 1;
+  s_.mechanics.inertia(q, still_.data());
+  s_.mechanics.partials(q, still_.data(), w_.data(), out.N.data(), by_v_.data(), true);
+  out.M.assign(s_.mechanics.M(), s_.mechanics.M() + n);
+}
+
+void VariationalStep::apply_forces(double t, const double* q, AppliedForces& out) {
+  momentum_partials(q, out);
+  const size_t n = nv_, width = 2 * n;
+  Numbers weight(s_.mechanics.bias(), s_.mechanics.bias() + n);  // nle(q, 0)
+  out.D.resize(n), out.by_w.resize(n * n);
+  s_.torque(t, q, w_.data(), nullptr, out.D.data(), &out.power);
+  const double *conservative = s_.law_partials(t, q, w_.data(), nullptr), *other = conservative + n * width;
+  for (size_t i = 0; i < n; ++i) {
+    double sum = 0;
+    for (size_t j = 0; j < n; ++j) {
+      const double N = out.N[j * n + i];
+      sum += N * w_[j];
+      out.by_w[i * n + j] = N + conservative[i * width + n + j] + other[i * width + n + j];
+    }
+    out.D[i] += sum / 2 - weight[i];
+  }
+}
+
+void VariationalStep::add_adjoint_rate(const double* p, double* matrix) {
+  if (!s_.manifold.curved()) return;
+  Numbers minus(nv_), unit(nv_);
+  for (int i = 0; i < nv_; ++i) minus[i] = -x_[i];
+  std::vector<TangentBlock> at;
+  for (int k = 0; k < 6; ++k) {
+    std::fill(unit.begin(), unit.end(), 0.0);
+    for (const TangentBlock& b : back_)
+      if (k < b.n) unit[b.at + k] = 1;
+    s_.manifold.partials(minus.data(), unit.data(), at);
+    for (const TangentBlock& b : at)
+      for (int j = 0; j < b.n && k < b.n; ++j) {
+        double sum = 0;
+        for (int i = 0; i < b.n; ++i) sum += p[b.at + i] * b.dJv[i * b.n + j];
+        matrix[static_cast<size_t>(b.at + k) * nv_ + b.at + j] -= sum;
+      }
+  }
+}
+
+void VariationalStep::correct(Numbers& dx) {
+  const std::vector<int>& rows = s_.rows.in_use();
+  const int n = nv_, r = static_cast<int>(rows.size());
+  const double *x = x_.data(), *lam = x + n;
+  Numbers minus(n);
+  for (int i = 0; i < n; ++i) w_[i] = x[i] / h_, minus[i] = -x[i];
+  s_.manifold.check_rotations(x);
+  apply_forces(t_, q0_.data(), start_);
+  s_.manifold.integrate(q0_.data(), x, q1_.data());
+  momentum_partials(q1_.data(), end_);
+  s_.counts.G += s_.ng > 0;
+  s_.constraints.value(s_.mechanics, q1_.data(), rows, G_.data(), g_.data());
+  s_.constraints.complete_g(t_ + h_, g_.data());
+  if (s_.manifold.curved()) {
+    s_.manifold.transfer(still_.data(), x, inverse_);
+    s_.manifold.partials(minus.data(), still_.data(), back_);
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      const size_t at = static_cast<size_t>(i) * n + j;
+      start_.M[at] = (start_.M[at] + end_.M[at]) / 2, matrix_[at] = end_.N[at] / 2;
+    }
+  const Numbers& mean = start_.M;
+  multiply(mean, w_.data(), n, mean_.data());
+  for (int i = 0; i < n; ++i) {
+    double* row = &matrix_[static_cast<size_t>(i) * n];
+    multiply_transposed(inverse_, row);
+    for (int j = 0; j < n; ++j) row[j] += mean[static_cast<size_t>(i) * n + j] / h_;
+  }
+  for (int j = 0; j < n; ++j) multiply_transposed(back_, &matrix_[j], n);
+  add_adjoint_rate(mean_.data(), matrix_.data());
+  lu_.resize(n + r);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      const size_t at = static_cast<size_t>(i) * n + j;
+      lu_.column(j)[i] = h_ * (matrix_[at] - start_.by_w[at] / 2);
+    }
+  multiply_transposed(back_, mean_.data());
+  for (int i = 0; i < n; ++i) dx[i] = p_[i] - mean_[i] + h_ / 2 * start_.D[i];
+  for (int k = 0; k < r; ++k) {
+    const double* G = &G0_[static_cast<size_t>(k) * n];
+    for (int i = 0; i < n; ++i) dx[i] += h_ / 2 * lam[k] * G[i], lu_.column(n + k)[i] = -G[i];
+    double* row = &G_[static_cast<size_t>(rows[k]) * n];
+    multiply_transposed(inverse_, row);
+    for (int j = 0; j < n; ++j) lu_.column(j)[n + k] = row[j];
+    dx[n + k] = -g_[rows[k]];
+  }
+  for (int i = 0; i < n; ++i) dx[i] *= h_;
+  s_.counts.factorizations += 1, s_.counts.solves += 1;
+  if (!lu_.factorize()) throw FallBackToPython();
+  lu_.solve(dx.data());
+  for (int k = 0; k < r; ++k) dx[n + k] *= 2 / (h_ * h_);
+}
+
+std::pair<double, double> VariationalStep::measure(const Numbers& dx) const {
+  const Tolerances& limits = s_.mechanics.limits;
+  double size = limits.tiny, change = 0, place = 0;
+  for (int i = 0; i < nv_; ++i) {
+    size = std::max(size, std::fabs(x_[i]) / limits.coordinate_scales[i]);
+    change = std::max(change, std::fabs(dx[i]) / limits.coordinate_scales[i]);
+    if (!std::isfinite(dx[i])) change = dx[i];
+  }
+  for (int i = 0; i < nq_; ++i) place = std::max(place, std::fabs(q0_[i]) / limits.q_scales[i]);
+  return {change / size, (1 + place) / size};
+}
+
+void VariationalStep::rattle(const NewtonIteration& iteration, double t, double h, const State& in, State& out,
+                             double* z) {
+  const double* y = in.y.data();
+  t_ = t, h_ = h, q0_.assign(y, y + nq_), v0_.assign(y + nq_, y + nq_ + nv_);
+  if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
+  if (s_.ng && !s_.rows.frozen) s_.rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
+  const std::vector<int>& rows = s_.rows.in_use();
+  const int n = nv_, r = static_cast<int>(rows.size());
+  G0_.resize(static_cast<size_t>(r) * n);
+  for (int k = 0; k < r; ++k) std::copy_n(&s_.point.G[static_cast<size_t>(rows[k]) * n], n, &G0_[static_cast<size_t>(k) * n]);
+  momentum_partials(y, start_);
+  multiply(start_.M, v0_.data(), n, p_.data());
+  x_.assign(n + r, 0.0);
+  for (int i = 0; i < n; ++i) x_[i] = h * v0_[i];
+  solve_by_newton(
+      iteration, s_.counts, x_, [&](Numbers& dx) { correct(dx); }, [&](const Numbers& dx) { return measure(dx); });
+
+  for (int i = 0; i < n; ++i) w_[i] = x_[i] / h;
+  apply_forces(t, q0_.data(), start_);
+  s_.manifold.integrate(q0_.data(), x_.data(), q1_.data());
+  apply_forces(t + h, q1_.data(), end_);
+  Numbers momentum(n), impulse(s_.ng), g_t(s_.ng, 0.0), moved(s_.ny, 0.0);
+  for (size_t i = 0; i < start_.M.size(); ++i) start_.M[i] += end_.M[i];
+  multiply(start_.M, w_.data(), n, momentum.data());
+  if (s_.manifold.curved()) {
+    s_.manifold.partials(x_.data(), still_.data(), fore_);
+    multiply_transposed(fore_, momentum.data());
+  }
+  for (int i = 0; i < n; ++i) momentum[i] = momentum[i] / 2 + h / 2 * end_.D[i];
+  s_.constraints.evaluate_g_t(t + h, g_t.data());
+  for (int k = 0; k < s_.ng; ++k) impulse[k] = -g_t[k];
+  s_.point.evaluate(q1_.data(), true);
+  s_.saddle.factorize_symmetric();
+  s_.saddle.solve(s_.point.Z, impulse.data(), momentum.data());
+  double power = start_.power + end_.power;
+  for (int k : rows) impulse[k] *= 2 / h, power -= impulse[k] * g_t[k];
+  if (s_.driven()) {
+    std::fill(g_t.begin(), g_t.end(), 0.0);
+    s_.constraints.evaluate_g_t(t, g_t.data());
+    for (int k = 0; k < r; ++k) power -= x_[n + k] * g_t[rows[k]];
+  }
+  for (int i = 0; i < n; ++i) moved[i] = x_[i], moved[n + i] = momentum[i] - v0_[i];
+  moved[2 * n] = h / 2 * power;
+  out.carry.clear(), out.memory.reset();
+  s_.move(in, moved.data(), out);
+  s_.saddle.all_multipliers(impulse.data(), z);
+  s_.probe_other_rows();
+  if (!finite(out.y.data(), s_.length)) throw FallBackToPython();
+}
+
+void VariationalStep::take(const Composition& a, double t, double h, const State& in, State& out, double* z) {
+  State here = in;
+  for (size_t i = 0; i < a.weights.size(); ++i) {
+    rattle(a.iteration, t + a.nodes[i] * h, a.weights[i] * h, here, out, z);
+    if (i + 1 < a.weights.size()) std::swap(here, out);
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,51 @@
+// Steps of RATTLE, and their compositions (mbdae/methods/variational.py, mbdae/mechanism/formulations/variational.py).
+#pragma once
+
+#include <vector>
+
+#include "math/dense_lu.hpp"
+#include "steps/newton_iteration.hpp"
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+struct Composition {
+  Numbers weights, nodes;  // (s,), (s + 1,)
+  NewtonIteration iteration;
+
+  FIELDS(weights, nodes, iteration)
+};
+
+class VariationalStep {
+ public:
+  explicit VariationalStep(Index2System& system);
+
+  // From t to t + h: the state, and mu of the last step of RATTLE (ng,).
+  void take(const Composition& a, double t, double h, const State& in, State& out, double* z);
+
+ private:
+  // M, N = d(M w)/dq, D and its partials by w, and the power, at an end of a step.
+  struct AppliedForces {
+    Numbers M, N, D, by_w;  // (nv, nv), (nv, nv), (nv,), (nv, nv) by rows
+    double power = 0;
+  };
+
+  void rattle(const NewtonIteration& iteration, double t, double h, const State& in, State& out, double* z);
+  void momentum_partials(const double* q, AppliedForces& out);  // M and N; kinematics are current at q afterwards
+  void apply_forces(double t, const double* q, AppliedForces& out);
+  void correct(Numbers& dx);
+  std::pair<double, double> measure(const Numbers& dx) const;
+  void add_adjoint_rate(const double* p, double* matrix);  // d(J(-x)^T p)/dx, (nv, nv) by rows
+
+  Index2System& s_;
+  const int nq_, nv_;
+  double t_ = 0, h_ = 0;
+  Numbers q0_, v0_, q1_, G0_;       // start of the step, its end, (r, nv) rows in use at the start
+  Numbers x_, w_, still_;           // (nv + r,) displacement and lam; (nv,) w = x/h; zero
+  AppliedForces start_, end_;
+  std::vector<TangentBlock> back_, fore_, inverse_;  // J(-x), J(x), J(x)^-1
+  DenseLU<1> lu_;
+  Numbers G_, g_, matrix_, mean_, p_, b_, by_v_;
+};
+
+}  // namespace mbdae
