@@ -26,7 +26,7 @@ class Tolerances:
         solution_rounding: float,
         search_tolerance: float,
         same_state: float,
-        still: float,
+        zero_speed: float,
         pivot_rank: float,
         truncation: float,
         visible: float,
@@ -40,7 +40,7 @@ class Tolerances:
         cg_tolerance: float,
         many_rows: int,
         extra_cg_iterations: int,
-        projection_falling: float,
+        projection_max_remaining: float,
         projection_open: float,
         projection_stalled: float,
         projection_iterations: int,
@@ -86,8 +86,8 @@ class Radau:
         gamma: float,
         start: Array,
         middle: int,
-        patience: int,
-        short_patience: int,
+        max_iterations: int,
+        max_iterations_controlled: int,
         extra_iterations: int,
         first_iterations: int,
         below_rounding: float,
@@ -275,7 +275,7 @@ class Run:
     monitored: bool
     tolerated_move: float
     tiny: float
-    taken_back: float
+    max_undone: float
     seconds: float
     max_steps: int
     max_carries: int

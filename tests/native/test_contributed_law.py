@@ -32,7 +32,7 @@ int main() {
   mbdae::Law law;
   law.rows = {2}, law.a = {0.7};
   const mbdae::LawKind& kind = mbdae::laws::drag;
-  if (!kind.fits(law, {4, 4, 5})) return 1;
+  if (!kind.is_valid(law, {4, 4, 5})) return 1;
   for (double v2 : {-3.0, -0.2, 0.5, 4.0}) {
     double q[4] = {}, v[4] = {1, 2, v2, 3}, out[8] = {}, by[80] = {};
     kind.add(law, {m, 0, q, v, nullptr}, {out, out + 4, nullptr});
@@ -42,7 +42,7 @@ int main() {
     std::puts("");
   }
   law.rows = {4};
-  return kind.fits(law, {4, 4, 5}) ? 2 : 0;
+  return kind.is_valid(law, {4, 4, 5}) ? 2 : 0;
 }
 """
 

@@ -95,7 +95,7 @@ class NativeStepper(Stepper):
         r.set_state(run.state.y, self.system.core_carry(run.state), run.state.compensation)
         self._events_to_native(run)
         r.max_carries = run.carries.capacity_left(len(run.ts))
-        r.taken_back, r.tiny = MAX_UNDONE, TINY
+        r.max_undone, r.tiny = MAX_UNDONE, TINY
         r.max_steps, r.monitored, r.adaptive = max_steps, monitor is not None, isinstance(inner, Adaptive)
         interval.t, interval.t1, interval.sign = run.t, run.t1, run.sign
         interval.stop, interval.end = run.interval.stop, run.interval.end

@@ -205,8 +205,8 @@ class LawDifferences:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        beside = near.items() if p.forces else ()
-        self.perturbed = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in beside}
+        perturbed = near.items() if p.forces else ()
+        self.perturbed = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in perturbed}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""
@@ -228,8 +228,10 @@ class RowDifferences:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        beside = near.items() if p.specs else ()
-        self.perturbed = {k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in beside}
+        perturbed = near.items() if p.specs else ()
+        self.perturbed = {
+            k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in perturbed
+        }
 
     def forces(self, t: float, lam: Array) -> dict[int, Array]:
         """Return (G^T lam, lam . u') with the perturbed values, (nv + 1,)."""

@@ -79,9 +79,9 @@ class Parameters:
                 self._choose_width(p, along, mode)
         self.laws = [LawDifferences(p, s, p.perturbed) for p in self.all]
         self.rows = [RowDifferences(p, s, p.perturbed) for p in self.all]
-        places = sorted({j for p in self.all for j in p.placements})
+        placed_joints = sorted({j for p in self.all for j in p.placements})
         frames = sorted({i for p in self.all for i in p.frames})
-        self.placement_tree = PlacementTree(mech, places, frames, s, native) if places or frames else None
+        self.placement_tree = PlacementTree(mech, placed_joints, frames, s, native) if placed_joints or frames else None
         self._found: dict[str, tuple[Any, Any]] = {}
         tree = self.placement_tree
         self.motions = np.array([tree.motion(p) for p in self.all]).T if tree else np.empty((0, 0))

@@ -129,12 +129,12 @@ class Scene:
             raise InputError(f"q must have shape ({self._model.nq},) or (m, {self._model.nq}), not {q.shape}")
         data = make_data(self._model)
         out = np.empty((*q.shape[:-1], len(self.shapes), 7))
-        for row, place in zip(np.atleast_2d(q), out.reshape(-1, len(self.shapes), 7), strict=True):
+        for row, pose in zip(np.atleast_2d(q), out.reshape(-1, len(self.shapes), 7), strict=True):
             pin.forwardKinematics(self._model, data, row)
             for k, anchors in enumerate(self.anchors):
                 ends = [data.oMi[joint] * placement for joint, placement in anchors]
                 here = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
-                place[k] = pin.SE3ToXYZQUAT(here)
+                pose[k] = pin.SE3ToXYZQUAT(here)
         return out
 
     def end_points(self, pairs: Iterable[Mark | Strut], q: np.ndarray) -> np.ndarray:

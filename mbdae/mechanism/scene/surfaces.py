@@ -121,10 +121,10 @@ class _ColouredCollada(Collada):
 
     def triangles(self) -> Iterator[tuple[np.ndarray, Colour | None]]:
         """Yield corners (m, 3, 3) and colour of each group of triangles, as placed by the scene."""
-        for geometry, place, materials in self.instances():
+        for geometry, placement, materials in self.instances():
             for corners, symbol in _groups(self, geometry):
                 rgba = self._colour(materials.get(symbol, symbol))
-                yield corners @ place[:3, :3].T + place[:3, 3], rgba
+                yield corners @ placement[:3, :3].T + placement[:3, 3], rgba
 
     def _colour(self, name: str) -> Colour | None:
         material = self.named.get(name)

@@ -36,7 +36,7 @@ struct PyCore {
     const auto size = model_sizes(m);
     const Sizes n{size[0], size[1], size[2]};
     const int ns = nb::cast<int>(item(description, "ns"));
-    if (ns < 0 || ns > 1000000) refuse("sizes do not fit the model");
+    if (ns < 0 || ns > 1000000) reject("sizes do not fit the model");
     auto d = DescriptionReader(*callbacks, n, ns).read<Description>(description);
     mbdae::check(d, n, tolerances);
     core.reset(new Core(m, tolerances, std::move(d)));
@@ -44,11 +44,11 @@ struct PyCore {
 
   void check(const State& s, const Tableau* t = nullptr) const {
     const Index2System& x = core->system;
-    if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
-    if (!t && !x.mechanics.expanded()) refuse("implicit methods need the expanded tree");
+    if (static_cast<int>(s.y.size()) != x.length) reject("y has the wrong length");
+    if (!t && !x.mechanics.expanded()) reject("implicit methods need the expanded tree");
     if (t && t->explicit_first && static_cast<int>(s.carry.size()) != x.carried())
-      refuse("the method needs a carried derivative");
-    if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
+      reject("the method needs a carried derivative");
+    if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) reject("low has the wrong length");
   }
 
   DescriptionReader reader() {

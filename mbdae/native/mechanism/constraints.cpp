@@ -91,8 +91,8 @@ void Constraints::complete_g(double t, double* g) const {
     if (rows[r].period > 0 && rows[r].positional) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
 }
 
-void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which,
-                       double* out, bool falling) {
+void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
+                       bool minus_gravity) {
   int located = -1;
   for (int r : which) {
     const Row& row = rows[r];
@@ -105,7 +105,7 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.update_poses(m), pair.update_velocities(m, falling), located = row.pair;
+    if (row.pair != located) pair.update_poses(m), pair.update_velocities(m, minus_gravity), located = row.pair;
     out[r] = row.rate(pair);
   }
 }

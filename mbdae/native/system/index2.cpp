@@ -11,7 +11,7 @@ namespace mbdae {
 Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
     : mechanics(model, limits),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
-      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.angular), std::move(d.angles)),
+      manifold(mechanics, d.flat, std::move(d.group_joints), std::move(d.angular), std::move(d.angles)),
       rows(constraints, std::move(d.order), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
@@ -127,7 +127,7 @@ bool Index2System::is_known(double t, const double* q, const double* v, const do
     }
     return apart <= mechanics.limits.rounding * size;
   };
-  if (last_stage.motion != mechanics.motion()) return false;
+  if (last_stage.motion_stamp != mechanics.motion_stamp()) return false;
   return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &mechanics.limits.q_scales) &&
          near(v, last_stage.v.data(), nv, &mechanics.limits.coordinate_scales) && near(s, last_stage.s.data(), ns);
 }
@@ -152,7 +152,7 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
   if (!current)
     point.evaluate(q, false);
   else
-    stage_known && !friction && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
+    stage_known && !friction && !rows.in_use().empty() ? mechanics.restore_poses() : mechanics.poses(q);
   if (friction) friction.update_slips(v);
   if (stage_known)
     std::copy(last_stage.f.begin(), last_stage.f.end(), f),

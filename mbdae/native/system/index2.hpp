@@ -48,14 +48,14 @@ struct Description {
   std::vector<Driver> drivers;
   std::vector<Law> laws;
   int ns = 0;
-  std::vector<Block> blocks;
+  std::vector<GroupJoint> group_joints;
   std::vector<int> angular;  // (nv,) flags of rotations
   std::vector<Angle> angles;
   std::vector<int> order;    // (ng,) position of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
 
-  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, blocks, angular, angles, order,
-         probe)
+  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, group_joints, angular, angles,
+         order, probe)
 };
 
 class Index2System {
@@ -133,7 +133,7 @@ class Index2System {
   // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
   struct LastStage {
     double t = NAN;
-    long motion = -1;           // of the mechanics
+    long motion_stamp = -1;     // of the mechanics
     Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } last_stage;
 

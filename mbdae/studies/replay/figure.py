@@ -71,9 +71,9 @@ def _plane(scene: "Scene", q: Array) -> int:
     placements = scene.placements(q)
     moving = [k for k, s in enumerate(scene.shapes) if np.ptp(placements[:, k], axis=0).any() and s.role != "closure"]
     points = np.concatenate([
-        _transformed(np.array(list(product(*scene.shapes[k].bounds.T))), place)
+        _transformed(np.array(list(product(*scene.shapes[k].bounds.T))), placement)
         for k in moving or range(len(scene.shapes))
-        for place in placements[:, k]
+        for placement in placements[:, k]
     ])  # fmt: skip
     size = np.ptp(points, axis=0)
     return int(size.argmin()) if size.min() < FLAT * size.max() else -1
@@ -81,9 +81,12 @@ def _plane(scene: "Scene", q: Array) -> int:
 
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Yield corners (n, 3, 3) in the world [m] and colours of all surfaces at q (nq,)."""
-    for shape, place in zip(scene.shapes, scene.placements(q), strict=True):
+    for shape, placement in zip(scene.shapes, scene.placements(q), strict=True):
         for surface in coloured_surfaces(shape) if shape.role != "closure" else ():
-            yield _transformed(surface.points * shape.scale, place)[surface.faces], shape.rgba or surface.rgba or GREY
+            yield (
+                _transformed(surface.points * shape.scale, placement)[surface.faces],
+                shape.rgba or surface.rgba or GREY,
+            )
     for spring, (begin, end) in zip(scene.springs, scene.end_points(scene.springs, q[None])[0], strict=True):
         length, (rotation,) = float(np.linalg.norm(end - begin)), aligned_quaternions((end - begin)[None])
         if spring.coil and length > 0:
@@ -94,6 +97,6 @@ def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, .
             yield _transformed(surface.points, [*(begin + end) / 2, *rotation])[surface.faces], GREY
 
 
-def _transformed(points: Array, place: Sequence[float] | Array) -> Array:
+def _transformed(points: Array, placement: Sequence[float] | Array) -> Array:
     """Return points (n, 3) of a frame with pose x, y, z and quaternion x, y, z, w, in the world."""
-    return Rotation.from_quat(place[3:]).apply(points) + place[:3]
+    return Rotation.from_quat(placement[3:]).apply(points) + placement[:3]

@@ -119,8 +119,8 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
     for spring, ends in zip(scene.springs, scene.end_points(scene.springs, q).swapaxes(0, 1), strict=True):
         animation.add_spring(spring, ends)
     for mark in marks if animation.moves else ():
-        animation.add_mark(mark, "held", _rgba(ACTIVE_COLOUR), *_active_scales(mark, times, speed), "STEP")
-        animation.add_mark(mark, "struck", _rgba(IMPACT_COLOUR), *_impact_scales(mark, times, speed), "LINEAR")
+        animation.add_mark(mark, "active", _rgba(ACTIVE_COLOUR), *_active_scales(mark, times, speed), "STEP")
+        animation.add_mark(mark, "impact", _rgba(IMPACT_COLOUR), *_impact_scales(mark, times, speed), "LINEAR")
     return animation.bytes()
 
 
@@ -221,7 +221,7 @@ def normals(surface: Surface) -> Array:
 
 def _active_scales(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
     """Return seconds (n,) at which a mark appears or disappears, and its sizes from then on, (n,)."""
-    ends = np.abs(np.reshape(mark.held, (-1, 2)) - times[0]) / speed
+    ends = np.abs(np.reshape(mark.active, (-1, 2)) - times[0]) / speed
     at = np.unique(np.append(ends.ravel(), 0.0).astype("f4"))
     low, high = ends.astype("f4").T
     return at, ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
@@ -229,9 +229,9 @@ def _active_scales(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array
 
 def _impact_scales(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
     """Return seconds (n,) and sizes of a mark, (n,), which jump at impacts and decay to 0."""
-    if not mark.struck:
+    if not mark.impacts:
         return np.zeros(1), np.zeros(1)
-    impacts = np.abs(np.array(mark.struck) - times[0]) / speed
+    impacts = np.abs(np.array(mark.impacts) - times[0]) / speed
     end = abs(times[-1] - times[0]) / speed
     at = np.concatenate([[0.0], impacts, impacts - SUDDEN, impacts + FLASH])
     at = np.unique(at[(at >= 0) & (at <= end)].astype("f4"))

@@ -24,23 +24,23 @@ class ModeTrack(NamedTuple):
         name: of the switch.
         word: for its active state.
         positions: at each frame in m, (k, m, 3): of its joints, or of the contact point.
-        held: start and end times in s of its active intervals, in order.
-        struck: times in s of impacts.
+        active: start and end times in s of its active intervals, in order.
+        impacts: times in s of impacts.
         strength: of impacts, the square root of the impulse relative to the largest one.
     """
 
     name: str
     word: str
     positions: Array
-    held: list[float]
-    struck: list[float]
+    active: list[float]
+    impacts: list[float]
     strength: list[float]
 
     def core_data(self) -> dict[str, Any]:
         """Return the data of the page."""
         data = self._asdict()
         positions = data.pop("positions")
-        return {**data, "places": [typed(track, "float32") for track in positions]}
+        return {**data, "positions": [typed(track, "float32") for track in positions]}
 
 
 def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
@@ -49,16 +49,16 @@ def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
     for switch in sol.mechanism.switches:
         if not switch.rows:  # a driver with a stepwise speed, whose row is active in all modes
             continue
-        active = _active_intervals(sol, switch)
-        struck = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
-        if not active and not struck:
+        spans = _active_intervals(sol, switch)
+        impacts = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
+        if not spans and not impacts:
             continue
         word = next(word for state, word in enumerate(switch.states) if switch.active_rows(state))
-        impulses = np.abs([impulse for _, impulse in struck])
+        impulses = np.abs([impulse for _, impulse in impacts])
         strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
-        ends = [t for span in active for t in span]
+        ends = [t for span in spans for t in span]
         positions = _positions(sol.mechanism, switch, q)
-        out.append(ModeTrack(switch.name, word, positions, ends, [t for t, _ in struck], strength))
+        out.append(ModeTrack(switch.name, word, positions, ends, [t for t, _ in impacts], strength))
     return out
 
 

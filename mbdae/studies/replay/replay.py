@@ -160,8 +160,8 @@ def page(
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
         "switched": {
-            "held": ACTIVE_COLOUR,
-            "struck": IMPACT_COLOUR,
+            "active": ACTIVE_COLOUR,
+            "impacts": IMPACT_COLOUR,
             "each": [] if choices else [x.core_data() for x in mode_tracks_of(sol, q)],
         },
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],

@@ -89,12 +89,12 @@ function legend(scene, closures) {
   scene.arrows.forces.forEach(({colour, name}, i) => {
     entry(colour, `force of ${name}${i ? "" : `, longest ${scene.arrows.largest.toPrecision(3)} N`}`);
   });
-  const {each, held, struck} = scene.switched, holding = each.filter(one => one.held.length);
-  for (const word of new Set(holding.map(one => one.word))) {
-    const names = holding.filter(one => one.word === word).map(({name}) => name);
-    entry(held, `${names.length > 3 ? `${names.length} joints and contacts` : names.join(", ")}: ${word}`);
+  const {each, active, impacts} = scene.switched, shown = each.filter(one => one.active.length);
+  for (const word of new Set(shown.map(one => one.word))) {
+    const names = shown.filter(one => one.word === word).map(({name}) => name);
+    entry(active, `${names.length > 3 ? `${names.length} joints and contacts` : names.join(", ")}: ${word}`);
   }
-  if (each.some(one => one.struck.length)) entry(struck, "impact");
+  if (each.some(one => one.impacts.length)) entry(impacts, "impact");
   const many = closures.length > 4 ? [`${closures.length} closures: the balls coincide if a loop is closed`] : closures;
   for (const name of many) entry("linear-gradient(90deg, #f28e2b 50%, #e0263c 50%)", name);
 }

@@ -207,9 +207,9 @@ function arrow({points, values, colour}, perNewton, width) {
 }
 
 // A ball at a sticking joint or closed contact while it is active, and a growing, fading one at impacts.
-function switched(points, {held, struck, strength}, colours, radius, timeOf, flash) {
+function switched(points, {active, impacts, strength}, colours, radius, timeOf, flash) {
   const {Group, Mesh, MeshBasicMaterial, SphereGeometry} = MeshCat.THREE, group = new Group();
-  const [ball, burst] = [colours.held, colours.struck].map((color, k) => {
+  const [ball, burst] = [colours.active, colours.impacts].map((color, k) => {
     const look = new MeshBasicMaterial({color, depthTest: false, transparent: true, opacity: 0.6});
     const mesh = new Mesh(new SphereGeometry(radius, 32, 16), look);
     mesh.renderOrder = 800 + k;
@@ -217,9 +217,9 @@ function switched(points, {held, struck, strength}, colours, radius, timeOf, fla
     return mesh;
   });
   const follow = at => {
-    const t = timeOf(at), last = struck.findLastIndex(when => when <= t), age = last < 0 ? 1 : (t - struck[last]) / flash;
+    const t = timeOf(at), last = impacts.findLastIndex(when => when <= t), age = last < 0 ? 1 : (t - impacts[last]) / flash;
     group.position.copy(mixed(points, 3, 0, at));
-    ball.visible = held.some((begin, i) => i % 2 === 0 && begin <= t && t <= held[i + 1]);
+    ball.visible = active.some((begin, i) => i % 2 === 0 && begin <= t && t <= active[i + 1]);
     burst.visible = age < 1;
     burst.scale.setScalar(strength[last] * (1.5 + 2 * age) || 1e-3);
     burst.material.opacity = 0.85 * (1 - age);
@@ -253,7 +253,7 @@ function stage(viewer, scene, extent) {
   const timeOf = at => scene.start + (scene.end - scene.start) * at / Math.max(1, scene.frames - 1);
   const radius = 3 * scene.width, flash = 0.25 * scene.speed;
   for (const data of scene.switched.each) {
-    for (const points of data.places) put(switched(points, data, scene.switched, radius, timeOf, flash));
+    for (const points of data.positions) put(switched(points, data, scene.switched, radius, timeOf, flash));
   }
   const place = (at, choice) => {
     for (const move of [...moves, ...(choices[choice] || [])]) move(at);

@@ -122,12 +122,12 @@ def test_closed_contacts_and_impacts_are_marked(tmp_path):
     sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 6))
     file = File(animate(sol, tmp_path / "run.glb", fps=20, speed=0.5).read_bytes())
     names = {n["name"]: k for k, n in enumerate(file.parts["nodes"])}
-    assert file.parts["nodes"][names["rod stop held"]]["translation"] == [0, 0, 0]
-    at, size = file.tracks(names["rod stop held"])["scale"]
+    assert file.parts["nodes"][names["rod stop active"]]["translation"] == [0, 0, 0]
+    at, size = file.tracks(names["rod stop active"])["scale"]
     *_, (first, mode) = sol.modes
     assert mode == (1,)
     assert at[size[:, 0] > 0.5, 0] == pytest.approx([2 * sol.t[first]], rel=1e-6), "at half the speed"
-    at, size = file.tracks(names["rod stop struck"])["scale"]
+    at, size = file.tracks(names["rod stop impact"])["scale"]
     first, second = (2 * impact.t for impact in sol.impacts[:2])
     seen = np.interp([first - 0.01, first + 1e-5, first + 0.2, first + 0.3, second + 1e-5], at[:, 0], size[:, 0])
     assert seen[1] == pytest.approx(2.5, rel=1e-3)
