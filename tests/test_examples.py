@@ -127,6 +127,16 @@ def test_energy_and_drift(tmp_path, capsys):
     assert "formulation" in capsys.readouterr().out
 
 
+def test_long_time_energy(tmp_path, capsys):
+    result = example("long_time_energy").main(share=0.1, plot=tmp_path / "energy.png")
+    for model in ("four_bar", "heavy_top"):
+        trends = {m: abs(d.energy_slope) / d.energy_slope_error for (name, m), d in result.items() if name == model}
+        assert trends["rattle4"] < 3
+        assert trends["pherk6"] > 10
+    assert (tmp_path / "energy.png").exists()
+    assert "trend" in capsys.readouterr().out
+
+
 def test_tolerance_sweep(tmp_path, capsys):
     path, plot = tmp_path / "runs.parquet", tmp_path / "runs.png"
     result = example("tolerance_sweep").main(n=12, end=1.0, path=path, plot=plot, executor="threads")

@@ -12,6 +12,7 @@ from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
 from ..method_variant import variant_from_settings
+from .trend import linear_trend
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,6 +61,9 @@ class Drift(Tabular):
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
         energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
         work_end: W at the end in J.
+        energy_slope: linear trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
+            fewer than 100 nodes.
+        energy_slope_error: its standard error in J/s.
         history: residuals over time.
     """
 
@@ -76,6 +80,8 @@ class Drift(Tabular):
     energy_error: float | None
     energy_scale: float | None
     work_end: float | None
+    energy_slope: float | None
+    energy_slope_error: float | None
     history: History = field(repr=False, compare=False)
 
     @property
@@ -147,6 +153,8 @@ class Drift(Tabular):
         if self.energy_error is not None:
             relative = f"{self.energy_relative:.2e} (work {self.work_end:.4g} J)"
             lines.append(f"  energy balance {self.energy_error:.2e} J, relative {relative}")
+        if self.energy_slope is not None:
+            lines.append(f"  energy trend {self.energy_slope:.1e} +- {self.energy_slope_error:.1e} J/s")
         return "\n".join(lines)
 
 
@@ -158,7 +166,7 @@ def _textbook_drift(sol: Solution, problem: Hessenberg) -> Drift:
     rows = len(problem.z0)
     return Drift(
         problem.title, method, label, float(sol.t[-1]), float(g.max()), float(g[-1]), "", (rows, rows),
-        float(hidden.max()), float(hidden[-1]), None, None, None,
+        float(hidden.max()), float(hidden[-1]), None, None, None, None, None,
         History(problem.title, method, label, sol.t, g, hidden, None),
     )  # fmt: skip
 
@@ -203,6 +211,8 @@ def drift(sol: Solution) -> Drift:
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = energy_balance(mech, sol.v, r.kinetic, r.potential, sol.work)
     method, label = run_labels(sol)
+    balance = r.kinetic + r.potential - sol.work
+    slope, slope_error = linear_trend(sol.t, balance - balance[0]) or (None, None)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),
@@ -222,5 +232,7 @@ def drift(sol: Solution) -> Drift:
         energy_error=float(error.max()),
         energy_scale=scale,
         work_end=float(sol.work[-1] - sol.work[0]),
+        energy_slope=slope,
+        energy_slope_error=slope_error,
         history=history,
     )
