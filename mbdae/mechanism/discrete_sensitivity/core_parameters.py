@@ -41,7 +41,8 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     """
     system.expand()
     data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
-    return system.core.bind_parameters(len(parameters), *data)
+    key = system.core, parameters.system.mode
+    return parameters.once("native", key, lambda: system.core.bind_parameters(len(parameters), *data))
 
 
 def _core_data(parameters: Parameters) -> CoreData:

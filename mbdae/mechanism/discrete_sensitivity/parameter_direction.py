@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,7 +91,7 @@ class Parameter:
         self.name, self.mech, self.make = name, mech, cache(make)
         self.width, self.stencil = feasible_stencil(self.make, width)
         self.use_width(self.width)
-        self.first, model = [self.perturbed[k] for k in FIRST[self.stencil]], mech.model
+        model = mech.model
         self._require_same_structure()
         self.inertias = self.changed_rates(
             model.njoints, lambda m, j: np.array(m.model.inertias[j].toDynamicParameters())
@@ -107,6 +107,18 @@ class Parameter:
             self._check_times(*self._forces(i))
         for i in self.specs:
             self._check_times(*(m.constraints[i] for m in (mech, *self.first)))
+
+    def write(self, mech: "Mechanism", make: Callable[[float], "Mechanism"]) -> None:
+        """Use it in a mechanism with other values of the parameters, where its directions are the same."""
+        _ = self.keeps_start, self.keeps_states  # for all values
+        self.mech, self.make = mech, cache(make)
+        vars(self).pop("first", None)
+        self.use_width(self.h)
+
+    @cached_property
+    def first(self) -> list["Mechanism"]:
+        """Three mechanisms with it changed."""
+        return [self.perturbed_mechanisms(self.width)[k] for k in FIRST[self.stencil]]
 
     def _require_same_structure(self) -> None:
         """Reject changes of joints, of frames and of the states of forces."""
@@ -146,12 +158,17 @@ class Parameter:
         """Description of the side of a one-sided derivative; empty if it is two-sided."""
         return {STENCIL: "", ABOVE: "above", BELOW: "below"}[self.stencil]
 
-    @property
+    @cached_property
     def keeps_start(self) -> bool:
         """Whether the assembled start does not depend on it: it changes gravity, or laws of forces, alone."""
         moves = self.inertias or self.placements or self.frames or self.specs or self.armature.any()
         mech = self.mech
         return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.first)
+
+    @cached_property
+    def keeps_states(self) -> bool:
+        """Whether the start values of states do not depend on it."""
+        return all(m.states == self.mech.states for m in self.first)
 
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
         """Reject changes of times at which a function jumps; if other knots change, use a smaller width."""

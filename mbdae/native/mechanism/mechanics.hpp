@@ -16,7 +16,10 @@ class Mechanics {
   Mechanics(const void* model, const Tolerances& limits);
   ~Mechanics();
 
-  const Tolerances limits;
+  // Another model of the same joints; all that was computed with the one before is forgotten.
+  void write(const void* model, const Tolerances& limits);
+
+  Tolerances limits;
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
@@ -70,6 +73,7 @@ class Mechanics {
 
  private:
   struct Workspace;
+  void begin_sweep();
   bool stands(const double* q, const double* v) const;  // are first terms of the partials known there?
 
   std::unique_ptr<Workspace> w;
