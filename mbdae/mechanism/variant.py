@@ -47,7 +47,9 @@ def _shared(mech: Mechanism, parts: dict[str, Any]) -> Mechanism:
     for name in [n for n in vars(out) if isinstance(getattr(type(out), n, None), cached_property)]:
         del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
-    out._starts, out.workspaces = {}, mech.workspaces.of(out)
+    out.workspaces = mech.workspaces.of(out)
+    if "start" in parts or out.characteristic_length != mech.characteristic_length:
+        out._starts = {}  # otherwise the same: forces do not act on assembly
     if "forces" in parts:
         out.states = bind_forces(out.forces, out.model, out.make_workspace()).states()
     return out

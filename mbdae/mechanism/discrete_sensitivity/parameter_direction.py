@@ -13,6 +13,7 @@ from ...finite_differences import (
     ABOVE,
     BELOW,
     MAX_REDUCTIONS,
+    OF_AFFINE,
     REDUCTION,
     STENCIL,
     central_difference,
@@ -224,6 +225,10 @@ class LawDifferences:
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
         beside = near.items() if p.forces else ()
         self.perturbed = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in beside}
+
+    def use_affinity(self) -> None:
+        """Use two of the values only, for laws that are affine in the parameter."""
+        self.perturbed = {k: x for k, x in self.perturbed.items() if k in OF_AFFINE}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""

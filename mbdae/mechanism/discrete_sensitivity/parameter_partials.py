@@ -97,7 +97,12 @@ class Parameters:
     @cached_property
     def constant(self) -> ConstantDirections:
         """Whether the parameters have constant directions."""
-        return ConstantDirections(self)
+        found = ConstantDirections(self)
+        if found.at is not None:
+            for laws in self.laws:
+                laws.use_affinity()
+            self._found = {name: x for name, x in self._found.items() if name == "workspace"}
+        return found
 
     def write(self, values: Mapping[str, float]) -> bool:
         """Write other values in place, where directions are constant; where they are not, return False and keep these.
