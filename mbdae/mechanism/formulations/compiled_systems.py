@@ -16,6 +16,7 @@ from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from ..closures.independent_rows import FALLEN
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
+from ..input_functions import Input
 from .core_description import core_tolerances, describe, samplers_of
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
@@ -66,6 +67,15 @@ class CompiledSystem(Index2System):
         friction = self.closure_friction
         self.core.set_friction_interfaces(friction.core_data(), friction.active, friction.slip_directions)
         self._deactivate_rows()
+        functions = [*(u for law, _ in self.laws.bound for u in law.signals), *(d.path for d in self.mechanism.drivers)]
+        self.inputs = [u for u in functions if isinstance(u, Input)]
+        for u in self.inputs:
+            u.listen(self)
+
+    def set_input(self, cell: Input, number: int) -> None:
+        """See `mbdae.mechanism.input_functions.InputListener`."""
+        if any(u is cell for u in self.inputs):
+            self.core.set_input(number, *cell.setting)
 
     def reset(self) -> None:
         """See `Index2System.reset`."""
