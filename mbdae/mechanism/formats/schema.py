@@ -115,7 +115,7 @@ class MechanismFile(Table):
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
         force: springs, dampers, motors, controllers.
-        input: inputs of forces.
+        input: inputs of forces and drivers.
         start: initial state.
         order: settings of the order study.
         solve: settings of runs.
