@@ -93,4 +93,9 @@ def _mapped(value: Any, change: Any) -> Any:
         return value
     found = {name: getattr(value, name) for name in type(value).model_fields}
     update = {name: new for name, x in found.items() if (new := _mapped(x, change)) is not x}
-    return value.model_copy(update=update) if update else value
+    if not update:
+        return value
+    out = value.model_copy(update=update)
+    for name in vars(out).keys() - found.keys():  # cached properties, of the inputs before
+        del vars(out)[name]
+    return out

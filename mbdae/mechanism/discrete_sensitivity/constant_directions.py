@@ -106,7 +106,7 @@ class ConstantDirections:
         numbers += [np.array(model.armature)]
         factors, rest = [np.full(sum(map(len, numbers)), -1)], list[Any]()
         for i, force in enumerate(mech.forces[i] for i in self.forces):
-            law = force.bind(model, data)
+            law = None if callable(force) else force.bind(model, data)
             if not isinstance(law, LinearElement):
                 return None
             signals = [_signal(u) for u in law.u]
