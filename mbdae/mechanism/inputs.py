@@ -40,13 +40,8 @@ class Inputs:
         return value
 
     def _with(self, replaced: Mapping[str, Any]) -> Mechanism:
-        m = self._original
-        return Mechanism(
-            m.model, m.closures, [_mapped(f, lambda x: replaced[x.name]) for f in m.forces], drivers=m.drivers,
-            stops=m.stops, clutches=m.clutches, start=m.start_values, visuals=m.visuals, title=m.title,
-            duration=m.duration, order=m.order, settings=m.settings, motors=m.motors, left_out=m.left_out,
-            remarks=m.remarks,
-        )  # fmt: skip
+        forces = [_mapped(f, lambda x: replaced[x.name]) for f in self._original.forces]
+        return with_forces(self._original, forces)
 
     def cell(self, name: str) -> Input:
         """Return an input that can be set.
@@ -68,6 +63,15 @@ class Inputs:
         if not self.named:
             return self._original
         return self._with({name: InputHistory(name=name, pieces=tuple(map(tuple, h))) for name, h in history.items()})
+
+
+def with_forces(m: Mechanism, forces: Sequence[Any]) -> Mechanism:
+    """Return a mechanism with other forces."""
+    return Mechanism(
+        m.model, m.closures, forces, drivers=m.drivers, stops=m.stops, clutches=m.clutches, start=m.start_values,
+        visuals=m.visuals, title=m.title, duration=m.duration, order=m.order, settings=m.settings, motors=m.motors,
+        left_out=m.left_out, remarks=m.remarks,
+    )  # fmt: skip
 
 
 def _refuse(value: Input, driver: str) -> Input:

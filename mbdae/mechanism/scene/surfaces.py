@@ -17,7 +17,7 @@ EDGE = np.cos(0.6)  # cosine of the largest angle between triangles of a smooth 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
-class Look(NamedTuple):
+class Material(NamedTuple):
     """Colour of a material, None if the mesh does not define it, and the name of its texture, empty for none."""
 
     rgba: Colour | None = None
@@ -25,10 +25,10 @@ class Look(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Triangles of one material: corners (m, 3, 3), its look, and texture coordinates (m, 3, 2) or None."""
+    """Triangles of one material: corners (m, 3, 3), its material, and texture coordinates (m, 3, 2) or None."""
 
     corners: np.ndarray
-    look: Look = Look()
+    material: Material = Material()
     uv: np.ndarray | None = None
 
 
@@ -59,20 +59,20 @@ def surfaces(mesh: Mesh) -> list[Surface] | None:
         found = list(_read(mesh))
     except (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, ET.ParseError, RecursionError):
         return None
-    merged: dict[Look, list[Piece]] = {}
+    merged: dict[Material, list[Piece]] = {}
     for piece in found:
-        image = mesh.companions.get(piece.look.texture) if piece.uv is not None else None
-        look = piece.look if image else Look(WHITE if piece.look.texture else piece.look.rgba)
-        merged.setdefault(look, []).append(piece)
-    return [s for look, pieces in merged.items() if len((s := _surface(look, pieces, mesh)).faces)] or None
+        image = mesh.companions.get(piece.material.texture) if piece.uv is not None else None
+        material = piece.material if image else Material(WHITE if piece.material.texture else piece.material.rgba)
+        merged.setdefault(material, []).append(piece)
+    return [s for material, pieces in merged.items() if len((s := _surface(material, pieces, mesh)).faces)] or None
 
 
-def _surface(look: Look, pieces: list[Piece], mesh: Mesh) -> Surface:
+def _surface(material: Material, pieces: list[Piece], mesh: Mesh) -> Surface:
     out, kept = _welded(np.concatenate([piece.corners for piece in pieces]))
-    if not look.texture:
-        return out._replace(rgba=look.rgba)
+    if not material.texture:
+        return out._replace(rgba=material.rgba)
     uv = np.concatenate([piece.uv for piece in pieces if piece.uv is not None])
-    return out._replace(rgba=WHITE, uv=uv[kept], image=mesh.companions[look.texture])
+    return out._replace(rgba=WHITE, uv=uv[kept], image=mesh.companions[material.texture])
 
 
 def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
@@ -134,9 +134,9 @@ def _stl(data: bytes) -> np.ndarray:
     return np.array(re.findall(rb"vertex" + numbers, data), dtype="S").astype(float).reshape(-1, 3, 3)
 
 
-def _materials(libraries: Mapping[str, bytes]) -> dict[bytes, Look]:
+def _library_materials(libraries: Mapping[str, bytes]) -> dict[bytes, Material]:
     """Return the diffuse colours and textures of the materials in .mtl files."""
-    looks: dict[bytes, Look] = {}
+    materials: dict[bytes, Material] = {}
     for file, library in libraries.items():
         if not file.lower().endswith(".mtl"):
             continue
@@ -145,16 +145,16 @@ def _materials(libraries: Mapping[str, bytes]) -> dict[bytes, Look]:
             if kd := re.search(rb"\bKd[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", text):
                 opacity = re.search(rb"^[ \t]*d[ \t]+(\S+)", text, re.MULTILINE)
                 rgba = (*map(float, kd.groups()), float(opacity[1]) if opacity else 1.0)
-            looks[name] = Look(rgba, image[1].decode("utf-8", errors="replace") if image else "")
-    return looks
+            materials[name] = Material(rgba, image[1].decode("utf-8", errors="replace") if image else "")
+    return materials
 
 
 def _obj(mesh: Mesh) -> Iterator[Piece]:
-    looks = _materials(mesh.companions)
+    materials = _library_materials(mesh.companions)
     points: list[list[float]] = []
     uv: list[list[float]] = []
-    parts: dict[Look, list[list[tuple[int, int | None]]]] = {}
-    faces = parts.setdefault(Look(), [])
+    groups: dict[Material, list[list[tuple[int, int | None]]]] = {}
+    faces = groups.setdefault(Material(), [])
     for line in mesh.data.splitlines():
         word, _, rest = line.strip().partition(b" ")
         if word == b"v":
@@ -162,20 +162,22 @@ def _obj(mesh: Mesh) -> Iterator[Piece]:
         elif word == b"vt":
             uv.append([float(x) for x in rest.split()[:2]])
         elif word == b"usemtl":
-            faces = parts.setdefault(looks.get(rest.strip(), Look()), [])
+            faces = groups.setdefault(materials.get(rest.strip(), Material()), [])
         elif word == b"f":
             corners = [CORNER.match(text).groups() for text in rest.split()]  # type: ignore[union-attr]
             used = [(_index(p, points), None if t is None else _index(t, uv)) for p, t in corners]
             faces += [[used[0], used[k], used[k + 1]] for k in range(1, len(used) - 1)]
-    for look, found in parts.items():
+    for material, found in groups.items():
         if found:
-            index = np.array(found, float)  # NaN without texture coordinates
-            textured = look.texture and np.isfinite(index).all()
-            yield Piece(
-                np.array(points)[index[:, :, 0].astype(int)],
-                look,
-                np.array(uv)[index[:, :, 1].astype(int)] if textured else None,
-            )
+            yield _textured(material, np.array(found, float), np.array(points), np.array(uv))
+
+
+def _textured(material: Material, index: np.ndarray, points: np.ndarray, uv: np.ndarray) -> Piece:
+    """Return triangles with indices (m, 3, 2) of points and of texture coordinates, NaN without them."""
+    corners = points[index[:, :, 0].astype(int)]
+    if not material.texture or np.isnan(index).any():
+        return Piece(corners, material)
+    return Piece(corners, material, uv[index[:, :, 1].astype(int)])
 
 
 def _index(text: bytes, listed: list[list[float]]) -> int:
@@ -190,24 +192,24 @@ class _ColouredCollada(Collada):
         """Yield each group of triangles, as placed by the scene."""
         for geometry, place, materials in self.instances():
             for corners, uv, symbol in self._groups(geometry):
-                look = self._look(materials.get(symbol, symbol))
-                yield Piece(corners @ place[:3, :3].T + place[:3, 3], look, uv)
+                material = self._material_of(materials.get(symbol, symbol))
+                yield Piece(corners @ place[:3, :3].T + place[:3, 3], material, uv)
 
-    def _look(self, name: str) -> Look:
+    def _material_of(self, name: str) -> Material:
         material = self.named.get(name)
         effect = self.named.get(material.find("instance_effect").get("url", "")[1:]) if material is not None else None  # type: ignore[union-attr]
         if effect is None:
-            return Look()
+            return Material()
         if (texture := effect.find(".//diffuse/texture")) is not None:
-            return Look(WHITE, self._image(effect, texture.get("texture", "")))
+            return Material(WHITE, self._image(effect, texture.get("texture", "")))
         found = {kind: effect.find(f".//{kind}/color") for kind in ("diffuse", "emission")}
         rgb = np.zeros(3)
         for colour in found.values():
             if colour is not None:
                 rgb = rgb + np.array((colour.text or "").split(), float)[:3]
         if all(colour is None for colour in found.values()):
-            return Look()
-        return Look((*(float(x) for x in np.clip(rgb, 0, 1)), 1.0))
+            return Material()
+        return Material((*(float(x) for x in np.clip(rgb, 0, 1)), 1.0))
 
     def _image(self, effect: ET.Element, name: str) -> str:
         """Return the file of a texture, which is an image, or a sampler of a surface of an image."""

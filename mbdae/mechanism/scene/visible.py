@@ -1,4 +1,4 @@
-"""What a camera should show of a motion: extreme points, extent, and the plane of a planar motion."""
+"""Points of a motion that a camera should show, its extent, and the plane of a planar motion."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

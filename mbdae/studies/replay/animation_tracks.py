@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import InputError, as_list
 from ...mechanism.contacts import contact_path, rolling_closures
 from ...mechanism.frames import frame_paths, joint_paths
-from ...mechanism.scene.parts import Motion, Part, Track, aligned_quaternions, motions, parts, primitive
+from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
 from ...system import Array
 from ...tolerances import COINCIDENT, TINY
 from ..figures import COLOURS
@@ -30,7 +30,7 @@ CONTACT_PREFIX = "contact."
 class Moving(NamedTuple):
     """Parts and their motions, below a path of the viewer."""
 
-    parts: list[Part]
+    parts: list[Drawable]
     motions: list[Motion]
     root: str
 
@@ -44,7 +44,7 @@ def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     """Return closures with the largest visible gap in m over configurations q (m, nq), None if it is not visible."""
     sample = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
     distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sample), axis=2)[:, :, 0], axis=2)
-    marks = [node(part.name) for part in parts(scene) if part.style == "closure"]
+    marks = [node(part.name) for part in drawables(scene) if part.style == "closure"]
     return [
         {
             "name": m.name,
@@ -76,7 +76,7 @@ def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> l
         colour = GHOSTS[i % len(GHOSTS)]
         q, inside = _configurations(sol, name, other, times)
         scene = sol.mechanism.scene.travelled(q[inside])
-        found = zip(parts(scene), motions(scene, q), strict=True)
+        found = zip(drawables(scene), motions(scene, q), strict=True)
         shown = Track(inside[:, None].astype(float))
         moving = [
             (p._replace(rgba=rgba_of(colour, GHOST_OPACITY), style="ghost"), {**m, "visible": shown})
@@ -227,7 +227,7 @@ def drawn_arrows(forces: Mapping[str, Any], extent: float) -> Moving:
             size = np.maximum(np.column_stack([radius, radius, high - low]), COINCIDENT * extent)
             middle = force["points"] + unit * ((low + high) / 2)[:, None]
             name = f"{force['name'].replace('/', '|')} {name}"
-            out.parts.append(Part(name, primitive(kind, (1.0, 1.0)), rgba=rgba_of(force["colour"]), style="mark"))
+            out.parts.append(Drawable(name, primitive(kind, (1.0, 1.0)), rgba=rgba_of(force["colour"]), style="mark"))
             out.motions.append({
                 "position": Track(middle), "rotation": Track(turn), "scale": Track(size), "visible": shown,
             })  # fmt: skip

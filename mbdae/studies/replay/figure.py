@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...mechanism.scene.parts import GREY, motions, parts
+from ...mechanism.scene.drawables import GREY, drawables, motions
 from ...mechanism.scene.visible import Sight, sampled
 from ...solution.solution import Solution
 from ...system import Array
@@ -65,7 +65,7 @@ def _view(thin: int) -> Array:
 
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Yield corners (n, 3, 3) in the world [m] and colours of all surfaces at q (nq,)."""
-    for part, motion in zip(parts(scene), motions(scene, q[None]), strict=True):
+    for part, motion in zip(drawables(scene), motions(scene, q[None]), strict=True):
         now = {key: track.values[0] for key, track in motion.items()}
         pose = transform(now["position"], now["rotation"], part.scale * now.get("scale", np.ones(3)))
         stretch = now.get("stretch", 0.0)

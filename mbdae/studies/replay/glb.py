@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...mechanism.scene.parts import GREY, Motion, Part, Solid, Track, Vertices, motions, parts
+from ...mechanism.scene.drawables import GREY, Drawable, Motion, Solid, Track, Vertices, drawables, motions
 from ...system import Array
 from .animation_tracks import Moving
 from .mode_tracks import drawn_marks
@@ -90,12 +90,12 @@ class _File:
         return out
 
     def material(self, colour: tuple[float, ...], image: bytes) -> int:
-        look: dict[str, Any] = {"baseColorFactor": list(colour), "metallicFactor": 0.1, "roughnessFactor": 0.6}
+        shading: dict[str, Any] = {"baseColorFactor": list(colour), "metallicFactor": 0.1, "roughnessFactor": 0.6}
         if image:
-            look["baseColorTexture"] = {"index": self.texture(image)}
-        material = {"pbrMetallicRoughness": look, "doubleSided": True}
+            shading["baseColorTexture"] = {"index": self.texture(image)}
+        material = {"pbrMetallicRoughness": shading, "doubleSided": True}
         material |= {"alphaMode": "BLEND"} if colour[3] < 1 else {}
-        return self.once(("look", colour, image), "materials", material)
+        return self.once(("shading", colour, image), "materials", material)
 
     def texture(self, image: bytes) -> int:
         if image not in self.known:
@@ -130,7 +130,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
         marks: balls at active contacts, and for a quarter of a second at impacts.
     """
     animation = _Animation(title, np.abs(times - times[0]), speed)
-    drawn = Moving(parts(scene), motions(scene, q), "")
+    drawn = Moving(drawables(scene), motions(scene, q), "")
     marked = drawn_marks(marks if len(times) > 1 else (), times, speed, scene.width)
     for part, motion in (*zip(drawn.parts, drawn.motions, strict=True), *zip(*marked[:2], strict=True)):
         if part.style != "closure" and part.solid.surfaces:
@@ -147,7 +147,7 @@ class _Animation:
         self.clock = self.file.accessor(times / speed, bounded=True) if self.moves else -1
         self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
-    def add(self, part: Part, motion: Motion) -> None:
+    def add(self, part: Drawable, motion: Motion) -> None:
         """Add a node with the motion of a part; ``scale`` includes that of the part."""
         tracks = {PATHS[key]: track for key, track in motion.items() if key in PATHS}
         scale = tracks.get("scale", Track(np.ones((1, 3))))

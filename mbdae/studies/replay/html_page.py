@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import umsgpack
 
 from ...errors import InputError
-from ...mechanism.scene.parts import Motion, Solid, parts
+from ...mechanism.scene.drawables import Motion, Solid, drawables
 from ...mechanism.scene.visible import FAR, Sight, bounds, sampled
 from ...system import Array
 from . import animation_tracks as tracks
@@ -33,7 +33,7 @@ SCRIPTS = ("scene", "camera", "plots", "controls", "linkage", "sliders", "print"
 
 
 class Extra(NamedTuple):
-    """What a page shows besides the parts of a scene."""
+    """Contents of a page besides the drawables of its scene."""
 
     moving: Sequence[Moving] = ()
     traces: Sequence[Mapping[str, Any]] = ()
@@ -63,7 +63,7 @@ def scene_data(
     first = next(iter(near), "")
     far = bool(first) and whole.moves and whole.extent > FAR * near[first].extent
     solids: list[Solid] = []
-    own = tracks.Moving(parts(scene), list(shown), ROOT)
+    own = tracks.Moving(drawables(scene), list(shown), ROOT)
     all_moving = [own, *extra.moving, tracks.drawn_arrows(extra.forces, whole.extent)]
     commands = list(stage(whole.extent))
     for moving in all_moving:
@@ -109,14 +109,23 @@ def frame(text: str, height: int = 520) -> str:
     return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
 
 
-@cache
-def _viewer() -> str:
+def viewer_folder() -> Path:
+    """Return the folder with meshcat's page and script.
+
+    Raises:
+        InputError: if meshcat is not installed.
+    """
     found = find_spec("meshcat")  # not imported: its server parts take a second
     if found is None or not found.submodule_search_locations:
         raise InputError(
             "a replay needs the viewer of the package 'meshcat', which is not installed: pip install meshcat"
         )
-    return _compressed(Path(found.submodule_search_locations[0], "viewer", "dist", "main.min.js").read_bytes())
+    return Path(found.submodule_search_locations[0], "viewer", "dist")
+
+
+@cache
+def _viewer() -> str:
+    return _compressed((viewer_folder() / "main.min.js").read_bytes())
 
 
 @cache

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...mechanism.contacts import contact_path, rolling_closures
 from ...mechanism.frames import frame_paths, joint_paths
-from ...mechanism.scene.parts import Part, Track, primitive
+from ...mechanism.scene.drawables import Drawable, Track, primitive
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from .animation_tracks import Moving, rgba_of
@@ -64,7 +64,7 @@ def drawn_marks(marks: Sequence[ModeTrack], times: Array, speed: float, width: f
             for k, points in enumerate(mark.positions):
                 name = f"{mark.name.replace('/', '|')} {kind}" + (f" {k + 1}" if k else "")
                 ball = primitive("ellipsoid", (1.0, 1.0, 1.0))
-                out.parts.append(Part(name, ball, (3 * width,) * 3, rgba_of(colour, 0.6), "mark"))
+                out.parts.append(Drawable(name, ball, (3 * width,) * 3, rgba_of(colour, 0.6), "mark"))
                 still = Track(np.tile([0.0, 0.0, 0.0, 1.0], (len(points), 1)))
                 out.motions.append({"position": Track(points), "rotation": still, "scale": scales})
     return out

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError, require
 from ...file_io import atomic_write, write_page
-from ...mechanism.scene.parts import motions, parts
+from ...mechanism.scene.drawables import drawables, motions
 from ...mechanism.scene.visible import sampled
 from ..figures import COLOURS
 from . import animation_tracks as tracks
@@ -158,7 +158,7 @@ def page(
     seen = np.concatenate([sampled(q), *(sampled(x) for _, x in others.values())])
     payload = {
         **scene_data(scene, mechanism.model, own, offsets, seen, extra),
-        "choices": chosen(parts(scene), own, shown, offsets),
+        "choices": chosen(drawables(scene), own, shown, offsets),
         "frames": len(times),
         "start": float(times[0]),
         "end": float(times[-1]),

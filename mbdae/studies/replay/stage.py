@@ -15,6 +15,7 @@ GONE = (
 SUN, SKY = "/Lights/Sun", "/Lights/Sky"
 GROUND = "/ground"
 RADIUS = 5.0  # of the ground, in extents of the mechanism
+SHADOW_BIAS = -1 / 2500  # of the depth of the light: no shadows of a surface on itself
 GAP = 0.004  # between the lowest point and the ground, in extents
 MANY = 30  # cells on one side: beyond, every second line is drawn
 LINE = (0.663, 0.702, 0.741)
@@ -28,7 +29,7 @@ def stage(extent: float) -> Iterator[dict[str, Any]]:
     yield set_property("/Background", "bottom_color", [0.86, 0.885, 0.91])
     half = {"left": -extent, "right": extent, "top": extent, "bottom": -extent}
     camera = {"type": "OrthographicCamera", **half, "near": 0.1 * extent, "far": 8 * extent}
-    quality = {"bias": -0.0004, "normalBias": 0.003 * extent, "radius": 2.5, "mapSize": [2048, 2048]}
+    quality = {"bias": SHADOW_BIAS, "normalBias": 0.003 * extent, "radius": 2.5, "mapSize": [2048, 2048]}
     light = {"uuid": "sun", "type": "DirectionalLight", "color": 0xFFFFFF, "intensity": 0.5}
     yield set_object(SUN, {"object": {**light, "shadow": {**quality, "camera": camera}}})
     sky = {"type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": 0xC4C8CF, "intensity": 0.68}

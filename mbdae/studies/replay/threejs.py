@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import umsgpack
 
-from ...mechanism.scene.parts import GREY, Motion, Part, Solid, Track, Vertices
+from ...mechanism.scene.drawables import GREY, Drawable, Motion, Solid, Track, Vertices
 from ...system import Array
 
 ROOT = "/mechanism"
@@ -23,7 +23,7 @@ TRACKS = {  # of a motion: object below the path, property, type
     "stretch": ("/<object>", ".morphTargetInfluences[0]", "number"),
 }
 DISCRETE = 2300  # three.js' InterpolateDiscrete
-LAYERS = {"closure": 1, "mark": 1000}
+MARK = 10**6  # layer over all closures
 MIME = {b"\xff\xd8\xff": "image/jpeg", b"GIF8": "image/gif"}  # by the first bytes; all others: png
 
 
@@ -48,7 +48,7 @@ def set_property(path: str, name: str, value: Any) -> dict[str, Any]:
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-def drawn(parts: Sequence[Part], solids: list[Solid] | None = None, root: str = ROOT) -> Iterator[dict[str, Any]]:
+def drawn(parts: Sequence[Drawable], solids: list[Solid] | None = None, root: str = ROOT) -> Iterator[dict[str, Any]]:
     """Yield the commands that draw parts.
 
     Args:
@@ -61,15 +61,16 @@ def drawn(parts: Sequence[Part], solids: list[Solid] | None = None, root: str = 
         if not part.solid.surfaces:
             continue
         path = node(part.name, root)
-        yield set_object(path, _object(part, k, solids))
+        yield set_object(path, _object(part, k, len(parts) - k, solids))
         if part.style != "body":
             yield set_property(f"{path}/<object>", "castShadow", False)
             yield set_property(f"{path}/<object>", "receiveShadow", False)
 
 
-def _object(part: Part, k: int, solids: list[Solid] | None) -> dict[str, Any]:
-    looks = [part.rgba] if part.rgba else [surface.rgba or GREY for surface in part.solid.surfaces]
-    looks *= len(part.solid.surfaces) // len(looks)
+def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> dict[str, Any]:
+    """Return an object; closures are over everything else, those of higher layers over the others."""
+    colours = [part.rgba] if part.rgba else [surface.rgba or GREY for surface in part.solid.surfaces]
+    colours *= len(part.solid.surfaces) // len(colours)
     images = [b"" if part.rgba else surface.image for surface in part.solid.surfaces]
     if solids is None:
         geometry: dict[str, Any] = {"data": buffers(part.solid)}
@@ -81,7 +82,7 @@ def _object(part: Part, k: int, solids: list[Solid] | None) -> dict[str, Any]:
         "geometries": [{"uuid": "geometry", "type": "BufferGeometry", **geometry}],
         "materials": [
             {"uuid": f"material {i}", **material(rgba, part.style, k), **({"map": f"texture {i}"} if images[i] else {})}
-            for i, rgba in enumerate(looks)
+            for i, rgba in enumerate(colours)
         ],
         "images": [{"uuid": f"image {i}", "url": _url(data)} for i, data in enumerate(images) if data],
         "textures": [
@@ -91,9 +92,9 @@ def _object(part: Part, k: int, solids: list[Solid] | None) -> dict[str, Any]:
             "uuid": part.name,
             "type": "Mesh",
             "geometry": "geometry",
-            "material": [f"material {i}" for i in range(len(looks))],
+            "material": [f"material {i}" for i in range(len(colours))],
             "matrix": np.diag([*part.scale, 1.0]).ravel().tolist(),
-            "renderOrder": LAYERS.get(part.style, 0),
+            "renderOrder": {"closure": layer, "mark": MARK}.get(part.style, 0),
             "frustumCulled": part.solid.stretch is None,
         },
     }
@@ -171,7 +172,7 @@ def packed(solid: Solid) -> dict[str, Any]:
 
 
 def animations(
-    parts: Sequence[Part], motions: Sequence[Motion], root: str = ROOT, moving: Sequence[bool] | None = None
+    parts: Sequence[Drawable], motions: Sequence[Motion], root: str = ROOT, moving: Sequence[bool] | None = None
 ) -> list[dict[str, Any]]:
     """Return the animations of the parts that move, over seconds; the page adds the times of frames.
 
@@ -192,7 +193,10 @@ def animations(
 
 
 def chosen(
-    parts: Sequence[Part], shown: Sequence[Motion], others: Mapping[str, Sequence[Motion]], times: Array | None = None
+    parts: Sequence[Drawable],
+    shown: Sequence[Motion],
+    others: Mapping[str, Sequence[Motion]],
+    times: Array | None = None,
 ) -> list[dict[str, Any]]:
     """Return animations of which one is chosen at a time, each with all parts that move in one of them.
 
@@ -227,7 +231,9 @@ def _track(key: str, track: Track) -> dict[str, Any]:
     return out if track.times is None else out | {"times": typed(track.times, "float32")}
 
 
-def placed(parts: Sequence[Part], motions: Sequence[Motion], k: int = 0, root: str = ROOT) -> Iterator[dict[str, Any]]:
+def placed(
+    parts: Sequence[Drawable], motions: Sequence[Motion], k: int = 0, root: str = ROOT
+) -> Iterator[dict[str, Any]]:
     """Yield the commands that move parts to frame k of their motions, by the tracks over frames."""
     for part, motion in zip(parts, motions, strict=True):
         if not part.solid.surfaces:

@@ -11,7 +11,7 @@ from ...mechanism.expanded_tree import expand, factor_joints
 from ...mechanism.formulations.core_description import constraints_of
 from ...mechanism.frames import find_joint
 from ...mechanism.joints import joint_transform, subspace
-from ...mechanism.scene.parts import parts
+from ...mechanism.scene.drawables import drawables
 from ...mechanism.scene.scene import Scene
 from ...system import Array
 from ..replay.threejs import node, typed
@@ -95,7 +95,7 @@ def _attachments(scene: Scene, last: Sequence[int]) -> list[dict[str, Any]]:
             "kind": part.name.rpartition(" ")[2] if part.name.startswith("spring/") else "link",
             "length": length,
         }
-        for part, (anchors, length) in zip(parts(scene), on, strict=True)
+        for part, (anchors, length) in zip(drawables(scene), on, strict=True)
         if len(anchors) == 2 or anchors[0][0]
     ]
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...file_io import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
-from ...mechanism.scene.parts import motions, parts
+from ...mechanism.scene.drawables import drawables, motions
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..replay import animation_tracks as tracks
@@ -75,7 +75,7 @@ class View:
         own, moved = motions(scene, start), {s.joint: motions(scene, s.q) for s in self.sliders}
         payload = {
             **scene_data(scene, self.mechanism.model, own, np.zeros(1), reached),
-            "choices": chosen(parts(scene), own, moved),
+            "choices": chosen(drawables(scene), own, moved),
             "frames": 1,
             **{"start": 0.0, "end": 1.0, "speed": 1.0},
             "gaps": tracks.gaps(scene, reached),

@@ -1,4 +1,4 @@
-"""Parts that pages, .glb files, pictures and live views draw alike: triangles, their look, and their motion."""
+"""Triangles that pages, .glb files, pictures and live views draw: solids, colours, and motions."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ class Solid:
         return Vertices(points, directions, uv, more[0] if more else None, rank[index.ravel()])
 
 
-class Part(NamedTuple):
+class Drawable(NamedTuple):
     """Triangles that move rigidly, or stretch along z.
 
     Attributes:
@@ -113,7 +113,7 @@ class Track(NamedTuple):
 Motion = dict[str, Track]  # position (3) in m, rotation (4, quaternion x, y, z, w), scale (3), stretch (1), visible (1)
 
 
-def parts(scene: Scene) -> list[Part]:
+def drawables(scene: Scene) -> list[Drawable]:
     """Return the parts of a scene: its shapes, and coils and tubes of springs, whose lengths are known."""
     return [*map(_part, scene.shapes), *(part for s in scene.springs for part in _spring_parts(s, scene.width))]
 
@@ -126,19 +126,19 @@ def motions(scene: Scene, q: Array) -> list[Motion]:
     return [*out, *(m for s, e in zip(scene.springs, ends, strict=True) for m in _spring_motions(s, e))]
 
 
-def _part(shape: Shape) -> Part:
+def _part(shape: Shape) -> Drawable:
     style: Style = "closure" if shape.role == "closure" else "body"
     name = f"{shape.role}/{shape.name.replace('/', '|')}"
     if shape.mesh is not None:
-        return Part(name, _solid_of(shape.mesh), shape.scale, shape.rgba, style)
+        return Drawable(name, _solid_of(shape.mesh), shape.scale, shape.rgba, style)
     if shape.kind == "capsule":
-        return Part(name, primitive("capsule", tuple(map(float, shape.size))), (1.0, 1.0, 1.0), shape.rgba, style)
+        return Drawable(name, primitive("capsule", tuple(map(float, shape.size))), (1.0, 1.0, 1.0), shape.rgba, style)
     if shape.kind in ("cylinder", "cone"):
         (radius, length) = shape.size
-        return Part(name, primitive(shape.kind, (1.0, 1.0)), (radius, radius, length), shape.rgba, style)
+        return Drawable(name, primitive(shape.kind, (1.0, 1.0)), (radius, radius, length), shape.rgba, style)
     scale = shape.size * 3 if shape.kind == "sphere" else shape.size
     kind = "box" if shape.kind == "box" else "ellipsoid"
-    return Part(name, primitive(kind, (1.0, 1.0, 1.0)), scale, shape.rgba, style)
+    return Drawable(name, primitive(kind, (1.0, 1.0, 1.0)), scale, shape.rgba, style)
 
 
 _MESHES: WeakKeyDictionary[Mesh, Solid] = WeakKeyDictionary()
@@ -156,16 +156,16 @@ def primitive(kind: str, size: tuple[float, ...]) -> Solid:
     return _PRIMITIVES.setdefault((kind, size), Solid((solid(kind, size),)))
 
 
-def _spring_parts(spring: Strut, width: float) -> Iterator[Part]:
+def _spring_parts(spring: Strut, width: float) -> Iterator[Drawable]:
     """Yield the coil of a spring, and cylinder and rod of a damper, of unit length."""
     radius, name = min(2.4 * width, 0.1 * spring.length), f"spring/{spring.name.replace('/', '|')}"
     if spring.coil:
         surface, stretch = coil(radius, min(0.5 * width, 0.22 * radius), spring.length)
-        yield Part(f"{name} coil", Solid((surface,), stretch), rgba=SPRING)
+        yield Drawable(f"{name} coil", Solid((surface,), stretch), rgba=SPRING)
     if spring.tube:
         outer = (0.5 if spring.coil else 0.8) * radius
-        yield Part(f"{name} tube", primitive("cylinder", (1.0, 1.0)), (outer, outer, 1.0), CYLINDER)
-        yield Part(f"{name} rod", primitive("cylinder", (1.0, 1.0)), (0.5 * outer, 0.5 * outer, 1.0), ROD)
+        yield Drawable(f"{name} tube", primitive("cylinder", (1.0, 1.0)), (outer, outer, 1.0), CYLINDER)
+        yield Drawable(f"{name} rod", primitive("cylinder", (1.0, 1.0)), (0.5 * outer, 0.5 * outer, 1.0), ROD)
 
 
 def _spring_motions(spring: Strut, ends: Array) -> Iterator[Motion]:
