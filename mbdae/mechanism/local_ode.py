@@ -188,7 +188,7 @@ class LocalODE:
     @cached_property
     def _sensitivity(self) -> AccelerationSensitivity:
         mechanism = self.mechanism
-        return AccelerationSensitivity(self.system, Parameters(lambda _: mechanism, {}))
+        return AccelerationSensitivity(self.system, Parameters(lambda _: mechanism, {}, system=self.system))
 
     def jacobian(self, t: float, x: Array) -> tuple[Array, Array]:
         """Return the exact partial derivatives of x' by x and by t, (n, n) and (n,).

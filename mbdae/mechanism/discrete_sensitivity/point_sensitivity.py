@@ -158,7 +158,7 @@ class PointSensitivity(AccelerationSensitivity):
         """Return the partials of the start values of states by the parameters, (ns, k)."""
         out = np.zeros((self.system.ns, self.k))
         for i, p in enumerate(self.parameters.all):
-            if any(m.states != self.parameters.mech.states for m in p.first):
+            if not p.keeps_states:
                 out[:, i] = p.quotient({k: np.array(list(m.states.values())) for k, m in p.perturbed.items()})
         return out
 

@@ -168,6 +168,11 @@ nb::tuple take_record(PyCore& c) {  // called after each call of the core: a dic
                         std::exchange(s.rows.least_pivot_ratio, 1.0), s.largest_g, s.largest_rate, s.largest_speed);
 }
 
+bool write_core(PyCore& c, nb::handle model, const Tolerances& tolerances, const nb::dict& description) {
+  const CoreLock lock(c);
+  return c.write(model, tolerances, description);
+}
+
 void change_law(PyCore& c, int k, const Numbers& a) {
   const CoreLock lock(c);
   if (!c.core->system.change_law(k, a)) reject("a law has other numbers");
@@ -208,6 +213,15 @@ NB_MODULE(_native, m) {
            "Set the rows in use, the pivot ratio below which the rank has fallen, and whether rows are frozen.")
       .def(
           "reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")
+      .def("write", write_core, arg("model"), arg("tolerances"), arg("description"),
+           "Write the numbers of a mechanism in place, and reset; False if its structure is another one.")
+      .def(
+          "set_input",
+          [](PyCore& c, int input, double t, double value, double rate) {
+            const CoreLock lock(c);
+            c.core->system.set_input(input, t, value, rate);
+          },
+          arg("input"), arg("t"), arg("value"), arg("rate"), "Set an input to value + rate (t' - t).")
       .def("change_law", change_law, arg("k"), arg("a"), "Set the numbers of law k, which are constant in a mode.")
       .def("deactivate_rows", deactivate_rows, arg("off"), arg("sticks"),
            "Set the rows that are inactive in the mode, an empty list for none, and whether joints stick.")

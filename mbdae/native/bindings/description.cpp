@@ -79,7 +79,8 @@ void DescriptionReader::read(nb::handle h, TimeFunction& out) {
   read_fields(h, out, false);
   bool valid = out.kind == TimeFunction::python || out.a.size() == 4;
   if (out.kind == TimeFunction::pieces)
-    valid = out.degree >= 0 && !out.b.empty() && out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
+    valid = out.degree >= 0 && (out.input < 0 || (out.degree == 1 && out.b.size() == 1)) && !out.b.empty() &&
+            out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
   if (!valid) reject("the numbers of a function of time do not fit its kind");
   if (out.kind != TimeFunction::python) return;
   out.call = [f = callbacks_.add(nb::cast<nb::dict>(h), "call"), interrupted = &callbacks_.interrupted](double t,

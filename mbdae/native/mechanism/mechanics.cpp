@@ -55,10 +55,22 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_)
       const auto end = own.end() - w->model.nvs[j] + i;
       ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
     }
+  begin_sweep();
+}
+
+void Mechanics::begin_sweep() {
   w->nle.setZero(nv);
   auto tree = tree_joints(w->model);
   const double *gravity = w->model.gravity.linear().data(), *armature = w->model.armature.data();
   if (!tree.empty()) w->sweep.reset(new TreeSweep(std::move(tree), ancestors, gravity, armature));
+}
+
+void Mechanics::write(const void* model, const Tolerances& limits_) {
+  ++motion_stamp_, ++pose_stamp_, limits = limits_;
+  if (model == &w->model) return;
+  auto partials = std::move(w->partials);
+  w.reset(new Workspace(*static_cast<const pinocchio::Model*>(model))), begin_sweep();
+  w->partials = std::move(partials);
 }
 
 Mechanics::~Mechanics() = default;

@@ -16,7 +16,10 @@ class Mechanics {
   Mechanics(const void* model, const Tolerances& limits);
   ~Mechanics();
 
-  const Tolerances limits;
+  // Another model of the same joints; all that was computed with the one before is forgotten.
+  void write(const void* model, const Tolerances& limits);
+
+  Tolerances limits;
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
@@ -71,6 +74,7 @@ class Mechanics {
 
  private:
   struct Workspace;
+  void begin_sweep();
   bool partials_begun(const double* q, const double* v) const;  // are the first terms of the partials those of (q, v)?
 
   std::unique_ptr<Workspace> w;

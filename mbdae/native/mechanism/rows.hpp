@@ -143,6 +143,9 @@ class Constraints {
   Constraints(const Mechanics& m, std::vector<Row> rows, const std::vector<std::pair<Anchor, Anchor>>& pairs,
               std::vector<Driver> drivers);
 
+  bool fits(const Constraints& other) const;  // are its rows of the same kinds, between the same joints?
+  void write(Constraints other);              // its numbers, where it fits; pairs stay where they are
+
   std::vector<Pair> pairs;
   std::vector<Row> rows;  // (ng,)
   std::vector<int> all;   // (ng,) 0, 1, ...
