@@ -20,7 +20,7 @@ from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING
 from .exact_numbers import exact, row
 from .tableau import Row, Text
 
-MAX_ITERATIONS = 30  # iterations
+MAX_ITERATIONS = 30
 TYPICAL = 4  # evaluations of the equations in a step of RATTLE
 SLOWEST_RATE = 0.5  # of a change: a later one that is larger is rounding, or Newton's method diverges
 
@@ -41,7 +41,10 @@ class NewtonMethod:
     def iteration(self, native: Any) -> Any:
         """Return the thresholds of Newton's method for the compiled core."""
         return native.NewtonIteration(
-            patience=PATIENCE, below_rounding=BELOW_ROUNDING, iteration_rounding=ITERATION_ROUNDING, falling=FALLING
+            max_iterations=MAX_ITERATIONS,
+            below_rounding=BELOW_ROUNDING,
+            iteration_rounding=ITERATION_ROUNDING,
+            slowest_rate=SLOWEST_RATE,
         )
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:

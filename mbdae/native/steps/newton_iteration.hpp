@@ -11,11 +11,11 @@
 namespace mbdae {
 
 struct NewtonIteration {
-  int patience = 0;                                    // iterations
+  int max_iterations = 0;
   double below_rounding = 0, iteration_rounding = 0;   // mbdae/tolerances.py
-  double falling = 0;  // ratio of changes above which a change near rounding is the last one
+  double slowest_rate = 0;  // ratio of changes above which one near rounding is the last
 
-  FIELDS(patience, below_rounding, iteration_rounding, falling)
+  FIELDS(max_iterations, below_rounding, iteration_rounding, slowest_rate)
 };
 
 // correct(dx): changes of the unknowns at x. measure(dx): their relative size, and that of the configuration.
@@ -23,7 +23,7 @@ template <class Correct, class Measure>
 void solve_by_newton(const NewtonIteration& it, Counts& counts, Numbers& x, Correct&& correct, Measure&& measure) {
   Numbers dx(x.size());
   double last = 0;
-  for (int k = 0; k < it.patience; ++k) {
+  for (int k = 0; k < it.max_iterations; ++k) {
     correct(dx);
     for (size_t i = 0; i < x.size(); ++i) x[i] += dx[i];
     counts.newton += 1;
@@ -32,7 +32,7 @@ void solve_by_newton(const NewtonIteration& it, Counts& counts, Numbers& x, Corr
     if (!std::isfinite(size)) break;
     const double rate = last > 0 ? size / last : 1;
     if (rate * size <= it.below_rounding ||
-        (rate > it.falling && size <= it.iteration_rounding * found.second))
+        (rate > it.slowest_rate && size <= it.iteration_rounding * found.second))
       return;
     last = size;
   }

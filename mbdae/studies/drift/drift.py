@@ -61,7 +61,7 @@ class Drift(Tabular):
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
         energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
         work_end: W at the end in J.
-        energy_slope: linear trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
+        energy_slope: trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
             fewer than 100 nodes.
         energy_slope_error: its standard error in J/s.
         history: residuals over time.

@@ -9,7 +9,7 @@ LARGEST_CORRELATION = 0.95  # of successive means: with larger ones the standard
 
 
 def linear_trend(t: Array, x: Array) -> tuple[float, float] | None:
-    """Return the slope of x(t) and its standard error, by regression of the means over `BLOCKS` blocks of time between nodes.
+    """Return the slope of x(t) and its standard error, by regression of means over `BLOCKS` blocks between nodes.
 
     A quantity without trend has a slope of 0 within three standard errors. With the correlation r of successive means,
     as in oscillations slower than a block, the standard error is that of independent means times
