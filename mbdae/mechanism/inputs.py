@@ -15,21 +15,23 @@ class Inputs:
         mechanism: with any number of inputs in its forces; one without inputs is not copied.
 
     Attributes:
+        original: the mechanism.
         mechanism: the copy.
         named: the inputs by name.
+        cells: those of the copy.
 
     Raises:
         InputError: for inputs of one name with different settings, or in a driver.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._original, self.named = mechanism, dict[str, Input]()
+        self.original, self.named = mechanism, dict[str, Input]()
         for force in mechanism.forces:
             _mapped(force, self._collect)
         for driver in mechanism.drivers:
             _mapped(driver, lambda x, name=driver.name: _refuse(x, name))
         self.cells = {name: self.named[name].model_copy() for name in self.named}
-        self.mechanism = self._with(self.cells) if self.named else mechanism
+        self.mechanism = self.replaced(self.cells) if self.named else mechanism
         for name, cell in self.cells.items():
             cell.set(InputSetting(0.0, self.named[name].value))
 
@@ -39,8 +41,9 @@ class Inputs:
             raise InputError(f"input {value.name!r} is given twice, with different settings")
         return value
 
-    def _with(self, replaced: Mapping[str, Any]) -> Mechanism:
-        m = self._original
+    def replaced(self, replaced: Mapping[str, Any], m: Mechanism | None = None) -> Mechanism:
+        """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
+        m = m or self.original
         return Mechanism(
             m.model, m.closures, [_mapped(f, lambda x: replaced[x.name]) for f in m.forces], drivers=m.drivers,
             stops=m.stops, clutches=m.clutches, start=m.start_values, visuals=m.visuals, title=m.title,
@@ -66,8 +69,9 @@ class Inputs:
     def recorded(self, history: Mapping[str, Sequence[InputSetting]]) -> Mechanism:
         """Return the mechanism with the inputs as functions of time."""
         if not self.named:
-            return self._original
-        return self._with({name: InputHistory(name=name, pieces=tuple(map(tuple, h))) for name, h in history.items()})
+            return self.original
+        pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
+        return self.replaced({name: InputHistory(name=name, pieces=x) for name, x in pieces.items()})
 
 
 def _refuse(value: Input, driver: str) -> Input:
