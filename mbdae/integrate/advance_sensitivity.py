@@ -131,17 +131,26 @@ class AdvanceSensitivity:
         if scaled := bool(np.any(dt)):
             self._require_autonomous()
         for (t0, t1), parts in zip(pairwise(self.trace.ts.tolist()), self._steps(), strict=True):
-            shifted = dp + self._same_inputs(t0, dt) if scaled else dp
+            shifted = dp + self._scaled_inputs(t0, dt) if scaled else dp
             dh = (dt * (t1 - t0) / self.parameters.span.length,) if scaled else ()
             for part in parts:
                 dy, carry = part.forward(dy, carry, shifted, *(dh if isinstance(part, NativeStep) else ()))
             out.append(dy)
         return np.array(out)
 
-    def _same_inputs(self, t: float, dt: Array) -> Array:
+    def fixed_inputs(self, dt: Array) -> Array:
+        """Return variations (k, m) that keep the inputs at a time that itself varies by dt (m,)."""
+        p = self.parameters
+        out = np.zeros((len(p.columns), len(dt)))
+        for name in p.linear:
+            change = -p.inputs.cells[name].setting.rate * dt
+            out[[p.columns.index(name), p.columns.index(BEFORE + name)]] = change
+        return out
+
+    def _scaled_inputs(self, t: float, dt: Array) -> Array:
         """Return variations (k, m) that keep the inputs of a step from t on, while its time scales with the advance.
 
-        A step of another size h from t on adds u' dh at its end; t itself moves, too: together -u' (t' - t) dt/length.
+        Its derivative by its size takes t as constant; the rest is -u' (t' - t) dt/length at t'.
         """
         p, span = self.parameters, self.parameters.span
         out = np.zeros((len(p.columns), len(dt)))
