@@ -42,7 +42,8 @@ SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.p
     "convergence.png": [PACKAGE / x.format("order") for x in FIGURE],
     "drift.png": [PACKAGE / x.format("drift") for x in FIGURE],
     "foot_path.png": [EXAMPLES / "foot_path.py"],
-    "energy.png": [EXAMPLES / "long_time_energy.py", *(PACKAGE / x.format("drift") for x in FIGURE)],
+    "long_time_energy.png": [EXAMPLES / "long_time_energy.py", *(PACKAGE / x.format("drift") for x in FIGURE)],
+    "optimal_control.png": [EXAMPLES / "optimal_control.py", *(PACKAGE / x.format("optimal_control") for x in FIGURE)],
 }
 
 
@@ -53,8 +54,9 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     work_precision(folder)
     convergence(folder)
     drift(folder)
-    from_example("foot_path", folder / "foot_path.png")
-    from_example("long_time_energy", folder / "energy.png")
+    example("foot_path", folder)
+    example("optimal_control", folder)
+    example("long_time_energy", folder)
     return {path.name: path.stat().st_size for path in sorted(folder.glob("*.png"))}
 
 
@@ -108,15 +110,15 @@ def drift(folder: Path, end: float = 10.0, methods: Sequence[str] = ("herk3", "h
     reduce(folder / "drift.png")
 
 
-def from_example(name: str, picture: Path) -> None:
-    """The figure of an example."""
+def example(name: str, folder: Path) -> None:
+    """The picture of an example."""
     spec = spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.main(plot=picture)
-    reduce(picture)
+    module.main(plot=folder / f"{name}.png")
+    reduce(folder / f"{name}.png")
 
 
 def reduce(path: Path) -> None:

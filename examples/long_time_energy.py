@@ -17,7 +17,7 @@ STEPS = {"four_bar": 0.025, "heavy_top": 0.002}  # s
 SPANS = {"four_bar": 1000.0, "heavy_top": 100.0}  # s
 
 
-def main(share: float = 1.0, plot: str | Path | None = "energy.png") -> dict[tuple[str, str], Drift]:
+def main(share: float = 1.0, plot: str | Path | None = "long_time_energy.png") -> dict[tuple[str, str], Drift]:
     """Print the trend of the energy by model and method over a share of the spans, draw it, and return the drifts."""
     out = {}
     print(f"{'model':10s} {'method':8s} {'max |E - E_0| / scale':>22s} {'trend (J/s)':>12s} {'standard error':>15s}")
