@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import PARTS
@@ -68,11 +68,12 @@ class AssemblyModes(Tabular):
     closed: int
     warnings: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         modes = [{**vars(m), "q": m.q.tolist()} for m in self.modes]
-        found = {"starts": self.starts, "closed": self.closed, "warnings": list(self.warnings), "modes": modes}
-        return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, **found}
+        found = {"starts": self.starts, "closed": self.closed}
+        title = {"title": self.mechanism.title, "drive": self.drive, "u": self.u}
+        return {**title, **found, "warnings": list(self.warnings), "modes": modes}
 
     def __str__(self) -> str:
         n, circuits = len(self.modes), len({m.circuit for m in self.modes})

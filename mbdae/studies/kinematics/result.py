@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
@@ -191,7 +192,7 @@ class Kinematics(Tabular):
         found = {name: (known | rates).get(name, heads.get(name.partition(".")[0], "")) for name in columns}
         return Columns(columns, {name: unit for name, unit in found.items() if unit}, "u")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "title": self.mechanism.title,
@@ -218,7 +219,7 @@ class Kinematics(Tabular):
 
         return figures.save_if_path(curves(self), path)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> JsonObject:
         """Return `to_dict` without the table."""
         return {key: value for key, value in self.to_dict().items() if key != "table"}
 

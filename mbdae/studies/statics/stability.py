@@ -1,10 +1,10 @@
 """Stability of an equilibrium or a steady motion, and the criterion that decides it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at
@@ -35,7 +35,7 @@ class Verdict:
     squares: Array
     by: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "stability": self.stability,

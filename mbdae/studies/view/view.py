@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...file_io import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
@@ -55,7 +56,7 @@ class View:
         rows = [f"  {s.joint}: {s.u.min():.6g} to {s.u.max():.6g} {s.unit}{_range_text(s)}" for s in self.sliders]
         return "\n".join([head, *rows])
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return ranges and dead points, without the poses."""
         return {
             "title": self.mechanism.title,
@@ -96,7 +97,7 @@ class View:
         }
         return document(self.mechanism.title, payload)
 
-    def _choice(self, scene: "Scene", slider: Slider) -> dict[str, Any]:
+    def _choice(self, scene: "Scene", slider: Slider) -> JsonObject:
         placements = scene.placements(slider.q)
         moving = [p for p in tracks.poses(scene, placements) if len(p["values"].data) > 28]
         known = {s["name"] for s in tracks.springs(scene, self.q[None])}
