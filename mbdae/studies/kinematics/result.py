@@ -58,7 +58,7 @@ class Kinematics(Tabular):
         tangent: tangents dq/ds, (n, nv), in rad and m, also finite at dead points.
         curvature: d2q/ds2, (n, nv); nan at branch points.
         speed: du/ds, (n,): zero at dead points.
-        bend: d2u/ds2 = gamma_in + e_in . curvature, (n,).
+        input_curvature: d2u/ds2 = gamma_in + e_in . curvature, (n,).
         transmission: angle at the output in rad, 0 to pi/2, (n,).
         dead_points: input and configuration where the drive reverses.
         branch_points: poses in which several branches intersect.
@@ -78,7 +78,7 @@ class Kinematics(Tabular):
     tangent: Array
     curvature: Array
     speed: Array
-    bend: Array
+    input_curvature: Array
     transmission: Array
     dead_points: tuple[tuple[float, Array], ...]
     branch_points: tuple[BranchPoint, ...]
@@ -101,7 +101,7 @@ class Kinematics(Tabular):
     def accelerations(self) -> Array:
         """Accelerations at constant unit speed of the drive, d2q/du2, (n, nv); nan at dead points and branch points."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            along = self.curvature - (self.bend / self.speed)[:, None] * self.tangent
+            along = self.curvature - (self.input_curvature / self.speed)[:, None] * self.tangent
             return np.where(self.moving[:, None], along / (self.speed**2)[:, None], np.nan)
 
     def ratio(self, joint: str) -> Array:
