@@ -14,7 +14,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import PARTS
+from ...mechanism.coordinate_units import COORDINATE_NAMES
 from ...mechanism.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
@@ -163,6 +163,6 @@ def _coordinates_text(mech: Mechanism, q: Array) -> str:
         values = q[joint.idx_q : joint.idx_q + joint.nq]
         if (joint.nq, joint.nv) == (2, 1):
             values = np.array([np.arctan2(values[1], values[0])])
-        parts = PARTS.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
+        parts = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
         out += [f"{name}{'.' if p else ''}{p} {x:.4g}" for p, x in zip(parts, values, strict=False)]
     return ", ".join(out)
