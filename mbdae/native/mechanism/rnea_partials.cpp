@@ -73,13 +73,13 @@ void RneaPartials::update_motion(int joint, const double* J, const double* v) {
   const int parent = parents_[joint];
   static const Six zero{};
   Six &V = V_[joint], &A = A_[joint];
-  const Six& before = parent < 0 ? zero : V_[parent];
-  V = before;
+  const Six& Vp = parent < 0 ? zero : V_[parent];
+  V = Vp;
   A = parent < 0 ? base_ : A_[parent];
   for (int k : dofs_[joint]) {
     Column& c = columns_[k];
     std::copy_n(J + 6 * k, 6, c.J.begin());
-    motion_cross(before.data(), c.J.data(), c.psi_dot.data());
+    motion_cross(Vp.data(), c.J.data(), c.psi_dot.data());
     for (int i = 0; i < 6; ++i) V[i] += c.J[i] * v[k];
   }
   for (int k : dofs_[joint]) {
@@ -123,12 +123,12 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool al
   for (int p = 0; p < joints; ++p) {
     const int parent = parents_[p];
     const Six &V = parent < 0 ? zero : V_[parent], &A = alone ? zero : parent < 0 ? base_ : A_[parent];
-    Six Aa = parent < 0 ? zero : Aa_[parent], before;
-    for (int i = 0; i < 6; ++i) before[i] = A[i] + Aa[i];
+    Six Aa = parent < 0 ? zero : Aa_[parent], Ap;
+    for (int i = 0; i < 6; ++i) Ap[i] = A[i] + Aa[i];
     for (int k : dofs_[p]) {
       Column& c = columns_[k];
       double product[6];
-      motion_cross(before.data(), c.J.data(), c.psi_ddot.data()), motion_cross(V.data(), c.psi_dot.data(), product);
+      motion_cross(Ap.data(), c.J.data(), c.psi_ddot.data()), motion_cross(V.data(), c.psi_dot.data(), product);
       for (int i = 0; i < 6; ++i) c.psi_ddot[i] += product[i], Aa[i] += c.J[i] * a[k];
     }
     Aa_[p] = Aa, f_[p] = zero;
