@@ -8,6 +8,7 @@ import numpy as np
 from ..mechanism.input_functions import InputSetting
 from ..system import Array, State
 from .run_state import RunState
+from .steppers.stepper import StepperState
 
 
 class RunSnapshot(NamedTuple):
@@ -31,7 +32,7 @@ class RunSnapshot(NamedTuple):
     rows: tuple[int, ...] | None
     rank_threshold: float
     mode: tuple[int, ...]
-    stepper: tuple[Any, ...]
+    stepper: StepperState
 
 
 @dataclass(frozen=True)
