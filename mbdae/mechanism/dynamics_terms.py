@@ -162,7 +162,8 @@ class DynamicsTerms:
         Raises:
             InputError: for a q of another length, or off the manifold.
         """
-        return self.system().jacobian(self.configuration(q)).copy()
+        with self.workspaces.borrowed() as system:
+            return system.jacobian(self.configuration(q)).copy()
 
     def frame(self: Self_, q: Array, name: str) -> tuple[Array, Array]:
         """Return position (3,) in m and rotation matrix (3, 3) of a frame in the world.
@@ -178,11 +179,13 @@ class DynamicsTerms:
 
     def energy(self: Self_, q: Array, v: Array) -> tuple[float, float]:
         """Return kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
-        return self.system().energy(np.asarray(q, float), np.asarray(v, float))
+        with self.workspaces.borrowed() as system:
+            return system.energy(np.asarray(q, float), np.asarray(v, float))
 
     def residual(self: Self_, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
-        return self.system().residual(t, np.asarray(q, float), np.asarray(v, float))
+        with self.workspaces.borrowed() as system:
+            return system.residual(t, np.asarray(q, float), np.asarray(v, float))
 
     def configuration(self: Self_, q: Array) -> Array:
         """Return a q (nq,) after checks.

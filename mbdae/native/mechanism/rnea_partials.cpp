@@ -4,16 +4,6 @@
 
 namespace mbdae {
 
-namespace {
-
-inline void symmetric(const double* S, const double* x, double* out) {  // S x; xx, xy, yy, xz, yz, zz
-  out[0] = S[0] * x[0] + S[1] * x[1] + S[3] * x[2];
-  out[1] = S[1] * x[0] + S[2] * x[1] + S[4] * x[2];
-  out[2] = S[3] * x[0] + S[4] * x[1] + S[5] * x[2];
-}
-
-}  // namespace
-
 RneaPartials::RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> dofs)
     : parents_(std::move(parents)), dofs_(std::move(dofs)), ancestor_dofs_(parents_.size()) {
   size_t nv = 0;
