@@ -50,6 +50,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.inverse.inverse import inverse_dynamics as inverse_dynamics
     from .studies.kinematics.assembly_modes import assembly_modes as assembly_modes
     from .studies.kinematics.kinematics import kinematics as kinematics
+    from .studies.live.live import live as live
     from .studies.modes.linear_system import linearize as linearize
     from .studies.modes.modes import modes as modes
     from .studies.modes.root_locus import root_locus as root_locus

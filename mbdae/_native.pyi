@@ -26,7 +26,7 @@ class Tolerances:
         solution_rounding: float,
         search_tolerance: float,
         same_state: float,
-        still: float,
+        zero_speed: float,
         pivot_rank: float,
         truncation: float,
         visible: float,
@@ -40,7 +40,7 @@ class Tolerances:
         cg_tolerance: float,
         many_rows: int,
         extra_cg_iterations: int,
-        projection_falling: float,
+        projection_max_remaining: float,
         projection_open: float,
         projection_stalled: float,
         projection_iterations: int,
@@ -86,8 +86,8 @@ class Radau:
         gamma: float,
         start: Array,
         middle: int,
-        patience: int,
-        short_patience: int,
+        max_iterations: int,
+        max_iterations_controlled: int,
         extra_iterations: int,
         first_iterations: int,
         below_rounding: float,
@@ -175,6 +175,8 @@ class Core:
     accuracy: float
     def use_rows(self, rows: Sequence[int], rank: int, floor: float, frozen: bool) -> None: ...
     def reset(self) -> None: ...
+    def write(self, model: Any, tolerances: Tolerances, description: dict) -> bool: ...
+    def set_input(self, input: int, t: float, value: float, rate: float) -> None: ...
     def change_law(self, k: int, a: Sequence[float]) -> None: ...
     def deactivate_rows(self, off: Sequence[bool], sticks: bool) -> None: ...
     def update_independent_rows(self, t: float, y: Array, carry: Any | None) -> tuple[bool, Array, Any] | None: ...
@@ -275,7 +277,7 @@ class Run:
     monitored: bool
     tolerated_move: float
     tiny: float
-    taken_back: float
+    max_undone: float
     seconds: float
     max_steps: int
     max_carries: int

@@ -21,6 +21,7 @@ from .tolerances import AGREEMENT, ROUNDING
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
 ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
 STENCIL = (-3, -2, -1, 1, 2, 3)  # k of central differences
+OF_AFFINE = (-3, 3)  # those of affine functions
 ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # k of one-sided differences
 REDUCTION, MAX_REDUCTIONS = 8.0, 6  # factor by which a width is reduced, and largest number of reductions
 
@@ -29,9 +30,11 @@ def central_difference(values: Mapping[int, Any], h: float) -> Any:
     """Return the derivative from values at k h, numbers or arrays; exactly zero where the values are equal.
 
     Args:
-        values: values by k, for all k of `STENCIL`, `ABOVE` or `BELOW`.
+        values: values by k, for all k of `STENCIL`, `ABOVE` or `BELOW`; for affine functions, of `OF_AFFINE`.
         h: width of the differences.
     """
+    if len(values) == len(OF_AFFINE):
+        return (values[OF_AFFINE[1]] - values[OF_AFFINE[0]]) / ((OF_AFFINE[1] - OF_AFFINE[0]) * h)
     if 0 not in values:
         return sum((w / h) * (values[k] - values[-k]) for k, w in WEIGHTS.items())
     side = 1 if 1 in values else -1

@@ -183,3 +183,10 @@ def test_simulator_is_measured(script, capsys):
     found = script("simulator").main(5)
     assert all(mean > 0 and longest > 0 for mean, longest in found.values())
     assert "slider_crank" in capsys.readouterr().out
+
+
+def test_parameters_are_written_in_place(script, capsys):
+    found = script("parameters").main(2)
+    assert found["bound"] == 1
+    assert found["anew"] > 0
+    assert "bound 1 times" in capsys.readouterr().out

@@ -36,7 +36,6 @@ PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+"
 STAYING = {  # names that stay, by folder or file
     "order": ("slope", "slopes", "_slopes"),  # of a line fitted to errors over step sizes
     "kinematics": ("rising",),  # attribute and JSON key of assembly modes
-    "mode_tracks.py": ("struck",),  # key of the data of a replay
 }
 FITTED = ("order", "benchmarks")  # folders whose slopes are those of fitted lines
 

@@ -179,7 +179,7 @@ class Simulator(DifferentiableAdvance):
             value = self._wanted.get(name, now)
             setting = InputSetting(t, value) if cell.hold == "zero" else InputSetting(t, now, (value - now) / dt)
             if setting[1:] != (now, cell.setting.rate):
-                jumps |= setting.value != now
+                jumps |= setting.value != now or (name in self.inputs.by_rate and setting.rate != cell.setting.rate)
                 cell.set(setting)
                 history = self._history[name]
                 if history[-1].t == t:

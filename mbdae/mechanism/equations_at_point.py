@@ -226,9 +226,11 @@ class EquationsAtPoint:
 
     @cached_property
     def _rates(self) -> TimeDerivativePartials:
-        mechanism = self.mechanism
-        parameters = Parameters(lambda _: mechanism, {})
-        return self._with(lambda system: AccelerationSensitivity(system, parameters).rate(self.t, self.y))
+        def evaluate(system: "Index2System") -> TimeDerivativePartials:
+            none = Parameters(lambda _: self.mechanism, {}, system=system)
+            return AccelerationSensitivity(system, none).rate(self.t, self.y)
+
+        return self._with(evaluate)
 
     @cached_property
     def _derivative(self) -> Array:

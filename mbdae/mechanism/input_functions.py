@@ -1,7 +1,8 @@
 """Inputs as functions of time: set while a mechanism is simulated, and recorded."""
 
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
+from weakref import WeakSet
 
 from pydantic import Field, PrivateAttr, field_validator
 
@@ -15,6 +16,13 @@ class InputSetting(NamedTuple):
     t: float
     value: float
     rate: float = 0.0
+
+
+class InputListener(Protocol):
+    """A workspace with inputs as numbers."""
+
+    def set_input(self, cell: "Input", number: int) -> None:
+        """Take over the setting of an input, if it is bound to it."""
 
 
 class Input(BaseTimeFunction):
@@ -33,22 +41,38 @@ class Input(BaseTimeFunction):
     unit: str = ""
     hold: Literal["zero", "first"] = "zero"
     _setting: InputSetting | None = PrivateAttr(None)
+    _number: int = PrivateAttr(-1)  # of a mechanism in which it can be set
+    _listeners: Any = PrivateAttr(())  # a set of weak references in such a mechanism
 
     @property
     def setting(self) -> InputSetting:
         """The last setting."""
         return self._setting or InputSetting(0.0, self.value)
 
+    def cell(self, number: int) -> "Input":
+        """Return a copy that can be set, of the copy of a mechanism that a simulator owns."""
+        out = self.model_copy()
+        out._setting, out._number, out._listeners = InputSetting(0.0, self.value), number, WeakSet()
+        return out
+
+    def listen(self, listener: InputListener) -> None:
+        """Let a workspace take over all further settings."""
+        if self._number >= 0:
+            self._listeners.add(listener)
+
     def set(self, setting: InputSetting) -> None:
-        """Set it; only in the copy of a mechanism that a simulator owns."""
+        """Set it, see `cell`."""
         self._setting = setting
+        for listener in self._listeners:
+            listener.set_input(self, self._number)
 
     def at(self, t: float, k: int = 0) -> float:
         t0, value, rate = self.setting
         return (value + rate * (t - t0), rate)[k] if k < 2 else 0.0
 
     def core_data(self) -> dict[str, Any]:
-        return {"kind": "python", "call": self.at}
+        t, value, rate = self.setting
+        return {"kind": "pieces", "a": [rate, value], "b": [t], "degree": 1, "input": self._number}
 
 
 class InputHistory(PiecewiseFunction):

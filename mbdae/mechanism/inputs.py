@@ -4,24 +4,27 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..errors import InputError, UnknownNameError
+from .closures.driver import Driver
 from .input_functions import Input, InputHistory, InputSetting
 from .mechanism import Mechanism
+from .variant import variant
 
 
 class Inputs:
     """The inputs of a mechanism, and a copy of it in which they can be set.
 
     Args:
-        mechanism: with any number of inputs in its forces; one without inputs is not copied.
+        mechanism: with any number of inputs in its forces and drivers; one without inputs is not copied.
 
     Attributes:
         original: the mechanism.
         mechanism: the copy.
         named: the inputs by name.
         cells: those of the copy.
+        by_rate: names of those whose rate enters the accelerations, so that they jump with it.
 
     Raises:
-        InputError: for inputs of one name with different settings, or in a driver.
+        InputError: for inputs of one name with different settings, or in a driver whose speed they would let jump.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -29,11 +32,12 @@ class Inputs:
         for force in mechanism.forces:
             _mapped(force, self._collect)
         for driver in mechanism.drivers:
-            _mapped(driver, lambda x, name=driver.name: _refuse(x, name))
-        self.cells = {name: self.named[name].model_copy() for name in self.named}
+            _mapped(driver, lambda x, driver=driver: self._collect(_continuous(x, driver)))
+        self.cells = {name: x.cell(i) for i, (name, x) in enumerate(self.named.items())}
         self.mechanism = self.replaced(self.cells) if self.named else mechanism
-        for name, cell in self.cells.items():
-            cell.set(InputSetting(0.0, self.named[name].value))
+        self.by_rate = {d.path.name for d in self.mechanism.drivers if isinstance(d.path, Input)}
+        for law, _ in self.mechanism.bind_forces(self.mechanism.make_workspace()).bound:
+            self.by_rate |= {u.name for u in law.differentiated if isinstance(u, Input)}
 
     def _collect(self, value: Input) -> Input:
         known = self.named.setdefault(value.name, value)
@@ -43,13 +47,9 @@ class Inputs:
 
     def replaced(self, replaced: Mapping[str, Any], m: Mechanism | None = None) -> Mechanism:
         """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
-        m = m or self.original
-        return Mechanism(
-            m.model, m.closures, [_mapped(f, lambda x: replaced[x.name]) for f in m.forces], drivers=m.drivers,
-            stops=m.stops, clutches=m.clutches, start=m.start_values, visuals=m.visuals, title=m.title,
-            duration=m.duration, order=m.order, settings=m.settings, motors=m.motors, left_out=m.left_out,
-            remarks=m.remarks,
-        )  # fmt: skip
+        m, change = m or self.original, lambda x: replaced[x.name]
+        drivers = [_mapped(d, change) for d in m.drivers]
+        return variant(m, forces=[_mapped(f, change) for f in m.forces], drivers=drivers, source=None)
 
     def cell(self, name: str) -> Input:
         """Return an input that can be set.
@@ -74,8 +74,17 @@ class Inputs:
         return self.replaced({name: InputHistory(name=name, pieces=x) for name, x in pieces.items()})
 
 
-def _refuse(value: Input, driver: str) -> Input:
-    raise InputError(f"driver {driver!r}: input {value.name!r} has no acceleration; use it in a force")
+def _continuous(value: Input, driver: Driver) -> Input:
+    """Return the input of a driver.
+
+    Raises:
+        InputError: for a motion, whose speed would jump with its rate; for a speed that jumps: that is an impact.
+    """
+    if driver.speed is None or value.hold != "first":
+        what = "motion" if driver.speed is None else "speed"
+        use = "a driver follows an input as its speed, with hold = 'first'"
+        raise InputError(f"driver {driver.name!r}: input {value.name!r} lets its {what} jump, an impact: {use}")
+    return value
 
 
 def _mapped(value: Any, change: Any) -> Any:
@@ -88,4 +97,9 @@ def _mapped(value: Any, change: Any) -> Any:
         return value
     found = {name: getattr(value, name) for name in type(value).model_fields}
     update = {name: new for name, x in found.items() if (new := _mapped(x, change)) is not x}
-    return value.model_copy(update=update) if update else value
+    if not update:
+        return value
+    out = value.model_copy(update=update)
+    for name in vars(out).keys() - found.keys():  # cached properties, of the inputs before
+        del vars(out)[name]
+    return out

@@ -182,7 +182,7 @@ class LocalODE:
         of the largest angle between the null spaces of G at q and at q0, and the largest rotation of a joint.
         """
         moved, _, G = self._point(t, x)
-        turns = [float(np.linalg.norm(moved[s][angles])) for _, s, _, angles in self.system.manifold.blocks]
+        turns = [float(np.linalg.norm(moved[s][angles])) for _, s, _, angles in self.system.manifold.group_joints]
         there = np.linalg.svd(self._scaled(G))[2][self.mechanism.nv - self._Nv.shape[1] :].T if len(G) else self._Nv
         cosine = float(np.linalg.svd(there.T @ self._Nv, compute_uv=False).min(initial=1.0))
         return min((cosine - SMALLEST_COSINE) / (1 - SMALLEST_COSINE), 1 - max(turns, default=0.0) / LARGEST_ROTATION)
@@ -194,7 +194,7 @@ class LocalODE:
     @cached_property
     def _sensitivity(self) -> AccelerationSensitivity:
         mechanism = self.mechanism
-        return AccelerationSensitivity(self.system, Parameters(lambda _: mechanism, {}))
+        return AccelerationSensitivity(self.system, Parameters(lambda _: mechanism, {}, system=self.system))
 
     def jacobian(self, t: float, x: Array) -> tuple[Array, Array]:
         """Return the exact partial derivatives of x' by x and by t, (n, n) and (n,).

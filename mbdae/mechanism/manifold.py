@@ -47,7 +47,7 @@ def _se2(x: np.ndarray) -> np.ndarray:
 
 
 GROUPS: dict[Ad, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
-BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation in its tangent
+GROUP_JOINTS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and the rotation in its tangent
     "JointModelSpherical": (_so3, slice(0, 3)),
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),
@@ -60,14 +60,16 @@ class Manifold:
     def __init__(self, model: pin.Model) -> None:
         self.model = model
         self.flat = model.nq == model.nv
-        self.blocks: list[tuple[str, slice, Ad, slice]] = []
-        self.block_starts: list[int] = []  # first index of each block in q
+        self.group_joints: list[tuple[str, slice, Ad, slice]] = []
+        self.group_starts: list[int] = []  # first index of each block in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
         self.angles: list[tuple[int, int]] = []  # tangent indices of angles, indices of their cosines and sines in q
         self.angular = np.zeros(model.nv, bool)  # tangent components that are angles of unlimited range
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v, joint.idx_q)
-        self.planar = [(k, s) for (_, s, ad, _), k in zip(self.blocks, self.block_starts, strict=True) if ad is _se2]
+        self.planar = [
+            (k, s) for (_, s, ad, _), k in zip(self.group_joints, self.group_starts, strict=True) if ad is _se2
+        ]
 
     def _collect(self, name: str, joint: pin.JointModel, idx_v: int, idx_q: int) -> None:
         kind = joint.shortname()
@@ -75,10 +77,10 @@ class Manifold:
             for factor in joint.extract().joints:
                 self._collect(name, factor, idx_v, idx_q)
                 idx_v, idx_q = idx_v + factor.nv, idx_q + factor.nq
-        elif kind in BLOCKS:
-            ad, rotation = BLOCKS[kind]
-            self.blocks.append((name, slice(idx_v, idx_v + joint.nv), ad, rotation))
-            self.block_starts.append(idx_q)
+        elif kind in GROUP_JOINTS:
+            ad, rotation = GROUP_JOINTS[kind]
+            self.group_joints.append((name, slice(idx_v, idx_v + joint.nv), ad, rotation))
+            self.group_starts.append(idx_q)
             self.angular[idx_v : idx_v + joint.nv][rotation] = True
             if ad is _se2:
                 self.angles.append((idx_v + 2, idx_q + 2))
@@ -127,7 +129,7 @@ class Manifold:
         Raises:
             StepError: if a spherical, planar or free joint rotates by more than 3 rad in one step.
         """
-        for name, s, _, rotation in self.blocks:
+        for name, s, _, rotation in self.group_joints:
             angles = x[s][rotation]
             if angles.dot(angles) > MAX_ROTATION**2:
                 raise StepError("chart", f"joint {name!r} rotates by more than {MAX_ROTATION} rad in one step")
@@ -144,18 +146,18 @@ class Manifold:
         Raises:
             StepError: see `require_small_rotations`.
         """
-        if not self.blocks:
+        if not self.group_joints:
             return v
         self.require_small_rotations(x)
         out = v.copy()
-        for _, s, ad, _ in self.blocks:
+        for _, s, ad, _ in self.group_joints:
             out[s] = inverse_jacobian(ad(x[s]), v[s])
         return out
 
     def tangent_rate(self, x: np.ndarray, dx: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return d/ds J(x + s dx) v at s = 0, (nv,), term by term from the series."""
         out = np.zeros_like(v)
-        for _, s, ad, _ in self.blocks:
+        for _, s, ad, _ in self.group_joints:
             X, dX = ad(x[s]), ad(dx[s])
             square, dsquare = X @ X, dX @ X + X @ dX
             out[s] += 0.5 * (dX @ v[s])
@@ -173,10 +175,10 @@ class Manifold:
 
     def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Return v = J(x)^-1 x', (nv,)."""
-        if not self.blocks:
+        if not self.group_joints:
             return dx
         out = dx.copy()
-        for _, s, ad, _ in self.blocks:
+        for _, s, ad, _ in self.group_joints:
             X, term = ad(x[s]), dx[s]
             for k in range(1, 2 * TERMS):
                 term = -(X @ term) / (k + 1)

@@ -20,9 +20,9 @@ from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING
 from .exact_numbers import exact, row
 from .tableau import Row, Text
 
-PATIENCE = 30  # iterations
+MAX_ITERATIONS = 30  # iterations
 TYPICAL = 4  # evaluations of the equations in a step of RATTLE
-FALLING = 0.5  # of a change: a later one that is larger is rounding, or Newton's method diverges
+SLOWEST_RATE = 0.5  # of a change: a later one that is larger is rounding, or Newton's method diverges
 
 
 class NewtonMethod:
@@ -153,7 +153,7 @@ def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
     """
     x, lam = step.first_guess()
     last = 0.0
-    for _ in range(PATIENCE):
+    for _ in range(MAX_ITERATIONS):
         dx, dlam = step.correction(x, lam)
         x, lam = x + dx, lam + dlam
         system.counts.newton += 1
@@ -161,7 +161,7 @@ def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
         if not np.isfinite(size):
             break
         rate = size / last if last else 1.0
-        if rate * size <= BELOW_ROUNDING or (rate > FALLING and size <= ITERATION_ROUNDING * whole):
+        if rate * size <= BELOW_ROUNDING or (rate > SLOWEST_RATE and size <= ITERATION_ROUNDING * whole):
             return x, lam
         last = size
     raise StepError("newton", f"{step}: Newton's method does not converge, take shorter steps")

@@ -44,16 +44,16 @@ def test_recomputed_steps_have_the_same_bits(model, T, options, monkeypatch):
     """Backwards and in segments as all at once; Bricard's rows change in between. A short run stores all of them."""
     run = mbdae.solve(mbdae.load(model), (0.0, T), **options)
     sol = replace(run, carried=None)
-    at_once = Trajectory(sol, bind_parameters(sol, [], None)[1])
+    at_once = Trajectory(sol, bind_parameters(sol, [], None))
     monkeypatch.setattr(checkpoints, "MAX_STORED", 5)
-    pieces = Trajectory(sol, bind_parameters(sol, [], None)[1])
+    pieces = Trajectory(sol, bind_parameters(sol, [], None))
     for i in reversed(range(len(sol.t))):
         np.testing.assert_array_equal(pieces.state(i).carry, at_once.state(i).carry)
     found = [mbdae.sensitivity(sol, start=True).dy]
     monkeypatch.setattr(checkpoints, "MAX_STORED", 1000)
     found.append(mbdae.sensitivity(sol, start=True).dy)
     np.testing.assert_array_equal(*found)
-    kept = Trajectory(run, bind_parameters(run, [], None)[1])
+    kept = Trajectory(run, bind_parameters(run, [], None))
     assert kept.restarted.tolist() == at_once.restarted.tolist()
     for i in range(len(run.t) - 1):
         np.testing.assert_allclose(kept.state(i).carry, at_once.state(i).carry, rtol=1e-8, atol=1e-10)

@@ -249,8 +249,42 @@ def test_a_stopped_simulator_says_why():
     assert sol.t[-1] == simulator.t > 0.03
 
 
-def test_an_input_in_a_driver_is_refused():
+def crank_driven(**keys):
     mech = mbdae.load("slider_crank")
-    driver = mbdae.Driver(joint="crank", speed=Input(name="rate"))
-    with pytest.raises(mbdae.MbdaeError, match="rate"):
-        mbdae.Simulator(Mechanism(mech.model, mech.closures, drivers=[driver], start=mech.start_values))
+    driver = mbdae.Driver(joint="crank", name="drive", **keys)
+    return Mechanism(mech.model, mech.closures, drivers=[driver], start=mech.start_values)
+
+
+@pytest.mark.parametrize("keys", [{"speed": Input(name="rate")}, {"motion": Input(name="rate", hold="first")}])
+def test_an_input_that_lets_a_driver_jump_is_refused(keys):
+    with pytest.raises(mbdae.MbdaeError, match=r"drive.*rate.*impact.*hold = 'first'"):
+        mbdae.Simulator(crank_driven(**keys))
+
+
+@pytest.mark.parametrize("method", ["pherk5", "herk4", "radau5"])
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_a_driver_follows_the_speed_of_an_input(method, backend):
+    """Speed and angle of the crank are the integrals in closed form; the run of the recorded inputs is the same."""
+    rate = Input(name="rate", value=2.0, hold="first")
+    simulator = mbdae.Simulator(crank_driven(speed=rate), method=method, step=0.01, backend=backend)
+    speed, angle = 2.0, float(simulator.q[0])
+    for wanted in (3.0, 3.0, 1.0, -1.0):
+        simulator["rate"] = wanted
+        simulator.advance(0.05)
+        angle, speed = angle + 0.05 * (speed + wanted) / 2, wanted
+        assert simulator.v[0] == pytest.approx(speed, abs=1e-12)
+        assert simulator.q[0] == pytest.approx(angle, abs=1e-6)
+    sol = simulator.solution()
+    again = mbdae.solve(sol.mechanism, (0.0, 0.2), method=method, step=0.01, backend=backend)
+    np.testing.assert_allclose(sol.y[-1], again.y[-1], atol=1e-9)
+    assert max(abs(sol.signals()["g"]).max(), abs(sol.signals()["Gv"]).max()) < 1e-6
+
+
+def test_two_simulators_of_a_model_have_inputs_of_their_own():
+    mech = pendulum([JointTorque(joint="arm", torque=Input(name="motor"))])
+    first, second = mbdae.Simulator(mech, step=0.01), mbdae.Simulator(mech, step=0.01)
+    first["motor"] = 5.0
+    advanced(first, 2, 0.01)
+    advanced(second, 2, 0.01)
+    np.testing.assert_array_equal(second.v, advanced(mbdae.Simulator(mech, step=0.01), 2, 0.01).v)
+    assert abs(first.v[0] - second.v[0]) > 1e-3

@@ -32,7 +32,7 @@ int main() {
   mbdae::Law law;
   law.rows = {2}, law.a = {0.7};
   const mbdae::LawKind& kind = mbdae::laws::drag;
-  if (!kind.fits(law, {4, 4, 5})) return 1;
+  if (!kind.is_valid(law, {4, 4, 5})) return 1;
   for (double v2 : {-3.0, -0.2, 0.5, 4.0}) {
     double q[4] = {}, v[4] = {1, 2, v2, 3}, out[8] = {}, by[80] = {};
     kind.add(law, {m, 0, q, v, nullptr}, {out, out + 4, nullptr});
@@ -42,7 +42,7 @@ int main() {
     std::puts("");
   }
   law.rows = {4};
-  return kind.fits(law, {4, 4, 5}) ? 2 : 0;
+  return kind.is_valid(law, {4, 4, 5}) ? 2 : 0;
 }
 """
 
@@ -82,9 +82,9 @@ def test_the_force_in_python_has_the_derivatives_of_its_formula():
 
 
 @compiler
-@pytest.mark.parametrize("kind", ["{fits, JointLaw<Drag>::add}", "{fits, JointLaw<Drag>::add, nullptr}"])
+@pytest.mark.parametrize("kind", ["{is_valid, JointLaw<Drag>::add}", "{is_valid, JointLaw<Drag>::add, nullptr}"])
 def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
-    law = LAW.replace("= joint_law<Drag>(fits)", kind)
+    law = LAW.replace("= joint_law<Drag>(is_valid)", kind)
     done = compiled(tmp_path, law)
     assert done.returncode
     assert re.search(r"(use of|call to) deleted", done.stderr), done.stderr

@@ -121,7 +121,7 @@ def test_invalid_interfaces_are_rejected():
         "kind": ["slip", 3, None],
         "row": [-1, 1, 7, "x"],
         "components": [0, 2, 4],
-        "grip": [[0], [7], None],
+        "no_slip_rows": [[0], [7], None],
         "axis": [[1.0], None],
         "coefficient": [-1.0, np.nan, np.inf],
         "width": [0.0, -1.0, np.nan],
@@ -131,7 +131,7 @@ def test_invalid_interfaces_are_rejected():
         for value in values:
             with pytest.raises(refused):
                 core.set_friction_interfaces([{**right, key: value}], acts, headings)
-    for place in ({}, {**right, "kind": "grips"}, {**right, "kind": "grips", "grip": [0, 0, 0]}):
+    for place in ({}, {**right, "kind": "rolling"}, {**right, "kind": "rolling", "no_slip_rows": [0, 0, 0]}):
         with pytest.raises(refused):
             core.set_friction_interfaces([place], acts, headings)
     for numbers in ((acts[:0], headings), (acts, headings[:0]), (acts.astype(float), headings)):

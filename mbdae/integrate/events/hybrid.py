@@ -14,7 +14,7 @@ from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
 from ...mechanism.hybrid.switches import describe_mode
 from ...system import Array, State
-from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, STILL
+from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, ZERO_SPEED
 from .guard_location import TrackedGuard, first_guard_root
 from .load_resolution import QUARTERS, PointAt, loads_unresolved, resolving_step
 from .singularity_crossing import POSITION_ACCURACY
@@ -47,7 +47,7 @@ class ModeChanges(EventSource):
 
     def __init__(self, system: Index2System) -> None:
         self.system, self.all_rows = system, AllRows(system)
-        system.closure_friction.min_slip_speed = STILL * system.mechanism.characteristic_speed
+        system.closure_friction.min_slip_speed = ZERO_SPEED * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
         switched = {row for s in self.switches for row in s.rows}
         self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch

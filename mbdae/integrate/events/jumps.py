@@ -7,6 +7,7 @@ at both times.
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -58,6 +59,7 @@ class Jumps(EventSource):
     ) -> None:
         self.system, self.given, self.t1, self.sign = system, _checked(times), t1, sign
         self.times = sorted({*self.given, *knots})
+        self._following = inf, -inf  # times, in their direction: the next jump after the first one is the last one
 
     @classmethod
     def from_run(cls, run: "RunState") -> "Jumps":
@@ -68,6 +70,7 @@ class Jumps(EventSource):
         """Move the end of the span."""
         self.t1 = t1
         if run.mode_changes:
+            self._following = inf, -inf
             self.times = sorted({*self.given, *_knots(run, run.t, t1)})
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
@@ -102,10 +105,14 @@ class Jumps(EventSource):
         return False
 
     def _next(self, t: float) -> float:
-        s = self.sign
+        s, (first, last) = self.sign, self._following
+        if first <= s * t < last:
+            return s * last
         i = bisect_right(self.times, t) if s > 0 else bisect_left(self.times, t) - 1
-        user_time = self.times[i] if 0 <= i < len(self.times) else s * np.inf
-        return s * min(s * self.system.breakpoint(t, s), s * user_time)
+        user_time = self.times[i] if 0 <= i < len(self.times) else s * inf
+        following = min(s * self.system.breakpoint(t, s), s * user_time)
+        self._following = s * t, following
+        return s * following
 
     def _last_of_cluster(self, t: float, tolerance: float) -> float:
         """Return the last jump of a cluster after t with distances up to a tolerance; t if there is none."""

@@ -132,9 +132,9 @@ class SingularityMonitor(SingularityLocation):
 
     def skip_regular_steps(self, least_pivot_ratio: Array) -> int:
         """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios."""
-        new = np.sqrt(least_pivot_ratio)
-        if self.zone_entry is not None or not len(new):
+        if self.zone_entry is not None or not len(least_pivot_ratio):
             return 0
+        new = np.sqrt(least_pivot_ratio)
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         ratios = np.concatenate([[0.0], self.ratios[-2:], new])  # 0: there is no step before the first one
         earlier, before = ratios[-len(new) - 2 : -2], ratios[-len(new) - 1 : -1]
@@ -292,7 +292,7 @@ class SingularityMonitor(SingularityLocation):
     def _inspect_step(self, run: "RunState", k: int) -> None:
         """Inspect step k, counted from 1, whose ratio has index k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
-        if not _suspicious(before, here, after, self.largest):
+        if not here < before or not _suspicious(before, here, after, self.largest):
             return
         nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.origin))
         self.search(run, [self.origin + i for i in nodes])

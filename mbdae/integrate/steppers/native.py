@@ -40,6 +40,9 @@ class NativeStepper(Stepper):
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, CHECK_INTERVAL
         self.passed_events: Any = None
+        self.adaptive = inner if isinstance(inner, Adaptive) else None
+        self.fixed = inner if isinstance(inner, Fixed) else None
+        self._constants_to_native()
 
     @property
     def control(self) -> Adaptive | None:
@@ -89,14 +92,27 @@ class NativeStepper(Stepper):
             self._record(run)
         return self.run.taken + self.run.rejected
 
+    def _constants_to_native(self) -> None:
+        """Pass all thresholds to the core."""
+        r, c = self.run, self.run.control
+        r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
+        r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
+        if self.adaptive:
+            pi = self.adaptive.controller
+            c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
+            c.rtol, c.atol = float(self.adaptive.rtol), self.adaptive.atol.ravel().tolist()
+            c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
+            c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
+            c.blend = self.tableau.blend
+            c.steady, c.smallest_error, c.smallest_last = pi.steady, SMALLEST_ERROR, SMALLEST_LAST
+
     def _to_native(self, run: "RunState", max_steps: int) -> None:
-        """Pass the position of the run, its step size, and all thresholds to the core."""
-        r, interval, monitor, inner = self.run, self.run.interval, run.singularity_monitor, self.inner
+        """Pass the position of the run and its step size to the core."""
+        r, interval, monitor = self.run, self.run.interval, run.singularity_monitor
         r.set_state(run.state.y, self.system.core_carry(run.state), run.state.compensation)
         self._events_to_native(run)
         r.max_carries = run.carries.capacity_left(len(run.ts))
-        r.taken_back, r.tiny = MAX_UNDONE, TINY
-        r.max_steps, r.monitored, r.adaptive = max_steps, monitor is not None, isinstance(inner, Adaptive)
+        r.max_steps, r.monitored = max_steps, monitor is not None
         interval.t, interval.t1, interval.sign = run.t, run.t1, run.sign
         interval.stop, interval.end = run.interval.stop, run.interval.end
         if monitor:
@@ -105,20 +121,13 @@ class NativeStepper(Stepper):
                 monitor.limits()
             )
             m.entered = monitor.zone_entry is not None
-        if isinstance(inner, Adaptive):
-            c, pi = r.control, inner.controller
-            c.h, c.cut, c.last, c.rejected = inner.h, inner.size_before_truncation, pi.last, pi.rejected
-            c.largest, c.agreement, c.spacings = min(inner.max_step, inner.cap), AGREEMENT, SPACINGS
-            c.rtol, c.atol = float(inner.rtol), inner.atol.ravel().tolist()
-            c.tiny, c.companion = TINY, COMPANION
-            c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
-            c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
-            c.blend = self.tableau.blend
-            c.steady, c.smallest_error, c.smallest_last = pi.steady, SMALLEST_ERROR, SMALLEST_LAST
-        elif isinstance(inner, Fixed):
+        if adaptive := self.adaptive:
+            c, pi = r.control, adaptive.controller
+            c.h, c.cut, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected
+            c.largest = min(adaptive.max_step, adaptive.cap)
+        elif fixed := self.fixed:
             g = r.grid
-            g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
-            g.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
+            g.step, g.t0, g.n, g.i, g.on_grid = fixed.step, fixed.t0, fixed.n, fixed.i, fixed.on_grid
 
     def _events_to_native(self, run: "RunState") -> None:
         """Pass events of signals and upcoming jumps to the core; Python evaluates event functions after each step."""
@@ -138,16 +147,11 @@ class NativeStepper(Stepper):
             e.set_nodes([signal.node for signal in events.signals.values()])
 
     def _from_native(self) -> None:
-        c, g, inner = self.run.control, self.run.grid, self.inner
-        if isinstance(inner, Adaptive):
-            inner.h, inner.size_before_truncation, inner.controller.last, inner.controller.rejected = (
-                c.h,
-                c.cut,
-                c.last,
-                c.rejected,
-            )
-        elif isinstance(inner, Fixed):
-            inner.i, inner.on_grid = g.i, g.on_grid
+        if adaptive := self.adaptive:
+            c, pi = self.run.control, adaptive.controller
+            adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.cut, c.last, c.rejected
+        elif fixed := self.fixed:
+            fixed.i, fixed.on_grid = self.run.grid.i, self.run.grid.on_grid
 
     def _record(self, run: "RunState") -> None:
         r, monitor, first = self.run, run.singularity_monitor, len(run.ts)

@@ -85,8 +85,8 @@ class Closure(Table, metaclass=ByKind):
     within: ActiveRange | None = None
 
     friction: ClassVar[str] = ""
-    """Kind of friction interface: ``"turns"`` (a pin in a bearing), ``"bears"`` (a ball joint), ``"slides"`` (along an
-    axis) or ``"touches"`` (on a surface); empty if the closure has none."""
+    """Kind of friction interface: ``"revolute"`` (a pin in a bearing), ``"spherical"`` (a ball joint), ``"prismatic"``
+    (along an axis) or ``"surface"`` (on a surface); empty if the closure has none."""
     load_rows: ClassVar[int] = 1
     """Number of rows, the first ones, whose multipliers make up the normal force of friction."""
     coincident_origins: ClassVar[bool] = False

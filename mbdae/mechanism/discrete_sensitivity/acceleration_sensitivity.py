@@ -87,17 +87,17 @@ class AccelerationSensitivity:
         if len(rows) == s.ng:
             out[rows] = dlam
             return out
-        G, nv, p, still = s.jacobian(q), s.nv, self.parameters, np.zeros(s.nv)
+        G, nv, p, rest = s.jacobian(q), s.nv, self.parameters, np.zeros(s.nv)
         left, sizes, right = np.linalg.svd(G, full_matrices=False)
         left, sizes, right = left[:, : len(rows)], sizes[: len(rows)], right[: len(rows)]
         inverse = (left / sizes) @ right  # (G^T)^+
         y = right.T @ ((left.T @ found) / sizes)
         of = slice(self.ny, self.ny + self.k)
-        force, turned = G[rows].T @ dlam, np.zeros_like(out)
+        force, row_terms = G[rows].T @ dlam, np.zeros_like(out)
         force[:, :nv] += s.constraints.partials(v, whole - found)[0]
-        turned[:, :nv] = s.constraints.partials(y, found)[1]
+        row_terms[:, :nv] = s.constraints.partials(y, found)[1]
         if self.k:
-            force[:, of] += p.force_partials(t, q, v, inner, still, whole)[:nv]
-            force[:, of] -= p.force_partials(t, q, v, inner, still, found)[:nv]
-            turned[:, of] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, still)[0]
-        return inverse @ force + turned - left @ (left.T @ turned)
+            force[:, of] += p.force_partials(t, q, v, inner, rest, whole)[:nv]
+            force[:, of] -= p.force_partials(t, q, v, inner, rest, found)[:nv]
+            row_terms[:, of] = p.row_partials(t, q, y)[0] - p.row_partials(t, q, rest)[0]
+        return inverse @ force + row_terms - left @ (left.T @ row_terms)

@@ -41,7 +41,8 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     """
     system.expand()
     data = parameters.once("core data", parameters.system.mode, lambda: _core_data(parameters))
-    return system.core.bind_parameters(len(parameters), *data)
+    key = system.core, parameters.system.mode
+    return parameters.once("native", key, lambda: system.core.bind_parameters(len(parameters), *data))
 
 
 def _core_data(parameters: Parameters) -> CoreData:
@@ -55,11 +56,12 @@ def _core_data(parameters: Parameters) -> CoreData:
             directions.append({"parameter": i, "component": k, "x": x.tolist()})
     changed: list[dict[str, Any]] = []
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
-        factors = weights(p.stencil, p.h)
         if laws.perturbed:
+            factors = weights(laws.perturbed, p.h)
             near = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
             changed.append({"parameter": i, "at": laws.at.tolist(), "laws": near, "rows": []})
         if rows.perturbed:
+            factors = weights(p.stencil, p.h)
             keys = "pairs", "rows", "drivers"
             near = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
             changed.append({"parameter": i, "at": rows.at.tolist(), "laws": [], "rows": near})

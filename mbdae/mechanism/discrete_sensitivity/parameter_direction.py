@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ...finite_differences import (
     ABOVE,
     BELOW,
     MAX_REDUCTIONS,
+    OF_AFFINE,
     REDUCTION,
     STENCIL,
     central_difference,
@@ -91,7 +92,7 @@ class Parameter:
         self.name, self.mech, self.make = name, mech, cache(make)
         self.width, self.stencil = feasible_stencil(self.make, width)
         self.use_width(self.width)
-        self.first, model = [self.perturbed[k] for k in FIRST[self.stencil]], mech.model
+        model = mech.model
         self._require_same_structure()
         self.inertias = self.changed_rates(
             model.njoints, lambda m, j: np.array(m.model.inertias[j].toDynamicParameters())
@@ -107,6 +108,18 @@ class Parameter:
             self._check_times(*self._forces(i))
         for i in self.specs:
             self._check_times(*(m.constraints[i] for m in (mech, *self.first)))
+
+    def write(self, mech: "Mechanism", make: Callable[[float], "Mechanism"]) -> None:
+        """Use it in a mechanism with other values of the parameters, where its directions are the same."""
+        _ = self.keeps_start, self.keeps_states  # for all values
+        self.mech, self.make = mech, cache(make)
+        vars(self).pop("first", None)
+        self.use_width(self.h)
+
+    @cached_property
+    def first(self) -> list["Mechanism"]:
+        """Three mechanisms with it changed."""
+        return [self.perturbed_mechanisms(self.width)[k] for k in FIRST[self.stencil]]
 
     def _require_same_structure(self) -> None:
         """Reject changes of joints, of frames and of the states of forces."""
@@ -146,12 +159,17 @@ class Parameter:
         """Description of the side of a one-sided derivative; empty if it is two-sided."""
         return {STENCIL: "", ABOVE: "above", BELOW: "below"}[self.stencil]
 
-    @property
+    @cached_property
     def keeps_start(self) -> bool:
         """Whether the assembled start does not depend on it: it changes gravity, or laws of forces, alone."""
         moves = self.inertias or self.placements or self.frames or self.specs or self.armature.any()
         mech = self.mech
         return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.first)
+
+    @cached_property
+    def keeps_states(self) -> bool:
+        """Whether the start values of states do not depend on it."""
+        return all(m.states == self.mech.states for m in self.first)
 
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
         """Reject changes of times at which a function jumps; if other knots change, use a smaller width."""
@@ -205,8 +223,12 @@ class LawDifferences:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        beside = near.items() if p.forces else ()
-        self.perturbed = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in beside}
+        perturbed = near.items() if p.forces else ()
+        self.perturbed = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace) for k, m in perturbed}
+
+    def use_affinity(self) -> None:
+        """Use two of the values only, for laws that are affine in the parameter."""
+        self.perturbed = {k: x for k, x in self.perturbed.items() if k in OF_AFFINE}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""
@@ -228,8 +250,10 @@ class RowDifferences:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        beside = near.items() if p.specs else ()
-        self.perturbed = {k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in beside}
+        perturbed = near.items() if p.specs else ()
+        self.perturbed = {
+            k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in perturbed
+        }
 
     def forces(self, t: float, lam: Array) -> dict[int, Array]:
         """Return (G^T lam, lam . u') with the perturbed values, (nv + 1,)."""

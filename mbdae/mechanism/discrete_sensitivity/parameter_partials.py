@@ -30,6 +30,7 @@ from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
 from ..frames import support
 from ..hybrid.switches import Mode, inactive_rows
+from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
 from .placement_tree import PlacementTree
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp|, not corrected by any motion; absolute, rounding
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
+KEPT = "workspace", "core data", "native"  # of `Parameters.once`, for other values
 
 
 class Parameters:
@@ -52,10 +54,12 @@ class Parameters:
         own: whether the values are the defaults of ``make``.
         along: points where differences of laws and rows must be accurate.
         mode: of the mechanism there; without one, all rows are active.
+        system: a workspace of the mechanism with these values; a new one if omitted.
 
     Attributes:
         mech: the mechanism with these values.
         all: the parameters, k of them.
+        values: their values by name.
 
     Raises:
         InputError: for a parameter that changes more than numerical values.
@@ -63,11 +67,12 @@ class Parameters:
 
     def __init__(
         self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False,
-        along: Sequence[At] = (), mode: Mode = (),
+        along: Sequence[At] = (), mode: Mode = (), system: Index2System | None = None,
     ) -> None:  # fmt: skip
+        self.make, self.values = make, dict(values)
         self.mech = mech = make({} if own else values)
         rest = {} if own else values
-        self.system = s = Index2System(mech)
+        self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
             near = partial(_changed_mechanism, make, rest, name, value)
@@ -79,15 +84,46 @@ class Parameters:
                 self._choose_width(p, along, mode)
         self.laws = [LawDifferences(p, s, p.perturbed) for p in self.all]
         self.rows = [RowDifferences(p, s, p.perturbed) for p in self.all]
-        places = sorted({j for p in self.all for j in p.placements})
+        placed_joints = sorted({j for p in self.all for j in p.placements})
         frames = sorted({i for p in self.all for i in p.frames})
-        self.placement_tree = PlacementTree(mech, places, frames, s, native) if places or frames else None
+        self.placement_tree = PlacementTree(mech, placed_joints, frames, s, native) if placed_joints or frames else None
         self._found: dict[str, tuple[Any, Any]] = {}
         tree = self.placement_tree
         self.motions = np.array([tree.motion(p) for p in self.all]).T if tree else np.empty((0, 0))
 
     def __len__(self) -> int:
         return len(self.all)
+
+    @cached_property
+    def constant(self) -> ConstantDirections:
+        """Whether the parameters have constant directions."""
+        found = ConstantDirections(self)
+        if found.at is not None:
+            for laws in self.laws:
+                laws.use_affinity()
+            self._found = {name: x for name, x in self._found.items() if name == "workspace"}
+        return found
+
+    def write(self, values: Mapping[str, float]) -> bool:
+        """Write other values in place, where directions are constant; where they are not, return False and keep these.
+
+        Raises:
+            UnknownNameError, InputError: as ``make``, for invalid values.
+        """
+        values = {name: values[name] for name in self.values}
+        mech = self.make(values)
+        if not self.constant.hold(mech, values):
+            return False
+        self.mech, self.values = mech, values
+        self.system.bind(mech)
+        for p in self.all:
+            p.write(mech, partial(_changed_mechanism, self.make, values, p.name, values[p.name]))
+        for name in ("perturbed_systems", "perturbed_friction"):
+            vars(self).pop(name, None)
+        self._found = {name: x for name, x in self._found.items() if name in KEPT}
+        if "workspace" in self._found:
+            self._found["workspace"][1].bind(mech)
+        return True
 
     def _choose_width(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
         """Use a width of differences of laws and rows that is accurate along a run: a frequency acts over time.

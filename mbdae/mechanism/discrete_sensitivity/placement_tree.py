@@ -21,7 +21,7 @@ class PlacementTree:
     """The mechanism with frozen free joints as parents of displaced joints and frames."""
 
     def __init__(
-        self, mech: "Mechanism", places: list[int], frames: list[int], s: Index2System, native: ModuleType | None
+        self, mech: "Mechanism", placed_joints: list[int], frames: list[int], s: Index2System, native: ModuleType | None
     ) -> None:
         old, model, last = mech.model, pin.Model(), [0]
         model.gravity = old.gravity
@@ -29,8 +29,8 @@ class PlacementTree:
         self.frozen: dict[tuple[str, int], int] = {}
         held: dict[int, int] = {}
 
-        def freeze(kind: str, i: int, parent: int, place: pin.SE3) -> int:
-            joint = model.addJoint(parent, pin.JointModelFreeFlyer(), place, f"{kind} {i} of {model.njoints}")
+        def freeze(kind: str, i: int, parent: int, placement: pin.SE3) -> int:
+            joint = model.addJoint(parent, pin.JointModelFreeFlyer(), placement, f"{kind} {i} of {model.njoints}")
             self.frozen[kind, i] = model.idx_vs[joint]
             return int(joint)
 
@@ -40,17 +40,17 @@ class PlacementTree:
                     held[i] = freeze("frame", i, last[j], old.frames[i].placement)
 
         for j in range(1, old.njoints):
-            parent, place = last[old.parents[j]], old.jointPlacements[j]
-            if j in places:
-                parent, place = freeze("place", j, parent, place), pin.SE3.Identity()
-            last.append(model.addJoint(parent, old.joints[j], place, old.names[j]))
+            parent, placement = last[old.parents[j]], old.jointPlacements[j]
+            if j in placed_joints:
+                parent, placement = freeze("place", j, parent, placement), pin.SE3.Identity()
+            last.append(model.addJoint(parent, old.joints[j], placement, old.names[j]))
             model.inertias[last[j]] = old.inertias[j]
             self.real += range(model.idx_vs[last[j]], model.idx_vs[last[j]] + old.nvs[j])
             freeze_frames(j)
         freeze_frames(0)
         for i, f in list(enumerate(old.frames))[1:]:
-            joint, place = (held[i], pin.SE3.Identity()) if i in held else (last[f.parentJoint], f.placement)
-            model.addFrame(pin.Frame(f.name, joint, place, f.type), False)
+            joint, placement = (held[i], pin.SE3.Identity()) if i in held else (last[f.parentJoint], f.placement)
+            model.addFrame(pin.Frame(f.name, joint, placement, f.type), False)
         self.iq = [model.idx_qs[last[j]] + i for j in range(1, old.njoints) for i in range(old.nqs[j])]
         forces = [f for f, (law, _) in zip(mech.forces, s.laws.bound, strict=False) if isinstance(law, PairElement)]
         other = type(mech)(model, mech.closures, forces, drivers=mech.drivers)

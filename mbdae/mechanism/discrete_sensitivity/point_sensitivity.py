@@ -158,21 +158,21 @@ class PointSensitivity(AccelerationSensitivity):
         """Return the partials of the start values of states by the parameters, (ns, k)."""
         out = np.zeros((self.system.ns, self.k))
         for i, p in enumerate(self.parameters.all):
-            if any(m.states != self.parameters.mech.states for m in p.first):
+            if not p.keeps_states:
                 out[:, i] = p.quotient({k: np.array(list(m.states.values())) for k, m in p.perturbed.items()})
         return out
 
     def energy(self, q: Array, v: Array) -> Array:
         """Return the partials of the kinetic and the potential energy, (2, ny + k)."""
         s, nv, out = self.system, self.system.nv, np.zeros((2, self.ny + self.k))
-        still = np.zeros(nv)
-        M, weight, _ = (a.copy() for a in s.inertial.partials(q, still, still))
-        out[0, :nv] = 0.5 * v @ (s.inertial.partials(q, still, v)[1] - weight)
+        rest = np.zeros(nv)
+        M, weight, _ = (a.copy() for a in s.inertial.partials(q, rest, rest))
+        out[0, :nv] = 0.5 * v @ (s.inertial.partials(q, rest, v)[1] - weight)
         out[0, nv : 2 * nv] = M @ v
-        gravity = pin.nonLinearEffects(s.model, s.workspace, q, still).copy()
-        pin.forwardKinematics(s.model, s.workspace, q, still)
+        gravity = pin.nonLinearEffects(s.model, s.workspace, q, rest).copy()
+        pin.forwardKinematics(s.model, s.workspace, q, rest)
         pin.computeJointJacobians(s.model, s.workspace, q)
-        out[1, :nv] = gravity - s.laws.split_torque(0.0, q, still, np.zeros(s.ns))[0]
+        out[1, :nv] = gravity - s.laws.split_torque(0.0, q, rest, np.zeros(s.ns))[0]
         for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.perturbed_systems, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
         return out

@@ -74,6 +74,7 @@ class ForceElement:
     tension = False  # the force acts along the line between two points
     differenced = False  # the partial derivatives are finite differences
     by_state = True  # the force depends on (t, q, v, s) only, not on multipliers and modes
+    differentiated: Sequence[TimeFunction] = ()  # those of which it depends on the rate
     deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity index and "", or -1 and a description
 
     def acting_components(self, nv: int) -> list[int]:

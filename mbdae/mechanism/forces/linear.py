@@ -53,6 +53,7 @@ class LinearElement(ForceElement):
     ) -> None:
         super().__init__(name, signals, states)
         self.terms, self.springs, self.u = terms, springs, signals
+        self.differentiated = [signals[j] for _, _, column, j, value in terms if ORDERS.get(column) and value]
         self.deflections = [(spring.iv, "") for spring in springs]
 
     def acting_components(self, nv: int) -> list[int]:

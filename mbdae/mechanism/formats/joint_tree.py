@@ -69,13 +69,13 @@ class Tree:
         self._append_inertia(new_index[0], model.inertias[0], base)
         for j in _depth_first_order(model, 0):
             old, name = model.joints[j], model.names[j]
-            new_parent, place = new_index[model.parents[j]], placements[model.parents[j]] * model.jointPlacements[j]
+            new_parent, placement = new_index[model.parents[j]], placements[model.parents[j]] * model.jointPlacements[j]
             if name in locked:
-                new_index[j], placements[j] = new_parent, place * joint_transform(old, locked[name])
+                new_index[j], placements[j] = new_parent, placement * joint_transform(old, locked[name])
             else:
                 new = replacement_joint(old, name, kinds[name]) if name in kinds else old
                 rotation = rotations.get(name, pin.SE3.Identity())
-                new_index[j] = self._add_joint(new_parent, new, place * rotation, prefix + name)
+                new_index[j] = self._add_joint(new_parent, new, placement * rotation, prefix + name)
                 placements[j] = rotation.inverse()
                 _copy_arrays(self.model, self.model.joints[new_index[j]], model, old)
             self._append_inertia(new_index[j], model.inertias[j], placements[j])
@@ -84,10 +84,10 @@ class Tree:
             self._copy_visual(g, new_index, placements, prefix, frames)
         return self
 
-    def _add_joint(self, new_parent: int, joint: pin.JointModel, place: pin.SE3, name: str) -> int:
+    def _add_joint(self, new_parent: int, joint: pin.JointModel, placement: pin.SE3, name: str) -> int:
         if name in joint_names(self.model):
             raise InputError(f"two joints are called {name!r}: give one source a prefix")
-        return int(self.model.addJoint(new_parent, joint, place, name))
+        return int(self.model.addJoint(new_parent, joint, placement, name))
 
     def _append_inertia(self, joint: int, inertia: pin.Inertia, placements: pin.SE3) -> None:
         if inertia.mass or inertia.inertia.any():
@@ -110,8 +110,8 @@ class Tree:
             kind = pin.FrameType.FIXED_JOINT if f.type == pin.FrameType.JOINT and f.name in locked else f.type
             if (name, kind) in taken:
                 raise InputError(f"two frames are called {name!r}: give one source a prefix")
-            parent_frame, place = frames.get(int(f.parentFrame), 0), placements[j] * f.placement
-            copy = pin.Frame(name, new_index[j], parent_frame, place, kind, f.inertia)
+            parent_frame, placement = frames.get(int(f.parentFrame), 0), placements[j] * f.placement
+            copy = pin.Frame(name, new_index[j], parent_frame, placement, kind, f.inertia)
             frames[i] = int(self.model.addFrame(copy, False))
         return frames
 

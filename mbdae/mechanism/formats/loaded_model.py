@@ -11,7 +11,8 @@ from ..mechanism import Mechanism
 from ..time_functions import Constant
 from .load import Recipe, recipe_from_mechanism
 from .schema import Body
-from .template import CACHE_SIZE, Template, as_body, first_key, split_joint
+from .table_entries import first_key
+from .template import CACHE_SIZE, Template, as_body, split_joint
 
 
 class LoadedModel(Template):
@@ -32,6 +33,7 @@ class LoadedModel(Template):
         self.functions = [f for f in mech.forces if not isinstance(f, FORCES)]
         self._read = lru_cache(1)(lambda text: recipe)
         self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
+        self._first = lru_cache(1)(lambda text: self._unchanged({}))
 
 
 def parameter_value(template: Template, name: str) -> float:

@@ -115,7 +115,7 @@ class MechanismFile(Table):
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
         force: springs, dampers, motors, controllers.
-        input: inputs of forces.
+        input: inputs of forces and drivers.
         start: initial state.
         order: settings of the order study.
         solve: settings of runs.
@@ -144,11 +144,11 @@ class MechanismFile(Table):
     @model_validator(mode="before")
     @classmethod
     def _inputs(cls, content: Any) -> Any:
-        """Replace ``{ input = NAME }`` in forces and motors by the input of that name."""
+        """Replace ``{ input = NAME }`` in drivers, forces and motors by the input of that name."""
         if not isinstance(content, Mapping) or not isinstance(tables := content.get("input", ()), list | tuple):
             return content
         known = {x["name"]: x for x in tables if isinstance(x, dict) and isinstance(x.get("name"), str)}
-        return {k: _with_inputs(x, known) if k in ("force", "motor") else x for k, x in content.items()}
+        return {k: _with_inputs(x, known) if k in ("driver", "force", "motor") else x for k, x in content.items()}
 
     @field_validator("source", mode="before")
     @classmethod

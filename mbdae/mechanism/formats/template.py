@@ -11,7 +11,6 @@ Names may contain dots; the longest match is used.
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,22 +21,23 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ..checked_table import Table
-from ..formulations.workspace_pool import WorkspacePool
 from ..frames import find_joint, joint_names
 from ..imported_model import ImportedModel
 from ..mechanism import Mechanism
 from ..model_settings import Start
 from ..time_functions import Constant
-from .build import body_inertia, placement
+from ..variant import variant
+from .build import body_inertia, build, placement
 from .load import Recipe, make, read
 from .model_library import PARAMETRIC, find
 from .parametric import parameter_names, split
 from .schema import Body, MechanismFile
+from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entries, with_entry
 
-TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of files
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
 WHOLE_TABLES = ("duration", "gravity")  # with values for the whole table
+PARTS = {"closure": "closures", "clutch": "clutches", "driver": "drivers", "stop": "stops", "duration": "duration"}
 CACHE_SIZE = 8  # mechanisms with other parameters, for several threads
 
 
@@ -62,6 +62,7 @@ class Template:
         self.functions: Sequence[Any] = ()
         self._read = lru_cache(CACHE_SIZE)(lambda text: _without_visuals(read(self.path, json.loads(text))))
         self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
+        self._first = lru_cache(CACHE_SIZE)(lambda text: self._unchanged(json.loads(text)))
 
     def recipe(self, values: Mapping[str, Any]) -> Recipe:
         """Return the files for the parameters among ``values``, without visuals."""
@@ -100,15 +101,34 @@ class Template:
         return with_start(mech, {n: x for n, x in values.items() if n.startswith(START) and n not in file_parameters})
 
     def _make(self, file_parameters: dict[str, Any], changed: dict[str, Any]) -> Mechanism:
-        recipe = self.recipe(file_parameters)
+        recipe, first = self.recipe(file_parameters), self._first(json.dumps(file_parameters))
+        if not changed:
+            return first
         file, parts = recipe.file, recipe.parts
         joint_values = {n.removeprefix("joint."): x for n, x in changed.items() if n.startswith("joint.")}
         if joint_values:
             parts = [_with_joint_values(p, s.prefix, joint_values) for p, s in zip(parts, file.source, strict=True)]
-        for name, value in changed.items():
-            if not name.startswith("joint."):
-                file = with_entry(file, name, value, name)
-        return make(recipe._replace(file=file, parts=parts), self.functions, recorded=False)
+        values = {n: x for n, x in changed.items() if not n.startswith("joint.")}
+        nested = any(n != other and n.startswith(f"{other}.") for n in values for other in values)
+        for group in [{n: x} for n, x in values.items()] if nested else [values]:
+            file = with_entries(file, {n: (n, x) for n, x in group.items()})
+        return variant(first, **self._changed_parts(changed, recipe._replace(file=file, parts=parts), first))
+
+    def _changed_parts(self, changed: Iterable[str], recipe: Recipe, first: Mechanism) -> dict[str, Any]:
+        """Return the arguments of `Mechanism` that changed tables change; the model is built anew for bodies alone."""
+        tables, file = {name.partition(".")[0] for name in changed}, recipe.file
+        out = {argument: getattr(file, table) for table, argument in PARTS.items() if table in tables}
+        if "force" in tables:
+            out["forces"] = [*file.force, *self.functions]
+        if not tables.isdisjoint(("body", "frame", "joint")):
+            out["model"], out["visuals"] = build(file, recipe.parts, recipe.name)
+        elif "gravity" in tables:
+            out["model"] = first.model.copy()
+            out["model"].gravity.linear = np.array(file.gravity)
+        return out
+
+    def _unchanged(self, file_parameters: dict[str, Any]) -> Mechanism:
+        return make(self.recipe(file_parameters), self.functions, recorded=False)
 
 
 def _check_joint(recipe: Recipe, name: str, rest: str) -> None:
@@ -145,74 +165,10 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
     for name, value in values.items():
         check_start(mech, name)
         start = with_entry(start, name.removeprefix(START), value, name)
-    other = copy(mech)
-    other.start_values, other._starts, other.workspaces = start, {}, WorkspacePool(other)
-    if mech.source:
-        other.source = {**mech.source, "file": {**mech.source["file"], "start": start.model_dump(mode="json")}}
-    return other
-
-
-def with_entry(part: Any, path: str, value: Any, whole: str) -> Any:
-    """Return a copy of a table with another value at the end of a dotted path.
-
-    Args:
-        part: a checked table, a list or a dict; the value itself if the path is empty.
-        path: path of the value within ``part``.
-        value: the value.
-        whole: the complete path, for messages.
-
-    Raises:
-        UnknownNameError: for an invalid path.
-        InputError: for an invalid value.
-    """
-    if not path:
-        return value
-    key, rest = first_key(part, path, whole)
-    if isinstance(part, Table):
-        said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
-        try:
-            return type(part)(**{**said, key: with_entry(getattr(part, key), rest, value, whole)})
-        except UnknownNameError:
-            raise
-        except InputError as e:
-            raise InputError(str(e) if str(e).startswith(whole) else f"{whole}: {e}") from None
-    if isinstance(part, dict):
-        return {**part, key: with_entry(part.get(key), rest, value, whole)}
-    at = int(key)
-    return (*part[:at], with_entry(part[at], rest, value, whole), *part[at + 1 :])
-
-
-def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
-    """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered."""
-    if isinstance(part, dict):  # joint = value: the model checks the names of joints
-        return path, ""
-    keys = _keys(part)
-    found = [k for k in keys if path == k or path.startswith(f"{k}.")]
-    if not found:
-        above = whole.removesuffix(path).rstrip(".") or "the mechanism"
-        raise UnknownNameError(f"entry of {above}", path, keys)
-    name = max(found, key=len)
-    return keys[name], path[len(name) + 1 :]
-
-
-def _keys(part: Any) -> dict[str, str]:
-    """Return the valid next keys of a path, each with its key or index."""
-    if isinstance(part, MechanismFile):
-        return {k: k for k in TABLES}
-    if isinstance(part, Table):
-        return {k: k for k in type(part).model_fields}
-    if isinstance(part, tuple):
-        return _names(part) or {str(i): str(i) for i in range(len(part))}
-    return {}
-
-
-def _names(entries: tuple[Any, ...]) -> dict[str, str]:
-    """Return the indices of the entries of a list of tables by name; unnamed ones by kind and number."""
-    out = {}
-    for i, entry in enumerate(entries):
-        if isinstance(entry, Table) and "name" in type(entry).model_fields:
-            out[getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}".strip()] = str(i)
-    return out
+    if not mech.source:
+        return variant(mech, start=start)
+    file = {**mech.source["file"], "start": start.model_dump(mode="json")}
+    return variant(mech, start=start, source={**mech.source, "file": file})
 
 
 def _check_path(file: MechanismFile, name: str) -> None:
@@ -224,8 +180,8 @@ def _check_path(file: MechanismFile, name: str) -> None:
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number as a function of time
         return
-    if isinstance(at, Table) or _names(at if isinstance(at, tuple) else ()):
-        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(_keys(at))}")
+    if isinstance(at, Table) or entry_names(at if isinstance(at, tuple) else ()):
+        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(entry_keys(at))}")
 
 
 def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:

@@ -147,13 +147,13 @@ class Record(Table):
 def _recorded(tree: ET.Element) -> Recorded:
     """Return the elements, with all contents marked that are read."""
     robot = Recorded(tree)
-    place = POSE if robot.get("version") in QUATERNIONS else f"{POSE} quat_xyzw"
-    robot.mark({**READ, "origin!": place})
+    pose_keys = POSE if robot.get("version") in QUATERNIONS else f"{POSE} quat_xyzw"
+    robot.mark({**READ, "origin!": pose_keys})
     for geometry in (g for link in robot.all("link") for e in link.all("visual") for g in e.all("geometry")[:1]):
         for shape in geometry.children[:1]:
             geometry.mark({f"{shape.tag}!": SHAPES.get(shape.tag, "")})
     for joint in robot.all("joint"):
-        joint.mark({**OF_KIND.get(joint.get("type"), {}), "origin!": place})
+        joint.mark({**OF_KIND.get(joint.get("type"), {}), "origin!": pose_keys})
     return robot
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
-from ...tolerances import ROUNDING, SOLUTION_ROUNDING, STILL, TINY
+from ...tolerances import ROUNDING, SOLUTION_ROUNDING, TINY, ZERO_SPEED
 from ..closures.closure import Closure, kinds_of
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
@@ -53,7 +53,7 @@ class ClosureFriction:
     """
 
     def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
-        named, self.constraints, self.min_slip_speed = {c.name: c for c in closures}, constraints, STILL
+        named, self.constraints, self.min_slip_speed = {c.name: c for c in closures}, constraints, ZERO_SPEED
         self.interfaces: list[FrictionInterface] = []
         for force in forces:
             if isinstance(force, CoulombFriction):

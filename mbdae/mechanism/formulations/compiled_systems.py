@@ -16,6 +16,7 @@ from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from ..closures.independent_rows import FALLEN
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
+from ..input_functions import Input
 from .core_description import core_tolerances, describe, samplers_of
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
@@ -44,17 +45,37 @@ class CompiledSystem(Index2System):
 
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
         super().__init__(mechanism)
-        self.native = native
-        description = describe(self)
+        self.native, self._expanded = native, False
+        self._describe()
+
+    def bind(self, mechanism: "Mechanism") -> None:
+        """See `Index2System.bind`; the core's numbers are written in place where its structure stays."""
+        super().bind(mechanism)
+        if hasattr(self, "core"):
+            self._describe()
+
+    def _describe(self) -> None:
+        """Describe the mechanism to the core; to a new one if there is none of its structure."""
+        data = self.model, core_tolerances(self.native, self.mechanism), describe(self)
         try:
-            self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), description)
-        except native.UnknownKind as e:
+            if not (hasattr(self, "core") and self.core.write(*data)):
+                self.core: Core = self.native.Core(*data)
+                self._expanded = False
+        except self.native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.set_sampled_controllers(samplers_of(self.laws))
         friction = self.closure_friction
         self.core.set_friction_interfaces(friction.core_data(), friction.active, friction.slip_directions)
         self._deactivate_rows()
-        self._expanded = False
+        functions = [*(u for law, _ in self.laws.bound for u in law.signals), *(d.path for d in self.mechanism.drivers)]
+        self.inputs = [u for u in functions if isinstance(u, Input)]
+        for u in self.inputs:
+            u.listen(self)
+
+    def set_input(self, cell: Input, number: int) -> None:
+        """See `mbdae.mechanism.input_functions.InputListener`."""
+        if any(u is cell for u in self.inputs):
+            self.core.set_input(number, *cell.setting)
 
     def reset(self) -> None:
         """See `Index2System.reset`."""

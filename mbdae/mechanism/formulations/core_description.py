@@ -38,7 +38,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         solution_rounding=tol.SOLUTION_ROUNDING,
         search_tolerance=tol.SEARCH_TOLERANCE,
         same_state=tol.SAME_STATE,
-        still=tol.STILL,
+        zero_speed=tol.ZERO_SPEED,
         pivot_rank=tol.PIVOT_RANK,
         truncation=tol.TRUNCATION,
         visible=tol.VISIBLE,
@@ -52,7 +52,7 @@ def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
         cg_tolerance=independent_rows.CONVERGED,
         many_rows=independent_rows.MANY_ROWS,
         extra_cg_iterations=independent_rows.EXTRA_CG_ITERATIONS,
-        projection_falling=projection.MAX_REMAINING,
+        projection_max_remaining=projection.MAX_REMAINING,
         projection_open=projection.OPEN,
         projection_stalled=projection.STALLED,
         projection_iterations=projection.ITERATIONS,
@@ -88,9 +88,9 @@ def describe(system: "Index2System") -> CoreData:
         "drivers": drivers,
         "law_pairs": law_pairs,
         "laws": laws,
-        "blocks": [
+        "group_joints": [
             {"kind": GROUPS[ad], "iv": s.start, "iq": iq}
-            for (_, s, ad, _), iq in zip(m.blocks, m.block_starts, strict=True)
+            for (_, s, ad, _), iq in zip(m.group_joints, m.group_starts, strict=True)
         ],
         "angular": m.angular.astype(int).tolist(),
         "angles": [{"iv": iv, "iq": iq} for iv, iq in m.angles],

@@ -17,6 +17,6 @@ def features(system: "Index2System") -> dict[str, str]:
         "switches": [switch.name for switch in mech.switches],
         "velocity rows": [name for name, kept in zip(mech.row_names, mech.positional, strict=True) if not kept],
         "states": list(mech.states),
-        "closure friction": [place.force.name for place in system.closure_friction.interfaces],
+        "closure friction": [interface.force.name for interface in system.closure_friction.interfaces],
     }
     return {kind: ", ".join(map(repr, dict.fromkeys(names))) for kind, names in found.items() if names}

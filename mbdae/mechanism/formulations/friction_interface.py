@@ -13,7 +13,7 @@ from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
 
-ROTATIONAL = ("turns", "bears")  # friction torques, in a bearing with a radius
+ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
 MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable
 
 
@@ -70,11 +70,11 @@ class FrictionInterface(NamedTuple):
     def slip_wrenches(self, w: Array) -> Array:
         """Return wrenches A (m, 6) on the second frame, S = A J, from those of the rows, w (6, r)."""
         pair, friction = self.pair, self.closure.friction
-        if friction == "touches":
+        if friction == "surface":
             n, p = w[:3, 0], self.contact_point()
             e = np.eye(3) - np.outer(n, n)
         else:
-            e, p = np.eye(3) if friction == "bears" else (pair.Ra @ self.axis)[None], pair.pb
+            e, p = np.eye(3) if friction == "spherical" else (pair.Ra @ self.axis)[None], pair.pb
         blocks = (np.zeros(e.shape), e) if friction in ROTATIONAL else (e, cross(p[:, None], e.T).T)
         return np.concatenate(blocks, axis=1)
 
@@ -82,10 +82,10 @@ class FrictionInterface(NamedTuple):
         """Return the core data of the interface."""
         force = self.force
         return {
-            "kind": "grips" if force.sticks else self.closure.friction,
+            "kind": "rolling" if force.sticks else self.closure.friction,
             "row": self.rows.start,
             "components": self.rows.stop - self.rows.start,
-            "grip": list(range(self.no_slip_rows.start, self.no_slip_rows.stop)) if force.sticks else [],
+            "no_slip_rows": list(range(self.no_slip_rows.start, self.no_slip_rows.stop)) if force.sticks else [],
             "axis": self.axis.tolist(),
             "coefficient": force.coefficient * (force.radius or 1.0),
             "width": force.width,

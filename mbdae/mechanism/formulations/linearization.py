@@ -91,7 +91,7 @@ def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     B = np.vstack([partials.B, np.zeros((len(statics.rows), nv))])
     W = -free.smallest(B @ Zp) if len(G) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
-    for _, at, ad_of, _ in system.manifold.blocks:
+    for _, at, ad_of, _ in system.manifold.group_joints:
         ad[at, at] = ad_of(v[at])
     stiffness, damping = Z.T @ (K @ Zp + D @ W), Z.T @ D @ Z
     A = np.block([

@@ -120,7 +120,7 @@ def _adjoint_rate(manifold: Manifold, x: Array, p: Array) -> Array:
     """Return d(J(-x)^T p)/dx for a constant p, (nv, nv)."""
     unit = np.eye(len(p))
     out = np.zeros_like(unit)
-    for _, s, _, _ in manifold.blocks:
+    for _, s, _, _ in manifold.group_joints:
         for j in range(s.start, s.stop):
             out[:, j] = manifold.tangent_rate(-x, -unit[j], unit).T @ p
     return out

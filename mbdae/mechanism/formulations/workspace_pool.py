@@ -41,16 +41,22 @@ class RunVariables:
 class WorkspacePool:
     """Idle workspaces of a mechanism; threads may acquire and release them concurrently.
 
-    Workspaces with modes, Baumgarte stabilisation or third-party forces are not pooled, because they cannot be reset.
+    Variants of a mechanism with other parameters share idle workspaces, and bind them in place. Workspaces with modes,
+    Baumgarte stabilisation or third-party forces are not pooled, because they cannot be reset.
 
     Args:
         mechanism: the mechanism.
+        idle: the idle workspaces that it shares with variants, by formulation and back end.
     """
 
-    def __init__(self, mechanism: "Mechanism") -> None:
+    def __init__(self, mechanism: "Mechanism", idle: dict[tuple[str, bool], list[Any]] | None = None) -> None:
         self.mechanism = mechanism
         self.pooled = not mechanism.switches and not any(is_custom(f) for f in mechanism.forces)
-        self.idle: defaultdict[tuple[str, bool], list[Any]] = defaultdict(list)
+        self.idle = defaultdict(list) if idle is None else idle
+
+    def of(self, mechanism: "Mechanism") -> "WorkspacePool":
+        """Return the pool of a variant of the mechanism."""
+        return WorkspacePool(mechanism, self.idle)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave idle workspaces out of a pickled or copied mechanism."""
@@ -65,9 +71,13 @@ class WorkspacePool:
         """Return an idle workspace or a new one; arguments and errors are those of `Mechanism.system`."""
         if baumgarte is None:
             try:
-                return self.idle[formulation, native is not None].pop()
+                system: Index2System = self.idle[formulation, native is not None].pop()
             except IndexError:
                 pass
+            else:
+                if system.mechanism is not self.mechanism:
+                    system.bind(self.mechanism)
+                return system
         return self.mechanism.system(formulation, baumgarte, native)
 
     def release(self, system: "Index2System") -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
-from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, STILL, TRUNCATION
+from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, ZERO_SPEED
 from .friction_lcp import FrictionBound, solve_friction_lcp
 from .impact_law import project_out
 from .switch import LoadCandidate
@@ -118,13 +118,13 @@ class _ActiveSet:
         point, row = self.point, self.point.G[c.row]
         direction = np.linalg.solve(np.triu(point.system.inertia(point.t, point.q)).T, row)
         error = point.rounding / (float(np.abs(row).max()) or 1.0) * float(direction @ direction)  # of accelerations
-        smallest = STILL / SOLUTION_ROUNDING * error
+        smallest = ZERO_SPEED / SOLUTION_ROUNDING * error
         zero = max(MODE_ROUNDING * self.largest, point.rounding)
         return bool(abs(self.lam[c.row]) <= zero and abs(self.rates[c.row]) <= smallest)
 
     def _is_active(self, c: LoadCandidate) -> bool:
         if c.is_bounded:  # some redundant rows may be at a limit while all of them stick
-            return bool(abs(self.rates[c.row]) <= STILL * self.scale[c.row])
+            return bool(abs(self.rates[c.row]) <= ZERO_SPEED * self.scale[c.row])
         margin = MODE_ROUNDING * self.largest
         return bool(c.lower + margin < self.lam[c.row] < c.upper - margin)
 
@@ -132,7 +132,7 @@ class _ActiveSet:
         inward = -self.rates[c.row] if np.isfinite(c.lower) else self.rates[c.row]
         mech = self.point.system.mechanism
         largest = mech.characteristic_rate**2 + float(np.abs(self.rates / mech.row_scales).max())
-        return bool(inward > STILL * largest * mech.row_scales[c.row])
+        return bool(inward > ZERO_SPEED * largest * mech.row_scales[c.row])
 
     def _solve(self) -> tuple[Array, Array, Array]:
         """Solve the complementarity problem of the active candidates."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...errors import InputError
-from ...tolerances import SAME_STATE, STILL
+from ...tolerances import SAME_STATE, ZERO_SPEED
 from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
 from ..frames import find_joint
@@ -63,24 +63,20 @@ class RangeSwitch(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:
         sign = 1.0 if state == INSIDE else -1.0
         depth: PointFunction = lambda x: sign * self.depth(x)  # noqa: E731
-        return (
-            Guard("range boundary", self.name, self.index, depth, needs_multipliers=True, max_step=self.max_step),
-        )
+        return (Guard("range boundary", self.name, self.index, depth, needs_multipliers=True, max_step=self.max_step),)
 
     def _scale(self, point: "ModePoint") -> float:
         return float(point.system.mechanism.coordinate_scales[self.v])
 
     def max_step(self, point: "ModePoint") -> float:
         """Return the time in which the joint passes the shortest range."""
-        return self.spec.shortest / max(abs(float(point.v[self.v])), STILL * point.speed * self._scale(point))
+        return self.spec.shortest / max(abs(float(point.v[self.v])), ZERO_SPEED * point.speed * self._scale(point))
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         inside = self.next_state(point, (), (), False) == INSIDE
         return tuple(ImpactRow(row, 0.0) for row in self.all_rows) if inside else ()
 
-    def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
-    ) -> int:
+    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
         v = float(point.v[self.v])
         step = LOOKAHEAD * self._scale(point) * ((v > 0) - (v < 0))
         return INSIDE if self.spec.depth(float(point.q[self.q]) + step) > 0 else OUTSIDE

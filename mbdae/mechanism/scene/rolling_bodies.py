@@ -43,8 +43,8 @@ def draw(bodies: Iterable[RollingBody]) -> Iterator[ShapeWithRole]:
     for k, body in enumerate(bodies):
         colour = LINK_COLOURS[k % len(LINK_COLOURS)]
         if body.semi_axes:
-            place = body.placement * pin.SE3(np.eye(3), np.array(body.centre))
-            yield coloured("link", body.name, body.joint, place, coal.Ellipsoid(*body.semi_axes), colour)
+            placement = body.placement * pin.SE3(np.eye(3), np.array(body.centre))
+            yield coloured("link", body.name, body.joint, placement, coal.Ellipsoid(*body.semi_axes), colour)
         elif body.axle is None or body.rim < body.tyre:
             rotation = along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
             belt = coal.Cylinder(1.003 * (body.rim + body.tyre), 0.2 * body.tyre)
@@ -58,16 +58,18 @@ def draw(bodies: Iterable[RollingBody]) -> Iterator[ShapeWithRole]:
 def _wheel(body: RollingBody, marked: str) -> Iterator[ShapeWithRole]:
     outer = body.rim + body.tyre
     thickness = max(body.tyre, THICKNESS * outer)
-    place = body.placement * along(np.zeros(3), np.asarray(body.axle))
-    yield coloured("link", f"{body.name} tyre", body.joint, place, _torus(outer - thickness, thickness), JOINT_COLOUR)
+    placement = body.placement * along(np.zeros(3), np.asarray(body.axle))
+    yield coloured(
+        "link", f"{body.name} tyre", body.joint, placement, _torus(outer - thickness, thickness), JOINT_COLOUR
+    )
     hub = coal.Cylinder(2 * THICKNESS * outer, 4 * THICKNESS * outer)
-    yield coloured("link", f"{body.name} hub", body.joint, place, hub, GROUND_COLOUR)
+    yield coloured("link", f"{body.name} hub", body.joint, placement, hub, GROUND_COLOUR)
     for k in range(SPOKES):
         angle = 2 * np.pi * k / SPOKES
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
         spoke = coal.Cylinder((2 if k == 0 else 1) * THICKNESS * outer / 2, outer - thickness)  # one marks the angle
         shade = GROUND_COLOUR if k else marked
-        yield coloured("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
+        yield coloured("link", f"{body.name} spoke", body.joint, placement * along(end / 2, end), spoke, shade)
 
 
 def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:

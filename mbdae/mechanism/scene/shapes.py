@@ -102,8 +102,8 @@ def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
             if len(s.size) != count:
                 raise InputError(f"visuals: {s.name!r} has {len(s.size)} sizes, a {s.kind} has {count}")
             geometry = solid(*s.size)
-        place = np.array(s.placement).reshape(3, 4)
-        g = pin.GeometryObject(s.name, s.joint, pin.SE3(place[:, :3], place[:, 3]), geometry)
+        placement = np.array(s.placement).reshape(3, 4)
+        g = pin.GeometryObject(s.name, s.joint, pin.SE3(placement[:, :3], placement[:, 3]), geometry)
         g.meshColor = np.array(s.rgba)
         out.addGeometryObject(g)
     return out

@@ -115,13 +115,15 @@ def rod(name: str, length: float, width: float) -> pin.GeometryObject:
     return coloured("link", f"{name} rod", 0, pin.SE3.Identity(), coal.Cylinder(0.6 * width, length), ROD_COLOUR)[1]
 
 
-def pin_shapes(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width: float) -> Iterator[ShapeWithRole]:
+def pin_shapes(
+    name: str, joint: int, placement: pin.SE3, axis: np.ndarray | None, width: float
+) -> Iterator[ShapeWithRole]:
     """Yield the joint of a closure: a pin along the axis of a hinge, in the frame of its first anchor, or a ball."""
     if axis is None:
-        yield coloured("joint", f"{name} pin", joint, place, coal.Sphere(1.9 * width), JOINT_COLOUR)
+        yield coloured("joint", f"{name} pin", joint, placement, coal.Sphere(1.9 * width), JOINT_COLOUR)
     else:
         shape = coal.Cylinder(1.8 * width, 6 * width)
-        yield coloured("joint", f"{name} pin", joint, place * along(np.zeros(3), axis), shape, JOINT_COLOUR)
+        yield coloured("joint", f"{name} pin", joint, placement * along(np.zeros(3), axis), shape, JOINT_COLOUR)
 
 
 def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[ShapeWithRole]:
@@ -139,11 +141,11 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
         yield coloured("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
         return
     if (axis := _axis(model, i)) is not None and (disc := _disc(inertia, axis, width)):
-        place = along(com, axis)
-        yield coloured("link", f"{name} body", i, place, coal.Cylinder(*disc), colour)
+        placement = along(com, axis)
+        yield coloured("link", f"{name} body", i, placement, coal.Cylinder(*disc), colour)
         offset = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
         spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # to show the rotation
-        yield coloured("link", f"{name} spoke", i, place * offset, spoke, GROUND_COLOUR)
+        yield coloured("link", f"{name} spoke", i, placement * offset, spoke, GROUND_COLOUR)
         return
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0:
@@ -214,8 +216,8 @@ def _rail_extent(
     k, parent = model.idx_qs[i], model.parents[i]
     if not parent or min(abs(model.lowerPositionLimit[k]), abs(model.upperPositionLimit[k])) <= size.extent:
         return None
-    place = model.jointPlacements[i].inverse()
-    extent = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
+    placement = model.jointPlacements[i].inverse()
+    extent = [axis @ placement.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
     if np.ptp(extent) < size.width:
         extent += [axis @ p for p in _ends(model, i, points)]
     return (min(extent), max(extent)) if np.ptp(extent) > size.width else None

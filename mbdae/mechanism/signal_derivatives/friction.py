@@ -26,12 +26,12 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     sliding, parameters = motion.system.closure_friction, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
     for k in sliding.regularised_interfaces(name):
-        place = sliding.interfaces[k]
-        (V, dV), A, dA = motion.relative(place.pair), *_slip_wrench_tangents(motion, place)
-        lam, dlam, c = motion.lam[place.rows], motion.d.lam[place.rows], -float(sliding.coefficient[k])
+        interface = sliding.interfaces[k]
+        (V, dV), A, dA = motion.relative(interface.pair), *_slip_wrench_tangents(motion, interface)
+        lam, dlam, c = motion.lam[interface.rows], motion.d.lam[interface.rows], -float(sliding.coefficient[k])
         slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
-        phi, psi = regularisation_factors(float(np.sqrt(slip @ slip)), place.force.width)
+        phi, psi = regularisation_factors(float(np.sqrt(slip @ slip)), interface.force.width)
         along = A.T @ slip
         F += c * size * phi * along
         dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)
@@ -46,22 +46,22 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     return F, dF
 
 
-def _slip_wrench_tangents(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
+def _slip_wrench_tangents(motion: MotionTangent, interface: FrictionInterface) -> tuple[Array, Array]:
     """Return the wrenches A (m, 6) of `FrictionInterface.slip_wrenches`, and their derivatives, (m, 6, k)."""
-    pair, friction = place.pair, place.closure.friction
-    A, (Xa, Xb) = place.slip_wrenches(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
+    pair, friction = interface.pair, interface.closure.friction
+    A, (Xa, Xb) = interface.slip_wrenches(motion.system.constraints.W[:, interface.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
     p, dp = pair.pb, point_velocities(Xb, pair.pb)
-    if friction == "bears":
+    if friction == "spherical":
         return A, dA
-    if friction == "touches":
+    if friction == "surface":
         constraints = motion.system.constraints
-        (_, row, _), n = constraints.frame_rows[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
+        (_, row, _), n = constraints.frame_rows[interface.closure.name].rows[0], constraints.W[:3, interface.rows.start]
         dn = np.add(*(D[0] @ X for D, X in zip(row.partials(pair), (Xa, Xb), strict=True)))[:3]
         de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
-        p, dp = place.contact_point(), _touches(place, Xa, Xb, dp)
+        p, dp = interface.contact_point(), _touches(interface, Xa, Xb, dp)
     else:
-        axis = pair.Ra @ place.axis
+        axis = pair.Ra @ interface.axis
         de = np.cross(Xa[3:].T, axis).T[None]
     if friction in ROTATIONAL:
         dA[:, 3:] = de
@@ -72,12 +72,12 @@ def _slip_wrench_tangents(motion: MotionTangent, place: FrictionInterface) -> tu
     return A, dA
 
 
-def _touches(place: FrictionInterface, Xa: Array, Xb: Array, dp: Array) -> Array:
+def _touches(interface: FrictionInterface, Xa: Array, Xb: Array, dp: Array) -> Array:
     """Return the derivative of the contact point, (3, m)."""
-    first = place.closure.primitives()[0]
+    first = interface.closure.primitives()[0]
     if not isinstance(first, ContactHeightRow):
         return dp
-    at: Any = copy(place.pair)
+    at: Any = copy(interface.pair)
     moved = []
     for at.Va, at.Vb in zip(Xa.T, Xb.T, strict=True):
         moved.append(first.lines(at).dp[:, 0])

@@ -17,8 +17,8 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
     for j, Y in enumerate(motion.model.inertias):
         if not j:
             continue
-        place, X, V, dV = motion.placements[j], motion.X[j], motion.V[j], motion.dV[j]
-        inertia, c, own = place.act(Y), place.act(Y.lever), place.actInv(pin.Motion(V))
+        pose, X, V, dV = motion.placements[j], motion.X[j], motion.V[j], motion.dV[j]
+        inertia, c, own = pose.act(Y), pose.act(Y.lever), pose.actInv(pin.Motion(V))
         momentum = (inertia * pin.Motion(V)).vector
         mass, first, h = mass + Y.mass, first + Y.mass * c, h + momentum
         dfirst += Y.mass * point_velocities(X, c)
@@ -27,9 +27,9 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
             if j in p.inertias:
                 x = p.inertias[j]
                 dmass += x[0] * dp
-                dfirst += np.outer(x[0] * place.translation + place.rotation.dot(x[1:4]), dp)
-                dh += np.outer(place.act(pin.Force(pin.bodyRegressor(pin.Motion.Zero(), own) @ x)).vector, dp)
+                dfirst += np.outer(x[0] * pose.translation + pose.rotation.dot(x[1:4]), dp)
+                dh += np.outer(pose.act(pin.Force(pin.bodyRegressor(pin.Motion.Zero(), own) @ x)).vector, dp)
     c = first / (mass or np.nan)
     dc = (dfirst - np.outer(c, dmass)) / (mass or np.nan)
-    turned = np.cross(dc.T, h[:3]).T + np.cross(c, dh[:3].T).T
-    return np.concatenate([dc, dh[:3], dh[3:] - turned])
+    moved = np.cross(dc.T, h[:3]).T + np.cross(c, dh[:3].T).T
+    return np.concatenate([dc, dh[:3], dh[3:] - moved])

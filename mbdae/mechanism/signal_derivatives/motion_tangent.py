@@ -94,23 +94,23 @@ class MotionTangent:
         pin.forwardKinematics(self.model, self.system.workspace, q, v, np.zeros(len(v)))
         pin.computeJointJacobians(self.model, self.system.workspace, q)
 
-    def placement_motion(self, place: pin.SE3, motions: list[Array | None]) -> Array:
+    def placement_motion(self, placement: pin.SE3, motions: list[Array | None]) -> Array:
         """Return motions (6, m) in the world caused by parameters, from their motions (6,) in axes of a placement."""
         out = np.zeros((6, len(self.d.t)))
         for motion, dp in zip(motions, self.d.p, strict=True):
             if motion is not None:
-                out += np.outer(place.act(pin.Motion(motion)).vector, dp)
+                out += np.outer(placement.act(pin.Motion(motion)).vector, dp)
         return out
 
     def frame(self, name: str) -> tuple[int, pin.SE3, Array]:
         """Return the parent joint of a frame, its placement in the world, and the motions (6, m) that displace it."""
         found = find_frame(self.model, name)
         i, joint = self.model.getFrameId(found.name, found.type), found.parentJoint
-        place = self.placements[joint] * found.placement
+        placement = self.placements[joint] * found.placement
         return (
             joint,
-            place,
-            self.X[joint] + self.placement_motion(place, [x.frames.get(i) for x in self.parameters.all]),
+            placement,
+            self.X[joint] + self.placement_motion(placement, [x.frames.get(i) for x in self.parameters.all]),
         )
 
     def pair(self, pair: Pair) -> tuple[Array, Array]:

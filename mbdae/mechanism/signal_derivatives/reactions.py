@@ -59,17 +59,17 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
             F[joint] += sign * w
             dF[joint] += sign * dw
     for j in range(1, model.njoints):
-        place, Y, X, V = motion.placements[j], model.inertias[j], motion.X[j], motion.V[j]
+        pose, Y, X, V = motion.placements[j], model.inertias[j], motion.X[j], motion.V[j]
         A = pin.Motion(motion.A[j]) - model.gravity
-        inertia, h = place.act(Y), (place.act(Y) * pin.Motion(V)).vector
+        inertia, h = pose.act(Y), (pose.act(Y) * pin.Motion(V)).vector
         own = (inertia * A).vector + wrench_cross(V[:, None], h[:, None])[:, 0]
         dV = motion.dV[j] - motion_cross(X, V[:, None])
         dA = motion.dA[j] - motion_cross(X, A.vector[:, None])
         for p, dp in zip(parameters.all, d.p, strict=True):
             dA[:3] -= np.outer(p.gravity, dp)
             if j in p.inertias:
-                at = place.actInv(pin.Motion(V)), place.actInv(A)
-                dF[j] += np.outer(place.act(pin.Force(pin.bodyRegressor(*at) @ p.inertias[j])).vector, dp)
+                at = pose.actInv(pin.Motion(V)), pose.actInv(A)
+                dF[j] += np.outer(pose.act(pin.Force(pin.bodyRegressor(*at) @ p.inertias[j])).vector, dp)
         F[j] += own
         Y_dV = inertia.matrix().dot(dV)
         dF[j] += wrench_cross(X, own[:, None]) + inertia.matrix().dot(dA)

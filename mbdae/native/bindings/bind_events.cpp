@@ -9,7 +9,7 @@ namespace {
 using Nodes = std::vector<std::tuple<double, double, double>>;  // time, value and rate
 
 void set_nodes(Events& e, const Nodes& nodes) {
-  if (nodes.size() != e.events.size()) refuse("as many nodes as events");
+  if (nodes.size() != e.events.size()) reject("as many nodes as events");
   for (size_t i = 0; i < nodes.size(); ++i)
     e.nodes[i] = {std::get<0>(nodes[i]), std::get<1>(nodes[i]), std::get<2>(nodes[i])};
   e.located.clear(), e.stopped = false;
@@ -19,7 +19,7 @@ void set_nodes(Events& e, const Nodes& nodes) {
 
 void check_events(const Events& e, const Index2System& s) {
   for (const SignalEvent& event : e.events)
-    if (!event.signal.is_valid(s)) refuse("a signal does not fit the mechanism");
+    if (!event.signal.is_valid(s)) reject("a signal does not fit the mechanism");
 }
 
 void bind_events(nb::module_& m) {
@@ -27,7 +27,7 @@ void bind_events(nb::module_& m) {
       .def(
           "set_events",
           [](Events& e, const nb::list& events) {
-            e.events = PlainReader().read<std::vector<SignalEvent>>(events);
+            e.events = DataReader().read<std::vector<SignalEvent>>(events);
             e.nodes.assign(e.events.size(), Node());
           },
           nb::arg("events"), "Set the events: dicts of a signal, its level, the direction, and whether it is terminal.")

@@ -10,7 +10,7 @@ namespace {
 
 auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
   return attempt(c, [&](Index2System& s) {
-    if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
+    if (!s.mechanics.expanded()) reject("partials need the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
     Numbers a = numbers(q, s.nq, "q"), b = numbers(u, n, "u"), d = numbers(vdot, nv, "vdot");
     Numbers l = numbers(lam, s.ng, "lam");
@@ -92,7 +92,7 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& y) {
 std::optional<double> ratio_of_pivots(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
   Numbers at = numbers(q, s.nq, "q");
-  if (rank < 1 || rank > std::min(s.ng, s.nv)) refuse("rank out of range");
+  if (rank < 1 || rank > std::min(s.ng, s.nv)) reject("rank out of range");
   try {
     return s.pivot_ratio(at.data(), rank);
   } catch (const FallBackToPython&) {
@@ -125,7 +125,7 @@ double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repe
   try {
     return s.minimal_stage_seconds(a.data(), b.data(), repetitions);
   } catch (const FallBackToPython&) {
-    refuse("the point is singular");
+    reject("the point is singular");
   }
 }
 

@@ -33,17 +33,17 @@ struct ChangedElements {
 void check_components(const std::vector<ModelComponent>& components, const Index2System& s) {
   for (const ModelComponent& x : components)
     if (x.kind == ModelComponent::inertia || x.kind == ModelComponent::placement) {
-      within({x.id}, s.mechanics.joints, "joint"), within({x.id - 1}, s.mechanics.joints, "joint");
+      check_indices({x.id}, s.mechanics.joints, "joint"), check_indices({x.id - 1}, s.mechanics.joints, "joint");
     } else {
       const size_t pairs = x.of_law ? s.law_pairs().size() : s.constraints.pairs.size();
-      within({x.id}, x.kind == ModelComponent::frame ? static_cast<int>(pairs) : 1, "pair");
+      check_indices({x.id}, x.kind == ModelComponent::frame ? static_cast<int>(pairs) : 1, "pair");
     }
 }
 
 ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   ChangedElement out;
   out.parameter = x.parameter, out.at = x.at;
-  within(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
+  check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
     check_anchors(p.pairs, s.mechanics.joints), check_laws(p.laws, p.pairs.size());
     std::vector<Pair> pairs;
@@ -51,7 +51,7 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
     out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
   for (PerturbedElements& p : x.rows) {
-    if (p.rows.size() != x.at.size()) refuse("as many perturbed rows as there are");
+    if (p.rows.size() != x.at.size()) reject("as many perturbed rows as there are");
     check_anchors(p.pairs, s.mechanics.joints), check_rows(p.rows, p.pairs.size());
     check_drivers(p.drivers, p.rows.size());
     out.rows.push_back(
@@ -64,20 +64,20 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
                              const nb::list& changed_list) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  if (s.formulation == Formulation::index1) refuse("tangents are those of index 2 and GGL");
-  if (count < 0) refuse("the number of parameters is not negative");
+  if (s.formulation == Formulation::index1) reject("tangents are those of index 2 and GGL");
+  if (count < 0) reject("the number of parameters is not negative");
   DescriptionReader reader = c.reader();
   auto components = reader.read<std::vector<ModelComponent>>(component_list);
   auto directions = reader.read<std::vector<Direction>>(direction_list);
   check_components(components, s);
   for (const Direction& d : directions) {
-    within({d.parameter}, count, "parameter");
-    within({d.component}, static_cast<int>(components.size()), "component");
-    if (static_cast<int>(d.x.size()) != size_of(components[d.component].kind, s.nv)) refuse("a direction does not fit");
+    check_indices({d.parameter}, count, "parameter");
+    check_indices({d.component}, static_cast<int>(components.size()), "component");
+    if (static_cast<int>(d.x.size()) != size_of(components[d.component].kind, s.nv)) reject("a direction does not fit");
   }
   std::vector<ChangedElement> changed;
   for (ChangedElements& x : reader.read<std::vector<ChangedElements>>(changed_list)) {
-    within({x.parameter}, count, "parameter");
+    check_indices({x.parameter}, count, "parameter");
     changed.push_back(changed_element(std::move(x), s));
   }
   return {&c, std::make_unique<Parameters>(s, count, std::move(components), std::move(directions), std::move(changed))};
@@ -92,11 +92,12 @@ struct Nodes {
                 nb::isinstance<Radau>(method) ? nb::cast<const Radau*>(method) : nullptr,
                 halved, project, nodes - 1, ts.data(), ys.data()},
         nc(carry_size(c.core->system, segment)) {
-    if (!nodes) refuse("a segment has a node");
-    if (!segment.tableau && !segment.radau) refuse("a method is a tableau or Radau");
-    if (c.core->system.formulation == Formulation::index1) refuse("tangents are those of index 2 and GGL");
-    if (p && p->core != &c) refuse("the parameters are those of another core");
-    if ((p || project || segment.radau) && !c.core->system.mechanics.expanded()) refuse("partials need the expanded tree");
+    if (!nodes) reject("a segment has a node");
+    if (!segment.tableau && !segment.radau) reject("a method is a tableau or Radau");
+    if (c.core->system.formulation == Formulation::index1) reject("tangents are those of index 2 and GGL");
+    if (p && p->core != &c) reject("the parameters are those of another core");
+    if ((p || project || segment.radau) && !c.core->system.mechanics.expanded())
+      reject("partials need the expanded tree");
   }
   const size_t ny, nodes;
   const Numbers ts, ys;
@@ -124,11 +125,11 @@ std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(Py
                                                                               double same_state, double agreement) {
   const CoreLock lock(c);
   const Nodes x(c, a, halved, run.project, t, y);
-  if (x.segment.radau) refuse("a collocation method carries nothing");
+  if (x.segment.radau) reject("a collocation method carries nothing");
   const RepeatTolerances like{run.adaptive, run.control, run.tolerated_move, run.tiny, same_state, agreement};
   const size_t sizes = like.control.atol.size();
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.controlled_components()))
-    refuse("atol has the wrong length");
+    reject("atol has the wrong length");
   Recomputed out;
   out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
   if (!succeeds(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return std::nullopt;
@@ -191,8 +192,8 @@ std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bo
 std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double t, const Array& y, bool positions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  if (p.core != &c) refuse("the parameters are those of another core");
-  if (!s.mechanics.expanded()) refuse("partials need the expanded tree");
+  if (p.core != &c) reject("the parameters are those of another core");
+  if (!s.mechanics.expanded()) reject("partials need the expanded tree");
   const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
   Numbers at = numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
   for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;

@@ -25,7 +25,7 @@ auto step_size(PyCore& c, double t, const Array& y, const Array& F, double sign,
                      double growth, double flat, double nothing) {
   return attempt(c, [&](Index2System& s) {
     const size_t n = atol.size();
-    if (n != 1 && n != static_cast<size_t>(s.controlled_components())) refuse("atol has the wrong length");
+    if (n != 1 && n != static_cast<size_t>(s.controlled_components())) reject("atol has the wrong length");
     const FirstStep given{sign, left, rtol, numbers(atol, n, "atol"), power, small, least, share, change, growth, flat, nothing};
     return first_step(s, t, numbers(y, s.length, "y"), numbers(F, s.ny, "F"), given);
   });

@@ -32,8 +32,8 @@ using StepResult = std::tuple<Out, nb::object, std::optional<Out>, Out, Out>;  /
 auto update_independent_rows(PyCore& c, double t, const Array& y, const nb::object& carry) {
   return attempt(c, [&](Index2System& s) {
     State x = state(y, carry);
-    if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
-    if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.carried()) refuse("carry has the wrong length");
+    if (static_cast<int>(x.y.size()) != s.length) reject("y has the wrong length");
+    if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.carried()) reject("carry has the wrong length");
     const bool changed = s.update_independent_rows(t, x);
     return std::make_tuple(changed, vector(x.y), carried(x));
   });
@@ -70,7 +70,7 @@ void expand(PyCore& c, nb::handle model) {
   const CoreLock lock(c);
   const void* m = model_pointer(model.ptr());
   const auto size = model_sizes(m);
-  if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) refuse("the expanded tree has other coordinates");
+  if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) reject("the expanded tree has other coordinates");
   c.expanded = nb::borrow(model);
   c.core->system.mechanics.expand(m);
 }
@@ -78,8 +78,8 @@ void expand(PyCore& c, nb::handle model) {
 void run_loop(PyCore& c, Method& method, Run& run) {
   const size_t n = run.control.atol.size();
   if (run.adaptive && n != 1 && n != static_cast<size_t>(c.core->system.controlled_components()))
-    refuse("atol has the wrong length");
-  if (run.adaptive && !method.errors) refuse("the tableau has no error estimate");
+    reject("atol has the wrong length");
+  if (run.adaptive && !method.errors) reject("the tableau has no error estimate");
   run.steps = Steps(), run.taken = run.rejected = 0, run.needs_python = false;
   check_events(run.events, c.core->system);
   run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
@@ -102,7 +102,7 @@ void advance_stages(PyCore& c, const Radau& radau, Run& run) {
 auto restored(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
     Numbers at = numbers(y, s.length, "y");
-    restore(s, t, at.data());
+    project_state(s, t, at.data());
     return vector(at);
   });
 }
@@ -118,25 +118,26 @@ void set_friction_interfaces(PyCore& c, const nb::list& list, const Active& acti
   const std::vector<Row>& rows = c.core->system.constraints.rows;
   const int ng = static_cast<int>(rows.size());
   for (FrictionInterface& x : interfaces) {
-    const bool grips = x.kind == FrictionInterface::grips;
-    if (grips == x.grip.empty() || x.grip.size() > 2) refuse("an interface that grips has one or two rows");
-    if (!(x.width > 0) || !(x.coefficient >= 0) || !std::isfinite(x.coefficient)) refuse("friction is positive");
-    if (x.components < 1 || x.components > 3) refuse("a force has one to three components");
-    within({x.row}, ng - x.components + 1, "row"), within(x.grip, ng, "row");
+    const bool rolling = x.kind == FrictionInterface::rolling;
+    if (rolling == x.no_slip_rows.empty() || x.no_slip_rows.size() > 2)
+      reject("a rolling interface has one or two no-slip rows");
+    if (!(x.width > 0) || !(x.coefficient >= 0) || !std::isfinite(x.coefficient)) reject("friction is positive");
+    if (x.components < 1 || x.components > 3) reject("a force has one to three components");
+    check_indices({x.row}, ng - x.components + 1, "row"), check_indices(x.no_slip_rows, ng, "row");
     x.pair = rows[x.row].pair;
-    if (x.pair < 0) refuse("friction acts between frames");
-    for (int k : x.grip)
-      if (rows[k].pair != x.pair) refuse("no-slip rows are between the frames of their height");
+    if (x.pair < 0) reject("friction acts between frames");
+    for (int k : x.no_slip_rows)
+      if (rows[k].pair != x.pair) reject("no-slip rows are between the frames of their height");
   }
   if (active.size() != interfaces.size() || directions.size() != 2 * interfaces.size())
-    refuse("as many numbers as friction interfaces");
+    reject("as many numbers as friction interfaces");
   c.core->system.friction.use(std::move(interfaces), active.data(), directions.data());
   c.active = active, c.directions = directions;
 }
 
 void deactivate_rows(PyCore& c, const std::vector<bool>& off, bool sticks) {
   const CoreLock lock(c);
-  if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) refuse("off has the wrong length");
+  if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) reject("off has the wrong length");
   c.core->system.deactivate_rows(off, sticks);
 }
 
@@ -147,16 +148,21 @@ nb::tuple take_record(PyCore& c) {  // called after each call of the core: a dic
                         std::exchange(s.rows.least_pivot_ratio, 1.0), s.largest_g, s.largest_rate, s.largest_speed);
 }
 
+bool write_core(PyCore& c, nb::handle model, const Tolerances& tolerances, const nb::dict& description) {
+  const CoreLock lock(c);
+  return c.write(model, tolerances, description);
+}
+
 void change_law(PyCore& c, int k, const Numbers& a) {
   const CoreLock lock(c);
-  if (!c.core->system.change_law(k, a)) refuse("a law has other numbers");
+  if (!c.core->system.change_law(k, a)) reject("a law has other numbers");
 }
 
 void use_rows(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool frozen) {
   const CoreLock lock(c);
-  within(rows, c.core->system.ng, "row");
+  check_indices(rows, c.core->system.ng, "row");
   if (rank != static_cast<int>(rows.size()) || std::set<int>(rows.begin(), rows.end()).size() != rows.size())
-    refuse("rows are different, and as many as the rank");
+    reject("rows are different, and as many as the rank");
   c.core->system.use_rows(rows, rank, floor, frozen);
 }
 
@@ -187,6 +193,15 @@ NB_MODULE(_native, m) {
            "Set the rows in use, the pivot ratio below which the rank has fallen, and whether rows are frozen.")
       .def(
           "reset", [](PyCore& c) { c.core->system.reset(); }, "Return to the state of a new core, in the same mode.")
+      .def("write", write_core, arg("model"), arg("tolerances"), arg("description"),
+           "Write the numbers of a mechanism in place, and reset; False if its structure is another one.")
+      .def(
+          "set_input",
+          [](PyCore& c, int input, double t, double value, double rate) {
+            const CoreLock lock(c);
+            c.core->system.set_input(input, t, value, rate);
+          },
+          arg("input"), arg("t"), arg("value"), arg("rate"), "Set an input to value + rate (t' - t).")
       .def("change_law", change_law, arg("k"), arg("a"), "Set the numbers of law k, which are constant in a mode.")
       .def("deactivate_rows", deactivate_rows, arg("off"), arg("sticks"),
            "Set the rows that are inactive in the mode, an empty list for none, and whether joints stick.")

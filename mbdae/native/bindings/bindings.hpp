@@ -16,7 +16,7 @@ using Out = nb::ndarray<nb::numpy, double>;
 
 inline Numbers numbers(const Array& x, size_t n, const char* name) {
   if (x.size() != n)
-    refuse(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
+    reject(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
   return Numbers(x.data(), x.data() + n);
 }
 

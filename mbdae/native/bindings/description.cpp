@@ -79,8 +79,9 @@ void DescriptionReader::read(nb::handle h, TimeFunction& out) {
   read_fields(h, out, false);
   bool valid = out.kind == TimeFunction::python || out.a.size() == 4;
   if (out.kind == TimeFunction::pieces)
-    valid = out.degree >= 0 && !out.b.empty() && out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
-  if (!valid) refuse("the numbers of a function of time do not fit its kind");
+    valid = out.degree >= 0 && (out.input < 0 || (out.degree == 1 && out.b.size() == 1)) && !out.b.empty() &&
+            out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
+  if (!valid) reject("the numbers of a function of time do not fit its kind");
   if (out.kind != TimeFunction::python) return;
   out.call = [f = callbacks_.add(nb::cast<nb::dict>(h), "call"), interrupted = &callbacks_.interrupted](double t,
                                                                                                         int k) {
@@ -97,7 +98,7 @@ void DescriptionReader::read(nb::handle h, std::shared_ptr<const Profile>& out) 
   if (p->starts.size() < 2 || p->samples.empty() || p->degree < 0 || n < 2 || n % 2 ||
       !(p->starts.back() > p->starts[0]) || !std::is_sorted(p->starts.begin(), p->starts.end()) ||
       (!p->harmonic && n != 2 * pieces * (static_cast<size_t>(p->degree) + 1)))
-    refuse("the numbers of a profile do not fit");
+    reject("the numbers of a profile do not fit");
   for (double s : p->samples) {
     const Profile::Point x = p->at(s);
     p->points.insert(p->points.end(), x.c, x.c + 2);
@@ -108,7 +109,7 @@ void DescriptionReader::read(nb::handle h, std::shared_ptr<const Profile>& out) 
 std::shared_ptr<const RowFunction> DescriptionReader::row_function(const nb::dict& d) {
   auto out = std::make_shared<RowFunction>();
   read_fields(d, *out, true);
-  within(out->iq, n_.nq, "coordinate"), within(out->iv, n_.nv, "velocity");
+  check_indices(out->iq, n_.nq, "coordinate"), check_indices(out->iv, n_.nv, "velocity");
   const auto select = [](const double* x, const std::vector<int>& indices) {
     Numbers selected;
     for (int i : indices) selected.push_back(x[i]);
@@ -144,17 +145,17 @@ void DescriptionReader::read(nb::handle h, Row& out) {
   if (!out.between_joints()) return;
   const size_t n = out.joints.size(), most = out.kind == Row::sum ? n : out.kind == Row::ratio ? 3 : 2;
   const size_t least = out.kind == Row::function ? 0 : out.kind == Row::coordinate || out.kind == Row::ratio ? 1 : 2;
-  if (n < least || n > most) refuse("a row between joints has one to three of them");
+  if (n < least || n > most) reject("a row between joints has one to three of them");
   for (const RowJoint& j : out.joints) {
-    if (j.nq != 1 && j.nq != 2) refuse("a joint of one velocity has one coordinate or two");
-    within({j.iq}, n_.nq - j.nq + 1, "coordinate"), within({j.iv}, n_.nv, "velocity");
+    if (j.nq != 1 && j.nq != 2) reject("a joint of one velocity has one coordinate or two");
+    check_indices({j.iq}, n_.nq - j.nq + 1, "coordinate"), check_indices({j.iv}, n_.nv, "velocity");
   }
-  if (out.kind == Row::sum && out.c.size() != n) refuse("a sum has a coefficient for each joint");
-  if (out.kind == Row::curved && out.law.kind == TimeFunction::python) refuse("a law is pieces or a harmonic");
+  if (out.kind == Row::sum && out.c.size() != n) reject("a sum has a coefficient for each joint");
+  if (out.kind == Row::curved && out.law.kind == TimeFunction::python) reject("a law is pieces or a harmonic");
 }
 
 void DescriptionReader::check_states(int first, int count) const {
-  if (first < 0 || count < 0 || count > states_ || first > states_ - count) refuse("states out of range");
+  if (first < 0 || count < 0 || count > states_ || first > states_ - count) reject("states out of range");
 }
 
 void DescriptionReader::read(nb::handle h, Law& out) {
@@ -169,18 +170,18 @@ void DescriptionReader::read(nb::handle h, Law& out) {
     out.partials = partials(callbacks_.add(d, "partials"), n_, out.states, interrupted);
     out.time_rate = partials(callbacks_.add(d, "time_rate"), n_, out.states, interrupted);
   }
-  if (!out.kind->fits(out, n_)) refuse("the numbers of a force law do not fit its kind");
+  if (!out.kind->is_valid(out, n_)) reject("the numbers of a force law do not fit its kind");
 }
 
 void DescriptionReader::read(nb::handle h, SampledController& out) {
   const auto d = nb::cast<nb::dict>(h);
   read_fields(d, out, read<SampledController::Kind>(item(d, "kind")) == SampledController::pid);
-  if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0)) refuse("a rate is positive");
-  if (out.states < 1) refuse("states out of range");
+  if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0)) reject("a rate is positive");
+  if (out.states < 1) reject("states out of range");
   check_states(out.state, out.states);
   if (out.kind == SampledController::pid) {
-    within({out.x, out.v}, n_.nq + n_.nv, "coordinate");
-    if (out.a.size() != 3 || out.states > 2) refuse("a PID controller has three gains");
+    check_indices({out.x, out.v}, n_.nq + n_.nv, "coordinate");
+    if (out.a.size() != 3 || out.states > 2) reject("a PID controller has three gains");
     return;
   }
   const Law::Call call = function(callbacks_.add(d, "call"), n_, out.states, &callbacks_.interrupted);
@@ -190,50 +191,50 @@ void DescriptionReader::read(nb::handle h, SampledController& out) {
   };
 }
 
-void within(const std::vector<int>& x, int n, const char* what) {
+void check_indices(const std::vector<int>& x, int n, const char* what) {
   for (int i : x)
-    if (i < 0 || i >= n) refuse(std::string(what) + " out of range");
+    if (i < 0 || i >= n) reject(std::string(what) + " out of range");
 }
 
 void check_anchors(const Anchors& pairs, int joints) {
-  for (const auto& [a, b] : pairs) within({a.joint, b.joint}, joints, "joint of a frame");
+  for (const auto& [a, b] : pairs) check_indices({a.joint, b.joint}, joints, "joint of a frame");
 }
 
 void check_rows(const std::vector<Row>& rows, size_t pairs) {
   for (const Row& row : rows)
-    if (!row.between_joints()) within({row.pair}, static_cast<int>(pairs), "pair");
+    if (!row.between_joints()) check_indices({row.pair}, static_cast<int>(pairs), "pair");
 }
 
 void check_laws(const std::vector<Law>& laws, size_t pairs) {
   for (const Law& law : laws)
-    if (law.pair != -1) within({law.pair}, static_cast<int>(pairs), "pair");
+    if (law.pair != -1) check_indices({law.pair}, static_cast<int>(pairs), "pair");
 }
 
 void check_drivers(const std::vector<Driver>& drivers, size_t rows) {
-  for (const Driver& driver : drivers) within({driver.row}, static_cast<int>(rows), "row");
+  for (const Driver& driver : drivers) check_indices({driver.row}, static_cast<int>(rows), "row");
 }
 
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
   if (static_cast<int>(d.angular.size()) != n.nv || d.probe.size() != d.angular.size())
-    refuse("sizes do not fit the model");
-  if (d.flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
+    reject("sizes do not fit the model");
+  if (d.flat && n.nq != n.nv) reject("a flat manifold has nq = nv");
   if (tolerances.row_scales.size() != d.rows.size() || static_cast<int>(tolerances.q_scales.size()) != n.nq ||
       static_cast<int>(tolerances.coordinate_scales.size()) != n.nv)
-    refuse("as many scales as rows, coordinates and velocities");
-  if (!std::isfinite(d.alpha) || !std::isfinite(d.beta)) refuse("alpha and beta are finite");
+    reject("as many scales as rows, coordinates and velocities");
+  if (!std::isfinite(d.alpha) || !std::isfinite(d.beta)) reject("alpha and beta are finite");
   std::vector<int> order(d.order);
   std::sort(order.begin(), order.end());
   for (size_t i = 0; i < order.size(); ++i)
-    if (order[i] != static_cast<int>(i)) refuse("the order of elimination is 0, 1, ... in some order");
-  if (order.size() != d.rows.size()) refuse("as many positions in the order of elimination as rows");
+    if (order[i] != static_cast<int>(i)) reject("the order of elimination is 0, 1, ... in some order");
+  if (order.size() != d.rows.size()) reject("as many positions in the order of elimination as rows");
   check_anchors(d.pairs, n.joints), check_anchors(d.law_pairs, n.joints);
   check_rows(d.rows, d.pairs.size()), check_laws(d.laws, d.law_pairs.size());
   check_drivers(d.drivers, d.rows.size());
-  for (const Block& b : d.blocks) {
-    const int size = b.kind == Block::se3 ? 6 : 3;
-    within({b.iv}, n.nv - size + 1, "block"), within({b.iq}, n.nq - size, "block");
+  for (const GroupJoint& b : d.group_joints) {
+    const int size = b.kind == GroupJoint::se3 ? 6 : 3;
+    check_indices({b.iv}, n.nv - size + 1, "group_joints"), check_indices({b.iq}, n.nq - size, "group_joints");
   }
-  for (const Angle& a : d.angles) within({a.iv}, n.nv, "angle"), within({a.iq}, n.nq - 1, "angle");
+  for (const Angle& a : d.angles) check_indices({a.iv}, n.nv, "angle"), check_indices({a.iq}, n.nq - 1, "angle");
 }
 
 }  // namespace mbdae

@@ -12,7 +12,7 @@ struct Callbacks {
   bool interrupted = false;
 
   nb::handle add(const nb::dict& d, const char* key) {  // borrowed: lives as long as the core
-    if (!d.contains(key)) refuse(std::string("missing key ") + key);
+    if (!d.contains(key)) reject(std::string("missing key ") + key);
     functions.push_back(nb::borrow(d[key]));
     return functions.back();
   }
@@ -43,7 +43,7 @@ class DescriptionReader : public Reader<DescriptionReader> {
 void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<const double*, size_t>>& in,
                  const std::vector<Numbers*>& out);
 using Anchors = std::vector<std::pair<Anchor, Anchor>>;
-void within(const std::vector<int>& x, int n, const char* what);
+void check_indices(const std::vector<int>& x, int n, const char* what);
 void check_anchors(const Anchors& pairs, int joints);
 void check_rows(const std::vector<Row>& rows, size_t pairs);
 void check_laws(const std::vector<Law>& laws, size_t pairs);

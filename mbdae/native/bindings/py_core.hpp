@@ -27,23 +27,39 @@ struct Core {
 struct PyCore {
   PyCore(nb::handle model_, const Tolerances& tolerances, const nb::dict& description)
       : model(nb::borrow(model_)), callbacks(new Callbacks) {
+    core.reset(new Core(model_pointer(model_.ptr()), tolerances, read(model_, tolerances, description)));
+  }
+
+  // The numbers of a mechanism of the same structure take the place of those before; false: it has another structure.
+  bool write(nb::handle model_, const Tolerances& tolerances, const nb::dict& description) {
     const void* m = model_pointer(model_.ptr());
-    const auto size = model_sizes(m);
+    const Index2System& s = core->system;
+    if (model_sizes(m) != std::array<int, 3>{s.nq, s.nv, s.mechanics.joints}) return false;
+    const size_t before = callbacks->functions.size();  // kept until nothing refers to them
+    if (!core->system.write(m, tolerances, read(model_, tolerances, description))) return false;
+    core->system.samplers.clear();
+    callbacks->functions.erase(callbacks->functions.begin(), callbacks->functions.begin() + before);
+    model = nb::borrow(model_);
+    return true;
+  }
+
+  Description read(nb::handle model_, const Tolerances& tolerances, const nb::dict& description) {
+    const auto size = model_sizes(model_pointer(model_.ptr()));
     const Sizes n{size[0], size[1], size[2]};
     const int ns = nb::cast<int>(item(description, "ns"));
-    if (ns < 0 || ns > 1000000) refuse("sizes do not fit the model");
+    if (ns < 0 || ns > 1000000) reject("sizes do not fit the model");
     auto d = DescriptionReader(*callbacks, n, ns).read<Description>(description);
     mbdae::check(d, n, tolerances);
-    core.reset(new Core(m, tolerances, std::move(d)));
+    return d;
   }
 
   void check(const State& s, const Tableau* t = nullptr) const {
     const Index2System& x = core->system;
-    if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
-    if (!t && !x.mechanics.expanded()) refuse("implicit methods need the expanded tree");
+    if (static_cast<int>(s.y.size()) != x.length) reject("y has the wrong length");
+    if (!t && !x.mechanics.expanded()) reject("implicit methods need the expanded tree");
     if (t && t->explicit_first && static_cast<int>(s.carry.size()) != x.carried())
-      refuse("the method needs a carried derivative");
-    if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
+      reject("the method needs a carried derivative");
+    if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) reject("low has the wrong length");
   }
 
   DescriptionReader reader() {

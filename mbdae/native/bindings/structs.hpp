@@ -21,7 +21,7 @@ namespace mbdae {
 namespace nb = nanobind;
 using Array = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 
-[[noreturn]] inline void refuse(const std::string& text) { throw std::invalid_argument(text); }
+[[noreturn]] inline void reject(const std::string& text) { throw std::invalid_argument(text); }
 
 // A kind of row, law or signal that Python has and this core does not: the core was built before it was written.
 struct UnknownKind : std::invalid_argument {
@@ -30,7 +30,7 @@ struct UnknownKind : std::invalid_argument {
 };
 
 inline nb::object item(const nb::dict& d, const char* key) {
-  if (!d.contains(key)) refuse(std::string("missing key ") + key);
+  if (!d.contains(key)) reject(std::string("missing key ") + key);
   return d[key];
 }
 
@@ -146,7 +146,7 @@ class Reader {
       out = enumerator<T>(nb::cast<std::string>(h));
     } else if constexpr (std::is_array_v<T>) {
       const auto x = nb::cast<Numbers>(h);
-      if (x.size() != std::extent_v<T>) refuse("expected " + std::to_string(std::extent_v<T>) + " numbers");
+      if (x.size() != std::extent_v<T>) reject("expected " + std::to_string(std::extent_v<T>) + " numbers");
       std::copy(x.begin(), x.end(), out);
     } else if constexpr (IsSequence<T>::value) {
       for (nb::handle x : nb::cast<nb::sequence>(h)) out.push_back(read<typename T::value_type>(x));
@@ -157,7 +157,7 @@ class Reader {
   template <class A, class B>
   void read(nb::handle h, std::pair<A, B>& out) {
     const auto x = nb::cast<nb::sequence>(h);
-    if (nb::len(x) != 2) refuse("a pair has two items");
+    if (nb::len(x) != 2) reject("a pair has two items");
     static_cast<Derived*>(this)->read(x[0], out.first), static_cast<Derived*>(this)->read(x[1], out.second);
   }
 
@@ -175,6 +175,6 @@ class Reader {
   }
 };
 
-class PlainReader : public Reader<PlainReader> {};
+class DataReader : public Reader<DataReader> {};
 
 }  // namespace mbdae

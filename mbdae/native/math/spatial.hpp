@@ -9,7 +9,7 @@ namespace mbdae {
 
 using Six = std::array<double, 6>;
 
-inline bool still(const Six& x) {
+inline bool is_zero(const Six& x) {
   return !(x[0] != 0 || x[1] != 0 || x[2] != 0 || x[3] != 0 || x[4] != 0 || x[5] != 0);
 }
 
@@ -41,7 +41,7 @@ inline void of_skews(const double* a, const double* b, double* out) {  // [a] [b
     for (int j = 0; j < 3; ++j) out[3 * i + j] = b[i] * a[j] - (i == j) * along;
 }
 
-inline void block(double* D, int i, int j, const double* m, double factor) {  // D[i:i+3, j:j+3] += factor m
+inline void add_block(double* D, int i, int j, const double* m, double factor) {  // D[i:i+3, j:j+3] += factor m
   for (int k = 0; k < 3; ++k)
     for (int l = 0; l < 3; ++l) D[6 * (i + k) + j + l] += factor * m[3 * k + l];
 }

@@ -12,7 +12,7 @@ namespace mbdae {
 struct Tolerances {
   // tolerances.py
   double eps, tiny, below_rounding, rounding, sum_rounding, evaluation_rounding, solution_rounding, search_tolerance;
-  double same_state, still, pivot_rank, truncation, visible;
+  double same_state, zero_speed, pivot_rank, truncation, visible;
   // mechanism/manifold.py
   double max_rotation;         // rad, largest joint rotation within one step
   std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...
@@ -21,7 +21,7 @@ struct Tolerances {
   double cg_tolerance;  // of the squared residual of conjugate gradients
   int many_rows, extra_cg_iterations;
   // formulations/projection.py
-  double projection_falling, projection_open, projection_stalled;
+  double projection_max_remaining, projection_open, projection_stalled;
   int projection_iterations;
   // formulations/ggl.py, closure_friction.py, friction_interface.py
   int ggl_iterations, friction_iterations;
@@ -30,10 +30,10 @@ struct Tolerances {
   std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
 
   FIELDS(eps, tiny, below_rounding, rounding, sum_rounding, evaluation_rounding, solution_rounding, search_tolerance,
-         same_state, still, pivot_rank, truncation, visible, max_rotation, series, smallest_pivot, worst_conditioning,
-         growth_tolerance, reselection_ratio, probe_tolerance, cg_tolerance, many_rows, extra_cg_iterations,
-         projection_falling, projection_open, projection_stalled, projection_iterations, ggl_iterations,
-         friction_iterations, slip_cosine, stage_iterations, row_scales, q_scales, coordinate_scales)
+         same_state, zero_speed, pivot_rank, truncation, visible, max_rotation, series, smallest_pivot,
+         worst_conditioning, growth_tolerance, reselection_ratio, probe_tolerance, cg_tolerance, many_rows,
+         extra_cg_iterations, projection_max_remaining, projection_open, projection_stalled, projection_iterations,
+         ggl_iterations, friction_iterations, slip_cosine, stage_iterations, row_scales, q_scales, coordinate_scales)
 };
 
 }  // namespace mbdae

@@ -40,6 +40,25 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
     if (d.speed) rows[d.row].positional = false;
 }
 
+bool Constraints::fits(const Constraints& x) const {
+  if (x.rows.size() != rows.size() || x.pairs.size() != pairs.size() || x.drivers.size() != drivers.size()) return false;
+  for (size_t k = 0; k < pairs.size(); ++k)
+    if (x.pairs[k].a.joint != pairs[k].a.joint || x.pairs[k].b.joint != pairs[k].b.joint) return false;
+  for (size_t k = 0; k < rows.size(); ++k) {
+    const Row &row = rows[k], &other = x.rows[k];
+    if (other.kind != row.kind || other.pair != row.pair || other.positional != row.positional ||
+        other.columns != row.columns)
+      return false;
+  }
+  return true;
+}
+
+void Constraints::write(Constraints x) {
+  std::move(x.pairs.begin(), x.pairs.end(), pairs.begin());
+  std::move(x.rows.begin(), x.rows.end(), rows.begin());
+  drivers = std::move(x.drivers);
+}
+
 void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
   int located = -1;
   const double* J = m.J();
@@ -91,8 +110,8 @@ void Constraints::complete_g(double t, double* g) const {
     if (rows[r].period > 0 && rows[r].positional) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
 }
 
-void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which,
-                       double* out, bool falling) {
+void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
+                       bool minus_gravity) {
   int located = -1;
   for (int r : which) {
     const Row& row = rows[r];
@@ -105,7 +124,7 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.update_poses(m), pair.update_velocities(m, falling), located = row.pair;
+    if (row.pair != located) pair.update_poses(m), pair.update_velocities(m, minus_gravity), located = row.pair;
     out[r] = row.rate(pair);
   }
 }

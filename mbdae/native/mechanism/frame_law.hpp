@@ -56,14 +56,14 @@ struct FrameLaw {
   }
 
   static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
-    static const double still[6] = {0, 0, 0, 0, 0, 0};
+    static const double zero[6] = {0, 0, 0, 0, 0, 0};
     Pair& pair = *law.frames;
     double V[6] = {0, 0, 0, 0, 0, 0}, w[6], rate[6];
     pair.update_poses(p.m);
     if (F::damped(law)) pair.relative(p.m, p.v, V);
     Dual<1> t(p.t);
     t.d[0] = 1;
-    const auto all = F::wrenches(law, now(p, t), moving_frames(pair, still), velocity_of(V));
+    const auto all = F::wrenches(law, now(p, t), moving_frames(pair, zero), velocity_of(V));
     read(all.conservative, w, rate), pair.torque(p.m, rate, 1, f.conservative);
     read(all.other, w, rate), pair.torque(p.m, rate, 1, f.other);
   }
@@ -75,8 +75,8 @@ struct FrameLaw {
 };
 
 template <class F>
-constexpr LawKind frame_law(LawKind::Fits fits) {
-  return {fits, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential, FrameLaw<F>::time_rate};
+constexpr LawKind frame_law(LawKind::IsValid is_valid) {
+  return {is_valid, FrameLaw<F>::add, FrameLaw<F>::partials, FrameLaw<F>::potential, FrameLaw<F>::time_rate};
 }
 
 }  // namespace mbdae

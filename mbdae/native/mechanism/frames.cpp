@@ -6,17 +6,17 @@ namespace mbdae {
 
 Frames<Dual<6>> moving_frames(const Pair& p) {
   Frames<Dual<6>> out{Rotation<double>(p.Ra), Vec3<double>(p.pa), Rotation<Dual<6>>(p.Rb), Vec3<Dual<6>>(p.pb)};
-  double turned[9];
-  skew(p.pb, turned);
+  double skewed[9];
+  skew(p.pb, skewed);
   for (int i = 0; i < 3; ++i) {
     out.pb[i].d[i] = 1;
-    for (int k = 0; k < 3; ++k) out.pb[i].d[3 + k] = -turned[3 * i + k];
+    for (int k = 0; k < 3; ++k) out.pb[i].d[3 + k] = -skewed[3 * i + k];
   }
   for (int j = 0; j < 3; ++j) {
     const double column[3] = {p.Rb[j], p.Rb[3 + j], p.Rb[6 + j]};
-    skew(column, turned);
+    skew(column, skewed);
     for (int i = 0; i < 3; ++i)
-      for (int k = 0; k < 3; ++k) out.Rb.x[3 * i + j].d[3 + k] = -turned[3 * i + k];
+      for (int k = 0; k < 3; ++k) out.Rb.x[3 * i + j].d[3 + k] = -skewed[3 * i + k];
   }
   return out;
 }

@@ -43,8 +43,8 @@ struct JointLaw {
 };
 
 template <class F>
-constexpr LawKind joint_law(LawKind::Fits fits, LawKind::Potential potential = nullptr) {
-  return {fits, JointLaw<F>::add, JointLaw<F>::partials, potential};
+constexpr LawKind joint_law(LawKind::IsValid is_valid, LawKind::Potential potential = nullptr) {
+  return {is_valid, JointLaw<F>::add, JointLaw<F>::partials, potential};
 }
 
 }  // namespace mbdae

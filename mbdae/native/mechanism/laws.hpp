@@ -51,18 +51,18 @@ struct LawPartials {
 // Definitions in a file of laws/. Implicit methods, equilibria and gradients use the derivatives of every law: a kind
 // without them does not compile.
 struct LawKind {
-  using Fits = bool (*)(Law& law, const Sizes& n);  // whether its data are valid; may precompute
+  using IsValid = bool (*)(Law& law, const Sizes& n);  // whether its data are valid; may precompute
   using Add = void (*)(const Law& law, const ForcePoint& p, const Forces& f);
   using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the partials of `add`
   using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
 
-  constexpr LawKind(Fits fits, Add add, EquationPartials partials, Potential potential = nullptr,
+  constexpr LawKind(IsValid is_valid, Add add, EquationPartials partials, Potential potential = nullptr,
                     Add time_rate = nullptr)
-      : fits(fits), add(add), partials(partials), potential(potential), time_rate(time_rate) {}
-  LawKind(Fits, Add) = delete;
-  LawKind(Fits, Add, std::nullptr_t, Potential = nullptr) = delete;
+      : is_valid(is_valid), add(add), partials(partials), potential(potential), time_rate(time_rate) {}
+  LawKind(IsValid, Add) = delete;
+  LawKind(IsValid, Add, std::nullptr_t, Potential = nullptr) = delete;
 
-  Fits fits;
+  IsValid is_valid;
   Add add;
   EquationPartials partials;
   Potential potential;

@@ -32,7 +32,7 @@ Vec3<S> in_world(const Frames<S>& x, const S& first, const S& second) {
   return first * column(x.Ra, 0) + second * column(x.Ra, 1);
 }
 
-// A point of a profile near the given place, c(s) and c'(s).
+// A point of a profile near the given one, c(s) and c'(s).
 template <class S>
 struct ProfilePoint {
   Vec2<S> c, d;
@@ -51,11 +51,11 @@ template <class S>
 Line<S> of_roller(const Row& r, const Frames<S>& x) {
   const Vec2<S> at = in_plane(x, x.pb - x.pa);
   const double known[2] = {value(at.x[0]), value(at.x[1])};
-  const Profile::Point place = r.profile->nearest(known);
-  const Vec2<S> off{{at.x[0] - place.c[0], at.x[1] - place.c[1]}};
-  const double bend = place.d[0] * place.d[0] + place.d[1] * place.d[1] -
-                      (place.dd[0] * value(off.x[0]) + place.dd[1] * value(off.x[1]));
-  const ProfilePoint<S> c(place, dot(place.d, off) / bend);
+  const Profile::Point nearest = r.profile->nearest(known);
+  const Vec2<S> off{{at.x[0] - nearest.c[0], at.x[1] - nearest.c[1]}};
+  const double bend = nearest.d[0] * nearest.d[0] + nearest.d[1] * nearest.d[1] -
+                      (nearest.dd[0] * value(off.x[0]) + nearest.dd[1] * value(off.x[1]));
+  const ProfilePoint<S> c(nearest, dot(nearest.d, off) / bend);
   const S size = sqrt(c.d.x[0] * c.d.x[0] + c.d.x[1] * c.d.x[1]), side = r.profile->side / size;
   const Vec2<S> n{{side * c.d.x[1], -side * c.d.x[0]}};
   const S g = n.x[0] * (at.x[0] - c.c.x[0]) + n.x[1] * (at.x[1] - c.c.x[1]) - r.length;
@@ -68,9 +68,9 @@ Line<S> of_flat_face(const Row& r, const Frames<S>& x) {
   const Vec3<S> e = x.Rb * Vec3<double>(r.b);
   const Vec2<S> n = in_plane(x, e);
   const double known[2] = {value(n.x[0]), value(n.x[1])};
-  const Profile::Point place = r.profile->support(known);
-  const S ds = -1 / (place.dd[0] * known[0] + place.dd[1] * known[1]) * dot(place.d, n);
-  const ProfilePoint<S> c(place, ds);
+  const Profile::Point nearest = r.profile->support(known);
+  const S ds = -1 / (nearest.dd[0] * known[0] + nearest.dd[1] * known[1]) * dot(nearest.d, n);
+  const ProfilePoint<S> c(nearest, ds);
   const Vec3<S> p = x.pa + in_world(x, c.c.x[0], c.c.x[1]);
   return {e, p, dot(e, x.pb - p)};
 }

@@ -19,18 +19,18 @@ void times(int n, const double* A, const double* x, double* out) {
 }
 
 // ad of p, (n, n) by rows; n.
-int ad(const Block& b, const double* p, double* X) {
+int ad(const GroupJoint& b, const double* p, double* X) {
   std::fill(X, X + 36, 0.0);
   auto skew = [&](const double* w, int row, int column, int width) {
     X[row * width + column + 1] = -w[2], X[row * width + column + 2] = w[1];
     X[(row + 1) * width + column] = w[2], X[(row + 1) * width + column + 2] = -w[0];
     X[(row + 2) * width + column] = -w[1], X[(row + 2) * width + column + 1] = w[0];
   };
-  if (b.kind == Block::se3) {
+  if (b.kind == GroupJoint::se3) {
     skew(p + 3, 0, 0, 6), skew(p, 0, 3, 6), skew(p + 3, 3, 3, 6);
     return 6;
   }
-  if (b.kind == Block::so3)
+  if (b.kind == GroupJoint::so3)
     skew(p, 0, 0, 3);
   else
     X[1] = -p[2], X[2] = p[1], X[3] = p[2], X[5] = -p[0];
@@ -80,11 +80,11 @@ static void inverse_jacobian_rate(const Tolerances& limits, int n, const double*
   }
 }
 
-Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vector<int> angular,
+Manifold::Manifold(Mechanics& m, bool flat_, std::vector<GroupJoint> group_joints, std::vector<int> angular,
                    std::vector<Angle> angles)
     : flat(flat_),
       m_(m),
-      blocks_(std::move(blocks)),
+      group_joints_(std::move(group_joints)),
       angular_(std::move(angular)),
       angles_(std::move(angles)),
       neutral_(m.nq) {
@@ -92,26 +92,26 @@ Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vec
 }
 
 // Along the chord of a planar joint, rotated by half its angle: cosine and sine in q, times the ratio of chord to arc.
-static void chord(const double* q, double turn, double* c, double* s, double* share) {
-  const double half = turn / 2, ch = std::cos(half), sh = std::sin(half);
+static void chord(const double* q, double rotation, double* c, double* s, double* ratio) {
+  const double half = rotation / 2, ch = std::cos(half), sh = std::sin(half);
   *c = q[2] * ch - q[3] * sh, *s = q[3] * ch + q[2] * sh;
-  *share = half == 0 ? 1.0 : sh / half;
+  *ratio = half == 0 ? 1.0 : sh / half;
 }
 
 void Manifold::integrate(const double* q, const double* x, double* out) const {
   for (int i = 0; flat && i < m_.nq; ++i) out[i] = q[i] + x[i];
   if (flat) return;
-  double c, s, share;
+  double c, s, ratio;
   std::vector<double> moved;
-  for (const Block& b : blocks_) {
-    if (b.kind != Block::se2) continue;
+  for (const GroupJoint& b : group_joints_) {
+    if (b.kind != GroupJoint::se2) continue;
     const double *p = q + b.iq, *u = x + b.iv;
-    chord(p, u[2], &c, &s, &share);
-    moved.push_back(p[0] + share * (c * u[0] - s * u[1])), moved.push_back(p[1] + share * (s * u[0] + c * u[1]));
+    chord(p, u[2], &c, &s, &ratio);
+    moved.push_back(p[0] + ratio * (c * u[0] - s * u[1])), moved.push_back(p[1] + ratio * (s * u[0] + c * u[1]));
   }
   m_.integrate(q, x, out);  // out may be q
-  for (size_t k = 0, i = 0; i < blocks_.size(); ++i)
-    if (blocks_[i].kind == Block::se2) std::copy_n(&moved[2 * k++], 2, out + blocks_[i].iq);
+  for (size_t k = 0, i = 0; i < group_joints_.size(); ++i)
+    if (group_joints_[i].kind == GroupJoint::se2) std::copy_n(&moved[2 * k++], 2, out + group_joints_[i].iq);
 }
 
 void Manifold::difference(const double* q0, const double* q1, double* out) const {
@@ -122,12 +122,12 @@ void Manifold::difference(const double* q0, const double* q1, double* out) const
     const double *p = q0 + a.iq, *p1 = q1 + a.iq;
     out[a.iv] = std::atan2(p[0] * p1[1] - p[1] * p1[0], p[0] * p1[0] + p[1] * p1[1]);
   }
-  double c, s, share;
-  for (const Block& b : blocks_) {
-    if (b.kind != Block::se2) continue;
+  double c, s, ratio;
+  for (const GroupJoint& b : group_joints_) {
+    if (b.kind != GroupJoint::se2) continue;
     const double *p = q0 + b.iq, dx = q1[b.iq] - p[0], dy = q1[b.iq + 1] - p[1];
-    chord(p, out[b.iv + 2], &c, &s, &share);
-    out[b.iv] = (c * dx + s * dy) / share, out[b.iv + 1] = (c * dy - s * dx) / share;
+    chord(p, out[b.iv + 2], &c, &s, &ratio);
+    out[b.iv] = (c * dx + s * dy) / ratio, out[b.iv + 1] = (c * dy - s * dx) / ratio;
   }
 }
 
@@ -137,17 +137,17 @@ void Manifold::size(const double* q, double* out) const {
 }
 
 void Manifold::check_rotations(const double* x) const {
-  for (const Block& b : blocks_) {
-    const double turn =
-        b.kind == Block::se2 ? std::fabs(x[b.iv + 2]) : norm(x + b.iv + (b.kind == Block::se3 ? 3 : 0), 3);
-    if (turn > m_.limits.max_rotation) throw StepTooLong();
+  for (const GroupJoint& b : group_joints_) {
+    const double rotation =
+        b.kind == GroupJoint::se2 ? std::fabs(x[b.iv + 2]) : norm(x + b.iv + (b.kind == GroupJoint::se3 ? 3 : 0), 3);
+    if (rotation > m_.limits.max_rotation) throw StepTooLong();
   }
 }
 
 void Manifold::tangent(const double* x, double* dx) const {
-  if (blocks_.empty()) return;
+  if (group_joints_.empty()) return;
   check_rotations(x);
-  for (const Block& b : blocks_) {
+  for (const GroupJoint& b : group_joints_) {
     double X[36], out[6];
     const int n = ad(b, x + b.iv, X);
     inverse_jacobian(m_.limits, n, X, dx + b.iv, out);
@@ -156,7 +156,7 @@ void Manifold::tangent(const double* x, double* dx) const {
 }
 
 void Manifold::velocity(const double* x, double* v) const {
-  for (const Block& b : blocks_) {
+  for (const GroupJoint& b : group_joints_) {
     double X[36], out[6];
     const int n = ad(b, x + b.iv, X);
     right_jacobian(m_.limits, n, X, v + b.iv, out);
@@ -165,9 +165,9 @@ void Manifold::velocity(const double* x, double* v) const {
 }
 
 void Manifold::transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const {
-  out.resize(blocks_.size());
-  for (size_t i = 0; i < blocks_.size(); ++i) {
-    const Block& b = blocks_[i];
+  out.resize(group_joints_.size());
+  for (size_t i = 0; i < group_joints_.size(); ++i) {
+    const GroupJoint& b = group_joints_[i];
     TangentBlock& t = out[i];
     double from[36], X[36], middle[6], column[6];
     t.at = b.iv, t.n = ad(b, x + b.iv, from);
@@ -183,9 +183,9 @@ void Manifold::transfer(const double* x, const double* to, std::vector<TangentBl
 }
 
 void Manifold::partials(const double* x, const double* v, std::vector<TangentBlock>& out) const {
-  out.resize(blocks_.size());
-  for (size_t i = 0; i < blocks_.size(); ++i) {
-    const Block& b = blocks_[i];
+  out.resize(group_joints_.size());
+  for (size_t i = 0; i < group_joints_.size(); ++i) {
+    const GroupJoint& b = group_joints_[i];
     TangentBlock& t = out[i];
     double X[36], dX[36], column[6];
     t.at = b.iv, t.n = ad(b, x + b.iv, X);
@@ -204,13 +204,13 @@ void Manifold::partials(const double* x, const double* v, std::vector<TangentBlo
 void Manifold::integrate_partials(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const {
   std::vector<TangentBlock> tangents;
   partials(x, v, tangents);
-  out.resize(blocks_.size());
-  for (size_t i = 0; i < blocks_.size(); ++i) {
+  out.resize(group_joints_.size());
+  for (size_t i = 0; i < group_joints_.size(); ++i) {
     IntegratePartialsBlock& t = out[i];
     const int n = t.n = tangents[i].n, at = t.at = tangents[i].at;
     double X[36], column[6], moved[6];
     std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].dJv, n * n, t.T);
-    ad(blocks_[i], x + at, X);
+    ad(group_joints_[i], x + at, X);
     for (int k = 0; k < n; ++k) {
       double e[6] = {0, 0, 0, 0, 0, 0};
       e[k] = 1;

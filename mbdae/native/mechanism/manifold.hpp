@@ -9,8 +9,8 @@
 
 namespace mbdae {
 
-// A block of the tangent map: a spherical, free-flying or planar joint.
-struct Block {
+// A joint whose configurations are a Lie group, with a block of the tangent map: spherical, free-flying or planar.
+struct GroupJoint {
   NAMED_ENUM(enum, Kind, so3, se3, se2)
   Kind kind;
   int iv, iq;  // first index in the tangent, and in q
@@ -39,10 +39,11 @@ struct IntegratePartialsBlock {
 
 class Manifold {
  public:
-  Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> angular, std::vector<Angle> angles);
+  Manifold(Mechanics& m, bool flat, std::vector<GroupJoint> group_joints, std::vector<int> angular,
+           std::vector<Angle> angles);
 
   const bool flat;  // a vector space
-  bool curved() const { return !blocks_.empty(); }  // does J(x) differ from 1?
+  bool curved() const { return !group_joints_.empty(); }  // does J(x) differ from 1?
 
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
@@ -57,7 +58,7 @@ class Manifold {
 
  private:
   Mechanics& m_;
-  std::vector<Block> blocks_;
+  std::vector<GroupJoint> group_joints_;
   std::vector<int> angular_;  // (nv,) flags: rotations, whose magnitude is no scale
   std::vector<Angle> angles_;
   Numbers neutral_;           // (nq,)

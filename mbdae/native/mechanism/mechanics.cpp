@@ -40,7 +40,7 @@ pinocchio::Data lean(const pinocchio::Model& model) {
 }  // namespace
 
 Mechanics::Workspace::Workspace(const pinocchio::Model& m)
-    : model(m), data(lean(m)), kept(data.oMi), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
+    : model(m), data(lean(m)), saved_poses(data.oMi), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
 
 Mechanics::Mechanics(const void* model, const Tolerances& limits_)
     : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
@@ -55,10 +55,22 @@ Mechanics::Mechanics(const void* model, const Tolerances& limits_)
       const auto end = own.end() - w->model.nvs[j] + i;
       ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
     }
+  begin_sweep();
+}
+
+void Mechanics::begin_sweep() {
   w->nle.setZero(nv);
   auto tree = tree_joints(w->model);
   const double *gravity = w->model.gravity.linear().data(), *armature = w->model.armature.data();
   if (!tree.empty()) w->sweep.reset(new TreeSweep(std::move(tree), ancestors, gravity, armature));
+}
+
+void Mechanics::write(const void* model, const Tolerances& limits_) {
+  ++motion_stamp_, ++pose_stamp_, limits = limits_;
+  if (model == &w->model) return;
+  auto partials = std::move(w->partials);
+  w.reset(new Workspace(*static_cast<const pinocchio::Model*>(model))), begin_sweep();
+  w->partials = std::move(partials);
 }
 
 Mechanics::~Mechanics() = default;
@@ -73,7 +85,7 @@ std::vector<std::vector<int>> Mechanics::supports() const {
 }
 
 void Mechanics::inertia(const double* q) {
-  ++placed_;
+  ++pose_stamp_;
   if (w->sweep) return w->sweep->inertia(q, w->poses(), w->J(), w->data.M.data());
   w->q = In(q, nq);
   pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
@@ -81,43 +93,43 @@ void Mechanics::inertia(const double* q) {
 
 void Mechanics::dynamics(const double* q, const double* v) {
   if (!w->sweep) return inertia(q), bias(q, v);
-  ++motion_, ++placed_;
+  ++motion_stamp_, ++pose_stamp_;
   w->sweep->dynamics(q, v, w->poses(), w->J(), w->data.M.data(), w->nle.data());
 }
 
 void Mechanics::poses(const double* q) {
-  ++placed_;
+  ++pose_stamp_;
   if (w->sweep) return w->sweep->poses(q, w->poses(), w->J());
   w->q = In(q, nq);
   pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
 }
 
-void Mechanics::keep() { ++placed_, std::swap(w->data.oMi, w->kept); }
-void Mechanics::back() { ++placed_, w->data.oMi = w->kept; }
+void Mechanics::save_poses() { ++pose_stamp_, std::swap(w->data.oMi, w->saved_poses); }
+void Mechanics::restore_poses() { ++pose_stamp_, w->data.oMi = w->saved_poses; }
 
 void Mechanics::motions(const double* q, const double* v) {
-  ++motion_, ++placed_;
+  ++motion_stamp_, ++pose_stamp_;
   if (w->sweep) return w->sweep->motions(q, v, nullptr, w->poses(), w->J());
   w->q = In(q, nq), w->v = In(v, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
 }
 
 void Mechanics::motions(const double* q, const double* v, const double* a) {
-  ++motion_, ++placed_;
+  ++motion_stamp_, ++pose_stamp_;
   if (w->sweep) return w->sweep->motions(q, v, a, w->poses(), w->J());
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
 }
 
 void Mechanics::bias(const double* q, const double* v) {
-  ++motion_, ++placed_;
+  ++motion_stamp_, ++pose_stamp_;
   if (w->sweep) return w->sweep->inverse(q, v, nullptr, w->poses(), w->J(), w->nle.data());
   w->q = In(q, nq), w->v = In(v, nv);
   w->nle = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
 }
 
 void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
-  ++motion_, ++placed_;
+  ++motion_stamp_, ++pose_stamp_;
   if (w->sweep) return w->sweep->inverse(q, v, a, w->poses(), w->J(), out);
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
@@ -129,15 +141,16 @@ void Mechanics::expand(const void* model) {
   const auto& tree = *static_cast<const pinocchio::Model*>(model);
   std::vector<int> before;
   std::vector<std::vector<int>> own(tree.njoints - 1);
-  parts.resize(nv);
+  expanded_joints.resize(nv);
   for (int j = 1; j < tree.njoints; ++j) {
     before.push_back(static_cast<int>(tree.parents[j]) - 1);
-    for (int i = 0; i < tree.nvs[j]; ++i) own[j - 1].push_back(tree.idx_vs[j] + i), parts[own[j - 1].back()] = j;
+    for (int i = 0; i < tree.nvs[j]; ++i)
+      own[j - 1].push_back(tree.idx_vs[j] + i), expanded_joints[own[j - 1].back()] = j;
   }
   w->partials.reset(new RneaPartials(std::move(before), std::move(own)));
 }
 
-bool Mechanics::stands(const double* q, const double* v) const {
+bool Mechanics::partials_begun(const double* q, const double* v) const {
   const auto& begun = w->begun;
   return begun.q.size() == nq && std::equal(q, q + nq, begun.q.data()) && std::equal(v, v + nv, begun.v.data());
 }
@@ -151,12 +164,12 @@ void Mechanics::inertia(const double* q, const double* v) {
   for (int j = 1; j < joints; ++j) {
     Body here = body(j);
     for (int i = 0; i < 3; ++i) here.centre[i] -= amid[i];
-    w->partials->set(parts[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
+    w->partials->set(expanded_joints[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
   }
   begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
   for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), amid.data(), &begun.about(0, k));
   begun.q = In(q, nq), begun.v = In(v, nv), begun.M.resize(nv, nv);
-  w->partials->stand(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), w->nle.data());
+  w->partials->begin(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), w->nle.data());
   begun.M.diagonal() += w->model.armature;
   w->data.M = begun.M;
 }
@@ -164,12 +177,12 @@ void Mechanics::inertia(const double* q, const double* v) {
 const double* Mechanics::bias() const { return w->nle.data(); }
 
 void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
-  ++placed_;
-  if (stands(q, v))
+  ++pose_stamp_;
+  if (partials_begun(q, v))
     w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
   else
     inertia(q, v);
-  w->partials->find(a, by_q, by_v, alone);
+  w->partials->complete(a, by_q, by_v, alone);
 }
 
 double Mechanics::potential() const {
@@ -204,7 +217,7 @@ void Mechanics::acceleration(int j, double* out) const {
     o.setZero();
 }
 
-void Mechanics::falling(int j, double* out) const {
+void Mechanics::bias_minus_gravity(int j, double* out) const {
   if (w->sweep) return w->sweep->acceleration(j, out);
   Eigen::Map<Eigen::Matrix<double, 6, 1>>(out, 6) = w->data.oMi[j].act(w->data.a_gf[j]).toVector();
 }
@@ -213,20 +226,20 @@ void Mechanics::gravity(double* out) const {
   Eigen::Map<Eigen::Vector3d>(out, 3) = w->model.gravity.linear();
 }
 
-void Mechanics::place(int j, double* R, double* p) const {
-  const pinocchio::SE3 place = w->data.oMi[w->model.parents[j]] * w->model.jointPlacements[j];
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = place.rotation();
-  Eigen::Map<Eigen::Vector3d>(p, 3) = place.translation();
+void Mechanics::placement(int j, double* R, double* p) const {
+  const pinocchio::SE3 pose = w->data.oMi[w->model.parents[j]] * w->model.jointPlacements[j];
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = pose.rotation();
+  Eigen::Map<Eigen::Vector3d>(p, 3) = pose.translation();
 }
 
 Body Mechanics::body(int j) const {
-  const pinocchio::SE3& place = w->data.oMi[j];
+  const pinocchio::SE3& pose = w->data.oMi[j];
   const pinocchio::Inertia& own = w->model.inertias[j];
-  const Eigen::Matrix3d turned = place.rotation() * own.inertia().matrix();
+  const Eigen::Matrix3d RI = pose.rotation() * own.inertia().matrix();
   Body out;
   out.mass = own.mass();
-  Eigen::Map<Eigen::Vector3d>(out.centre, 3).noalias() = place.rotation() * own.lever() + place.translation();
-  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3).noalias() = turned * place.rotation().transpose();
+  Eigen::Map<Eigen::Vector3d>(out.centre, 3).noalias() = pose.rotation() * own.lever() + pose.translation();
+  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3).noalias() = RI * pose.rotation().transpose();
   return out;
 }
 

@@ -16,12 +16,15 @@ class Mechanics {
   Mechanics(const void* model, const Tolerances& limits);
   ~Mechanics();
 
-  const Tolerances limits;
+  // Another model of the same joints; all that was computed with the one before is forgotten.
+  void write(const void* model, const Tolerances& limits);
+
+  Tolerances limits;
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
   std::vector<int> parents;                 // (joints,)
-  std::vector<int> parts;                   // (nv,) of each degree of freedom: its joint in the expanded tree
+  std::vector<int> expanded_joints;         // (nv,) of each degree of freedom: its joint in the expanded tree
 
   std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
 
@@ -30,16 +33,16 @@ class Mechanics {
   void inertia(const double* q, const double* v);                 // M; J and poses; the first terms of `partials`
   const double* bias() const;                                     // (nv,) nle of the last two, or of `bias`
   void poses(const double* q);                                    // J and poses alone
-  void keep();                                                    // save poses for `back`; others are computed next
-  void back();                                                    // to the saved poses
+  void save_poses();                                              // the current ones; others are computed next
+  void restore_poses();                                           // those of the last `save_poses`
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
-  void bias(const double* q, const double* v);                    // nle(q, v); velocities, inputs of `falling`
+  void bias(const double* q, const double* v);                      // nle(q, v); velocities; for `bias_minus_gravity`
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
   // model points to the expanded tree (mechanism/expanded_tree.py).
   void expand(const void* model);
-  bool expanded() const { return !parts.empty(); }
+  bool expanded() const { return !expanded_joints.empty(); }
   // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0. M, J and poses
   // are current afterwards.
   void partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone = false);
@@ -61,19 +64,21 @@ class Mechanics {
   const double* position(int joint) const;
   void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
   void acceleration(int joint, double* out) const;
-  long motion() const { return motion_; }  // changes whenever velocities or accelerations may change
-  long placed() const { return placed_; }  // changes whenever poses may change
-  void falling(int joint, double* out) const;  // acceleration minus gravity for v' = 0, at the last call of `bias`
+  long motion_stamp() const { return motion_stamp_; }  // changes whenever velocities or accelerations may change
+  long pose_stamp() const { return pose_stamp_; }      // changes whenever poses may change
+  // Bias acceleration (of v' = 0) minus gravity, at the last call of `bias`: Pinocchio's a_gf.
+  void bias_minus_gravity(int joint, double* out) const;
   void gravity(double* out) const;                              // (3,)
-  void place(int joint, double* R, double* p) const;            // of the joint's placement on its parent body, by rows
+  void placement(int joint, double* R, double* p) const;        // of the joint's placement on its parent body, by rows
   Body body(int joint) const;                                   // child of a joint
 
  private:
   struct Workspace;
-  bool stands(const double* q, const double* v) const;  // are first terms of the partials known there?
+  void begin_sweep();
+  bool partials_begun(const double* q, const double* v) const;  // are the first terms of the partials those of (q, v)?
 
   std::unique_ptr<Workspace> w;
-  long motion_ = 0, placed_ = 0;
+  long motion_stamp_ = 0, pose_stamp_ = 0;
 };
 
 }  // namespace mbdae

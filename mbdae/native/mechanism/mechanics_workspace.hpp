@@ -28,7 +28,7 @@ struct Mechanics::Workspace {
   const pinocchio::Model& model;
   std::unique_ptr<TreeSweep> sweep;
   pinocchio::Data data;
-  decltype(data.oMi) kept;
+  decltype(data.oMi) saved_poses;
   VectorXd q, v, a, rate, end;  // a stays 0
   struct Begun {  // partials at (q, v): terms known so far
     VectorXd q, v;

@@ -17,24 +17,24 @@ struct Body {
 class RneaPartials {
  public:
   // Of each joint, parents first: its parent (-1: none); its degrees of freedom.
-  RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> own);
+  RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> dofs);
 
-  void set(int part, const Body& body);  // the body of a joint; without it the joint has none
+  void set(int joint, const Body& body);  // the body of a joint; without it the joint has none
   // M (nv, nv) and nle(q, v), for J (6, nv) by columns, linear part first, about a fixed point, from which the centres
   // of bodies are given; gravity (3,) in m/s^2.
-  void stand(const double* J, const double* gravity, const double* v, double* M, double* nle);
-  // There, partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0.
-  void find(const double* a, double* by_q, double* by_v, bool alone);
+  void begin(const double* J, const double* gravity, const double* v, double* M, double* nle);
+  // After `begin`, partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0.
+  void complete(const double* a, double* by_q, double* by_v, bool alone);
 
  private:
   // Of a body, or of the subtree of a joint: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),
   // momentum h, wrench f, and S: its wrench for a motion x of its parent is D x = (2 x h, S x - h x x).
-  struct Carried {
+  struct InertiaTerms {
     double mass = 0, moment[3] = {}, I[6] = {};
     Six h{}, f{};
     double S[6] = {};
 
-    void weigh(const double* V, const double* A);
+    void set_motion(const double* V, const double* A);
     void momentum(const double* x, double* out) const;  // for the motion x
     void add_D(const double* angular, double* out) const;
     void D_transposed(const double* x, double* angular) const;
@@ -43,20 +43,20 @@ class RneaPartials {
   struct Column {
     Six J, IJ;
     double DJ[3];     // the angular part of D^T J; the linear one is 0
-    Six once, twice;  // V x J, A x J + V x (V x J)
-    Six both;         // V x J, and the rate of J
+    Six psi_dot, psi_ddot;   // V x J, A x J + V x (V x J), as in the source
+    Six psi_dot_plus_S_dot;  // V x J plus the rate of J
   };
 
-  void move(int part, const double* J, const double* v);
+  void update_motion(int joint, const double* J, const double* v);
 
   const std::vector<int> parents_;
-  const std::vector<std::vector<int>> own_;
-  std::vector<std::vector<int>> before_;  // of each joint: the degrees of freedom of all its ancestors
-  std::vector<Carried> bodies_, carried_;
-  std::vector<bool> heavy_;
+  const std::vector<std::vector<int>> dofs_;
+  std::vector<std::vector<int>> ancestor_dofs_;  // of each joint: the degrees of freedom of all its ancestors
+  std::vector<InertiaTerms> bodies_, subtrees_;
+  std::vector<bool> has_mass_;
   Six base_{};              // initial value of A: gravity
   std::vector<Six> V_, A_;  // of each joint; A for v' = 0
-  std::vector<Six> more_, f_;  // terms of a in A, and in the wrench of the subtree
+  std::vector<Six> Aa_, f_;  // terms of a in A, and in the wrench of the subtree
   std::vector<Column> columns_;
 };
 

@@ -13,11 +13,11 @@ namespace mbdae {
 
 namespace {
 
-void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R, double* __restrict p) {
+void frame_pose(const Mechanics& m, const Anchor& x, bool with_rotation, double* __restrict R, double* __restrict p) {
   if (!x.joint) return;  // fixed to the world: computed once
   const double* __restrict o = m.rotation(x.joint), * __restrict at = m.position(x.joint);  // o by columns
   for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
-  if (!turns) return;
+  if (!with_rotation) return;
   if (x.straight) {
     for (int i = 0; i < 3; ++i) R[3 * i] = o[i], R[3 * i + 1] = o[3 + i], R[3 * i + 2] = o[6 + i];
     return;
@@ -50,15 +50,15 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int
 }
 
 void Pair::update_poses(const Mechanics& m) {
-  if (poses_of_ == m.placed()) return;
-  place(m, a, needs_Ra, Ra, pa), place(m, b, needs_Rb, Rb, pb);
-  contact_current_ = moving_contact_current_ = false, poses_of_ = m.placed();
+  if (poses_of_ == m.pose_stamp()) return;
+  frame_pose(m, a, needs_Ra, Ra, pa), frame_pose(m, b, needs_Rb, Rb, pb);
+  contact_current_ = moving_contact_current_ = false, poses_of_ = m.pose_stamp();
 }
 
-void Pair::update_velocities(const Mechanics& m, bool falling) {
+void Pair::update_velocities(const Mechanics& m, bool minus_gravity) {
   double other[6];
   m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
-  const auto of = falling ? &Mechanics::falling : &Mechanics::acceleration;
+  const auto of = minus_gravity ? &Mechanics::bias_minus_gravity : &Mechanics::acceleration;
   (m.*of)(a.joint, other), (m.*of)(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
   moving_contact_current_ = false;
@@ -112,7 +112,7 @@ double Row::wrench(const Pair& pair, double* w) const {
   }
   if (kind == dot_product_1) {
     double x[3], y[3];
-    turn(pair.Ra, a, x), turn(pair.Rb, b, y);
+    rotate(pair.Ra, a, x), rotate(pair.Rb, b, y);
     g = dot(x, y);
     w[0] = w[1] = w[2] = 0;
     cross(y, x, w + 3);
@@ -120,7 +120,7 @@ double Row::wrench(const Pair& pair, double* w) const {
   }
   if (kind == dot_product_2) {
     const double d[3] = {pair.pb[0] - pair.pa[0], pair.pb[1] - pair.pa[1], pair.pb[2] - pair.pa[2]};
-    turn(pair.Ra, a, w);
+    rotate(pair.Ra, a, w);
     g = dot(d, w);
   } else {
     g = unit_gap(pair, w) - length;
@@ -145,7 +145,7 @@ double Row::rate(const Pair& pair) const {
   for (int i = 0; i < 6; ++i) out += pair.A[i] * w[i];
   if (kind == dot_product_1) {
     double x[3], y[3], dx[3], dy[3], s[3], u[3];
-    turn(pair.Ra, a, x), turn(pair.Rb, b, y);
+    rotate(pair.Ra, a, x), rotate(pair.Rb, b, y);
     cross(pair.Va + 3, x, dx), cross(pair.Vb + 3, y, dy);
     cross(dy, x, s), cross(y, dx, u);
     for (int i = 0; i < 3; ++i) dw[3 + i] = s[i] + u[i];
@@ -182,15 +182,15 @@ void Row::partials(const Pair& pair, WrenchPartials& t) const {
   wrench(pair, t.F);
   if (kind == distance) return distance_partials(pair, 1, t);
   double x[3], y[3], X[9], XX[9];
-  turn(pair.Ra, a, x);
+  rotate(pair.Ra, a, x);
   if (kind == dot_product_1) {
-    turn(pair.Rb, b, y);
-    of_skews(y, x, XX), block(t.Da, 3, 3, XX, -1);
-    of_skews(x, y, XX), block(t.Db, 3, 3, XX, 1);
+    rotate(pair.Rb, b, y);
+    of_skews(y, x, XX), add_block(t.Da, 3, 3, XX, -1);
+    of_skews(x, y, XX), add_block(t.Db, 3, 3, XX, 1);
     return;
   }
   skew(x, X), of_skews(pair.pb, x, XX);
-  block(t.Da, 0, 3, X, -1), block(t.Da, 3, 3, XX, -1);
+  add_block(t.Da, 0, 3, X, -1), add_block(t.Da, 3, 3, XX, -1);
   carried(pair.pb, x, t.Db);
 }
 
@@ -227,9 +227,9 @@ double Row::coordinate_bias(const double* q, const double* v) const {
 }
 
 double Row::folded(const double* q, double* rise) const {
-  const double x = angle(q, joints[1]), turns = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
-  *rise = turns * fold[2];
-  return x - turns * fold[1];
+  const double x = angle(q, joints[1]), periods = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
+  *rise = periods * fold[2];
+  return x - periods * fold[1];
 }
 
 double Row::curvature(const double* q) const {

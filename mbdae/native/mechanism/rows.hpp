@@ -29,8 +29,9 @@ struct Pair {
   Pair(const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
 
   void update_poses(const Mechanics& m);  // Ra, pa, Rb, pb in the world, at the current poses
-  // Va, Vb, and A, the relative acceleration for v' = 0; falling: of `Mechanics::falling`, where gravity cancels.
-  void update_velocities(const Mechanics& m, bool falling);
+  // Va, Vb, and A, the relative acceleration for v' = 0; minus_gravity: from `Mechanics::bias_minus_gravity`, where
+  // gravity cancels.
+  void update_velocities(const Mechanics& m, bool minus_gravity);
   void relative(const Mechanics& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
   void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
 
@@ -45,7 +46,7 @@ struct Pair {
   const Contact<Dual<1>>& moving_contact(const Shape& s) const;
 
  private:
-  long poses_of_ = -1;  // Mechanics::placed of the last update
+  long poses_of_ = -1;  // Mechanics::pose_stamp of the last update
   mutable bool contact_current_ = false, moving_contact_current_ = false;
   mutable Contact<double> contact_;
   mutable Contact<Dual<1>> moving_contact_;
@@ -142,6 +143,9 @@ class Constraints {
   Constraints(const Mechanics& m, std::vector<Row> rows, const std::vector<std::pair<Anchor, Anchor>>& pairs,
               std::vector<Driver> drivers);
 
+  bool fits(const Constraints& other) const;  // are its rows of the same kinds, between the same joints?
+  void write(Constraints other);              // its numbers, where it fits; pairs stay where they are
+
   std::vector<Pair> pairs;
   std::vector<Row> rows;  // (ng,)
   std::vector<int> all;   // (ng,) 0, 1, ...
@@ -153,9 +157,9 @@ class Constraints {
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g if requested.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
   void complete_g(double t, double* g) const;  // g -= u, reduced by periods
-  // Gdot v of some rows, at the current motions; falling: as set by `Mechanics::bias`.
+  // Gdot v of some rows, at the current motions; minus_gravity: those of `Mechanics::bias`.
   void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
-            bool falling = false);
+            bool minus_gravity = false);
   void evaluate_g_t(double t, double* g_t) const;    // -u', (ng,)
   void evaluate_g_tt(double t, double* g_tt) const;  // -u'', (ng,)
 

@@ -12,10 +12,10 @@ double TimeFunction::at(double t, int k) const {
     return k ? value * std::pow(a[1], k) : value + a[3];
   }
   size_t i = 0;
-  double turns = 0;
+  double periods = 0;
   if (period > 0) {
     if (!std::isfinite(t)) throw FallBackToPython();
-    turns = std::floor((t - b[0]) / period), t -= turns * period;
+    periods = std::floor((t - b[0]) / period), t -= periods * period;
   }
   if (b.size() > 1) {
     if (!std::isfinite(t)) throw FallBackToPython();
@@ -31,7 +31,7 @@ double TimeFunction::at(double t, int k) const {
   };
   double value = coefficient(degree);
   for (int p = degree - 1; p >= k; --p) value = value * x + coefficient(p);
-  return k ? value : value + turns * rise;
+  return k ? value : value + periods * rise;
 }
 
 }  // namespace mbdae

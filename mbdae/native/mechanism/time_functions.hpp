@@ -20,9 +20,14 @@ struct TimeFunction {
   std::vector<double> a, b;  // numbers; of pieces: coefficients, highest power first; starts of pieces
   int degree = 0;            // of pieces
   double period = 0, rise = 0;  // of pieces: period, and increase per period; 0: none
+  int input = -1;               // of pieces: the input whose present line this is; -1: none
   std::function<double(double t, int k)> call;  // Python
 
-  FIELDS(kind, a, b, degree, period, rise)
+  FIELDS(kind, a, b, degree, period, rise, input)
+
+  void set(int input_, double t, double value, double rate) {  // value + rate (t' - t), if it is this input
+    if (input == input_) a = {rate, value}, b = {t};
+  }
 
   double at(double t, int k = 0) const;  // the k-th derivative
   template <int N>

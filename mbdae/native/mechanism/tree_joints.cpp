@@ -14,8 +14,8 @@ using pinocchio::JointModel;
 using pinocchio::SE3;
 
 struct Kind {
-  TreeJoint::Turn turn;
-  int slides;
+  TreeJoint::RotationKind rotation;
+  int translations;
 };
 
 const std::map<std::string, Kind>& kinds() {
@@ -44,10 +44,10 @@ class Chains {
     const std::string name = joint.shortname().substr(std::string("JointModel").size());
     if (name == "Universal") {
       const auto& both = boost::get<pinocchio::JointModelUniversal>(joint.toVariant());
-      return turn(joint, 0, both.axis1, placement, end), turn(joint, 1, both.axis2, one_, end), true;
+      return add_revolute(joint, 0, both.axis1, placement, end), add_revolute(joint, 1, both.axis2, one_, end), true;
     }
     if (name == "SphericalZYX") {
-      for (int k = 0; k < 3; ++k) turn(joint, k, Eigen::Vector3d::Unit(2 - k), k ? one_ : placement, end);
+      for (int k = 0; k < 3; ++k) add_revolute(joint, k, Eigen::Vector3d::Unit(2 - k), k ? one_ : placement, end);
       return true;
     }
     if (name == "Composite") {
@@ -60,28 +60,28 @@ class Chains {
     const auto kind = kinds().find(name);
     if (kind == kinds().end()) return false;
     TreeJoint x;
-    x.turn = kind->second.turn, x.slides = kind->second.slides;
+    x.rotation = kind->second.rotation, x.translations = kind->second.translations;
     x.q = joint.idx_q(), x.v = joint.idx_v(), x.nv = joint.nv();
     auto data = joint.createData();
     joint.calc(data, neutral_);  // its axes are the same everywhere
     const Eigen::Matrix<double, 6, Eigen::Dynamic> S = data.S().matrix();
-    along(x, x.turn == TreeJoint::none ? S.col(0).head<3>() : S.rightCols<1>().tail<3>());
-    if (x.nv == 1 && x.turn != TreeJoint::none) x.pitch = S.col(0).head<3>().dot(S.col(0).tail<3>());
+    set_axis(x, x.rotation == TreeJoint::none ? S.col(0).head<3>() : S.rightCols<1>().tail<3>());
+    if (x.nv == 1 && x.rotation != TreeJoint::none) x.pitch = S.col(0).head<3>().dot(S.col(0).tail<3>());
     return append(x, placement, end), true;
   }
 
  private:
-  void turn(const JointModel& joint, int k, const Eigen::Vector3d& axis, const SE3& placement, int& end) {
+  void add_revolute(const JointModel& joint, int k, const Eigen::Vector3d& axis, const SE3& placement, int& end) {
     TreeJoint x;
-    x.turn = TreeJoint::angle, x.q = joint.idx_q() + k, x.v = joint.idx_v() + k, x.nv = 1;
-    along(x, axis), append(x, placement, end);
+    x.rotation = TreeJoint::angle, x.q = joint.idx_q() + k, x.v = joint.idx_v() + k, x.nv = 1;
+    set_axis(x, axis), append(x, placement, end);
   }
 
-  static void along(TreeJoint& x, const Eigen::Vector3d& axis) {
+  static void set_axis(TreeJoint& x, const Eigen::Vector3d& axis) {
     Eigen::Map<Eigen::Vector3d>(x.axis) = axis;
     for (int i = 0; i < 3; ++i)
       for (const double sense : {1.0, -1.0})
-        if (axis == sense * Eigen::Vector3d::Unit(i)) x.along = i, x.sense = sense;
+        if (axis == sense * Eigen::Vector3d::Unit(i)) x.frame_axis = i, x.axis_sign = sense;
   }
 
   void append(TreeJoint x, const SE3& placement, int& end) {

@@ -7,17 +7,18 @@ namespace mbdae {
 
 namespace {
 
-inline void rotate(const double* R, const double* x, double* out) {  // R by columns
+inline void rotate_by_columns(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 
 inline void copy(const double* R, double* out) { std::memcpy(out, R, 9 * sizeof(double)); }
 
 inline void rotate_columns(const double* R, const double* X, double* out) {
-  for (int j = 0; j < 3; ++j) rotate(R, X + 3 * j, out + 3 * j);
+  for (int j = 0; j < 3; ++j) rotate_by_columns(R, X + 3 * j, out + 3 * j);
 }
 
-inline void turn_about(int i, double c, double s, const double* R, double* out) {  // out = R Rot(e_i, angle)
+inline void rotated_about_frame_axis(int i, double c, double s, const double* R,
+                                     double* out) {  // out = R Rot(e_i, angle)
   const int j = 3 * ((i + 1) % 3), k = 3 * ((i + 2) % 3);
   for (int l = 0; l < 3; ++l) {
     const double y = R[j + l], z = R[k + l];
@@ -25,14 +26,14 @@ inline void turn_about(int i, double c, double s, const double* R, double* out) 
   }
 }
 
-inline void about_axis(const double* e, double c, double s, double* R) {
+inline void rotation_about(const double* e, double c, double s, double* R) {
   const double C = 1 - c;
   for (int j = 0; j < 3; ++j)
     for (int i = 0; i < 3; ++i) R[3 * j + i] = C * e[i] * e[j] + (i == j ? c : 0);
   R[1] += s * e[2], R[2] -= s * e[1], R[3] -= s * e[2], R[5] += s * e[0], R[6] += s * e[1], R[7] -= s * e[0];
 }
 
-inline void of_quaternion(const double* q, double* R) {  // x, y, z, w
+inline void rotation_of_quaternion(const double* q, double* R) {  // x, y, z, w
   const double x = 2 * q[0], y = 2 * q[1], z = 2 * q[2];
   const double wx = x * q[3], wy = y * q[3], wz = z * q[3], xx = x * q[0], xy = y * q[0], xz = z * q[0];
   const double yy = y * q[1], yz = z * q[1], zz = z * q[2];
@@ -72,89 +73,89 @@ TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vecto
   subtrees_.resize(joints_.size());
 }
 
-inline void TreeSweep::place(int j, const double* q, const double* before, double* pose) {
+inline void TreeSweep::update_pose(int j, const double* q, const double* before, double* pose) {
   const TreeJoint& x = joints_[j];
   const double* at = q + x.q;
   double R[9], step[3];
   if (x.parent)
-    rotate_columns(before, x.R, R), rotate(before, x.p, step);
+    rotate_columns(before, x.R, R), rotate_by_columns(before, x.p, step);
   else
     copy(x.R, R), std::memcpy(step, x.p, sizeof(step));
-  if (x.slides == 1 || x.pitch != 0) {
-    const double far = x.slides ? at[0] : x.pitch * at[0];
+  if (x.translations == 1 || x.pitch != 0) {
+    const double far = x.translations ? at[0] : x.pitch * at[0];
     double along[3];
-    rotate(R, x.axis, along);
+    rotate_by_columns(R, x.axis, along);
     for (int i = 0; i < 3; ++i) step[i] += far * along[i];
   } else {
-    for (int k = 0; k < x.slides; ++k)
+    for (int k = 0; k < x.translations; ++k)
       for (int i = 0; i < 3; ++i) step[i] += at[k] * R[3 * k + i];
   }
   for (int i = 0; i < 3; ++i) {  // arms apart: differences of positions far from the origin have lost digits
     pose[9 + i] = x.parent ? before[9 + i] + step[i] : step[i];
     arms_[j][i] = x.parent ? arms_[x.parent][i] + step[i] : 0;
   }
-  at += x.slides;
-  if (x.turn == TreeJoint::none) return copy(R, pose);
+  at += x.translations;
+  if (x.rotation == TreeJoint::none) return copy(R, pose);
   double local[9];
-  if (x.turn == TreeJoint::quaternion) {
-    of_quaternion(at, local);
+  if (x.rotation == TreeJoint::quaternion) {
+    rotation_of_quaternion(at, local);
   } else {
-    const bool angle = x.turn == TreeJoint::angle;
+    const bool angle = x.rotation == TreeJoint::angle;
     const double c = angle ? std::cos(at[0]) : at[0], s = angle ? std::sin(at[0]) : at[1];
-    if (x.along >= 0) return turn_about(x.along, c, x.sense * s, R, pose);
-    about_axis(x.axis, c, s, local);
+    if (x.frame_axis >= 0) return rotated_about_frame_axis(x.frame_axis, c, x.axis_sign * s, R, pose);
+    rotation_about(x.axis, c, s, local);
   }
   rotate_columns(R, local, pose);
 }
 
-// Sliding axes of a joint come first, then those of rotation.
-inline void TreeSweep::columns(int j, const double* pose, double* J) {
+// Columns of translation come first, then those of rotation.
+inline void TreeSweep::update_columns(int j, const double* pose, double* J) {
   const TreeJoint& x = joints_[j];
   const double *p = pose + 9, *arm = arms_[j].data();
   int k = x.v;
-  const auto slide = [&](const double* e) {
+  const auto add_translation = [&](const double* e) {
     const Six column{e[0], e[1], e[2], 0, 0, 0};
     about_[k] = column, std::copy(column.begin(), column.end(), J + 6 * k++);
   };
-  const auto turn = [&](const double* e) {
+  const auto add_rotation = [&](const double* e) {
     double *here = about_[k].data(), *out = J + 6 * k++;
     cross(arm, e, here), cross(p, e, out);
     for (int i = 0; i < 3; ++i) here[3 + i] = out[3 + i] = e[i];
   };
   if (x.nv != 1) {
-    const int turns = x.nv - x.slides;
-    for (int i = 0; i < x.slides; ++i) slide(pose + 3 * i);
-    for (int i = 3 - turns; i < 3; ++i) turn(pose + 3 * i);
+    const int rotations = x.nv - x.translations;
+    for (int i = 0; i < x.translations; ++i) add_translation(pose + 3 * i);
+    for (int i = 3 - rotations; i < 3; ++i) add_rotation(pose + 3 * i);
     return;
   }
   double e[3];
-  if (x.along >= 0)
-    for (int i = 0; i < 3; ++i) e[i] = x.sense * pose[3 * x.along + i];
+  if (x.frame_axis >= 0)
+    for (int i = 0; i < 3; ++i) e[i] = x.axis_sign * pose[3 * x.frame_axis + i];
   else
-    rotate(pose, x.axis, e);
-  x.slides ? slide(e) : turn(e);
+    rotate_by_columns(pose, x.axis, e);
+  x.translations ? add_translation(e) : add_rotation(e);
   if (x.pitch != 0)
     for (int i = 0; i < 3; ++i) about_[x.v][i] += x.pitch * e[i], J[6 * x.v + i] += x.pitch * e[i];
 }
 
-inline void TreeSweep::move(int j, const double* v, const double* a) {
+inline void TreeSweep::update_motion(int j, const double* v, const double* a) {
   const TreeJoint& x = joints_[j];
   const Six& before = V_[x.parent];
   Six own{}, A = A_[x.parent];
   for (int k = x.v; k < x.v + x.nv; ++k)
     for (int i = 0; i < 6; ++i) own[i] += about_[k][i] * v[k];
   if (x.parent) {
-    double turned[6];
-    motion_cross(before.data(), own.data(), turned);
-    for (int i = 0; i < 6; ++i) A[i] += turned[i], own[i] += before[i];
+    double product[6];
+    motion_cross(before.data(), own.data(), product);
+    for (int i = 0; i < 6; ++i) A[i] += product[i], own[i] += before[i];
   }
   for (int k = x.v; a && k < x.v + x.nv; ++k)
     for (int i = 0; i < 6; ++i) A[i] += about_[k][i] * a[k];
   V_[j] = own, A_[j] = A;
 }
 
-template <bool weighs, bool pushes>
-inline void TreeSweep::weigh(int j, const double* pose) {
+template <bool with_inertia, bool with_wrench>
+inline void TreeSweep::add_body(int j, const double* pose) {
   const TreeJoint& x = joints_[j];
   Subtree& out = subtrees_[j];
   if (x.joint < 0) {
@@ -163,9 +164,9 @@ inline void TreeSweep::weigh(int j, const double* pose) {
   }
   const double mass = *x.mass;
   double c[3], I[6];
-  rotate(pose, x.lever, c), rotate_symmetric(pose, x.I, I);
+  rotate_by_columns(pose, x.lever, c), rotate_symmetric(pose, x.I, I);
   for (int i = 0; i < 3; ++i) c[i] += arms_[j][i];
-  if (pushes) {  // mass times the acceleration of the centre, and Euler's equation
+  if (with_wrench) {  // mass times the acceleration of the centre, and Euler's equation
     const double *V = V_[j].data(), *A = A_[j].data(), *w = V + 3;
     double u[3], h[3], *F = out.f.data(), *N = F + 3;
     std::copy(A, A + 3, F), add_cross(A + 3, c, F);
@@ -173,7 +174,7 @@ inline void TreeSweep::weigh(int j, const double* pose) {
     for (int i = 0; i < 3; ++i) F[i] *= mass;
     symmetric(I, A + 3, N), symmetric(I, w, h), add_cross(w, h, N), add_cross(c, F, N);
   }
-  if (weighs) {
+  if (with_inertia) {
     out.mass = mass;
     for (int i = 0; i < 3; ++i) out.moment[i] = mass * c[i];
     const double square = dot(out.moment, c);
@@ -182,23 +183,23 @@ inline void TreeSweep::weigh(int j, const double* pose) {
   }
 }
 
-template <bool moves, bool weighs, bool pushes>
+template <bool with_motion, bool with_inertia, bool with_wrench>
 void TreeSweep::outward(const double* q, const double* v, const double* a, double* poses, double* J) {
   const int n = static_cast<int>(joints_.size());
   for (int j = 1; j < n; ++j) {
     const TreeJoint& x = joints_[j];
     double* here = pose(j, poses);
-    place(j, q, pose(x.parent, poses), here);
-    columns(j, here, J);
-    if (moves) {
+    update_pose(j, q, pose(x.parent, poses), here);
+    update_columns(j, here, J);
+    if (with_motion) {
       const double* from = pose(x.root, poses) + 9;
-      std::copy(from, from + 3, from_[j].begin()), move(j, v, a);
+      std::copy(from, from + 3, from_[j].begin()), update_motion(j, v, a);
     }
-    if (weighs || pushes) weigh<weighs, pushes>(j, here);
+    if (with_inertia || with_wrench) add_body<with_inertia, with_wrench>(j, here);
   }
 }
 
-template <bool weighs, bool pushes>
+template <bool with_inertia, bool with_wrench>
 void TreeSweep::inward(double* M, double* nle) {
   const size_t nv = about_.size();
   for (int j = static_cast<int>(joints_.size()) - 1; j > 0; --j) {
@@ -206,8 +207,8 @@ void TreeSweep::inward(double* M, double* nle) {
     const Subtree& own = subtrees_[j];
     for (int k = x.v; k < x.v + x.nv; ++k) {
       const double* J = about_[k].data();
-      if (pushes) nle[k] = dot6(own.f.data(), J);
-      if (!weighs) continue;
+      if (with_wrench) nle[k] = dot6(own.f.data(), J);
+      if (!with_inertia) continue;
       double F[6], *column = M + nv * k;
       for (int i = 0; i < 3; ++i) F[i] = own.mass * J[i];
       add_cross(J + 3, own.moment, F), symmetric(own.I, J + 3, F + 3), add_cross(own.moment, J, F + 3);
@@ -216,9 +217,9 @@ void TreeSweep::inward(double* M, double* nle) {
     }
     if (!x.parent) continue;
     Subtree& to = subtrees_[x.parent];
-    if (pushes)
+    if (with_wrench)
       for (int i = 0; i < 6; ++i) to.f[i] += own.f[i];
-    if (!weighs) continue;
+    if (!with_inertia) continue;
     to.mass += own.mass;
     for (int i = 0; i < 3; ++i) to.moment[i] += own.moment[i];
     for (int i = 0; i < 6; ++i) to.I[i] += own.I[i];

@@ -12,14 +12,19 @@ namespace mbdae {
 // A joint with fixed axes and its child body: a joint of the model, or one of several that make it. The numbers of the
 // model are read where Pinocchio has them, so that they may change.
 struct TreeJoint {
-  enum Turn { none, angle, circle, quaternion } turn = none;  // coordinates of rotation, after those of position
+  enum RotationKind {
+    none,
+    angle,
+    circle,
+    quaternion
+  } rotation = none;         // coordinates of rotation, after those of position
   int parent = 0, root = 0;  // in this tree; root: the first one of its branch
   int joint = 0;             // of the model, whose body it carries; -1: a link without mass
   int q = 0, v = 0, nv = 0;
-  int slides = 0;       // coordinates of position: one along the axis, or along the axes of the placement
+  int translations = 0;  // coordinates of position: one along the axis, or along the axes of the placement
   double axis[3] = {};  // unit vector of a joint with one velocity, and of the rotation of a planar one
-  int along = -1;       // the frame's axis that this is, times `sense`; -1: none
-  double sense = 1;
+  int frame_axis = -1;  // the frame's axis that this is, times `axis_sign`; -1: none
+  double axis_sign = 1;
   double pitch = 0;     // m/rad
   const double *R = nullptr, *p = nullptr;                       // placement on the parent, by columns
   const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body; about its centre, xx, xy, yy, xz, yz, zz
@@ -53,20 +58,20 @@ class TreeSweep {
     Six f;
   };
 
-  template <bool moves, bool weighs, bool pushes>
+  template <bool with_motion, bool with_inertia, bool with_wrench>
   void outward(const double* q, const double* v, const double* a, double* poses, double* J);
-  template <bool weighs, bool pushes>
+  template <bool with_inertia, bool with_wrench>
   void inward(double* M, double* nle);
   double* pose(int j, double* poses) { return joints_[j].joint < 0 ? &links_[12 * j] : poses + 12 * joints_[j].joint; }
-  void place(int j, const double* q, const double* before, double* pose);
-  void columns(int j, const double* pose, double* J);
-  void move(int j, const double* v, const double* a);
-  template <bool weighs, bool pushes>
-  void weigh(int j, const double* pose);
+  void update_pose(int j, const double* q, const double* before, double* pose);
+  void update_columns(int j, const double* pose, double* J);
+  void update_motion(int j, const double* v, const double* a);
+  template <bool with_inertia, bool with_wrench>
+  void add_body(int j, const double* pose);
   void shift(const std::vector<Six>& x, int joint, double* out) const;
 
   const std::vector<TreeJoint> joints_;
-  std::vector<int> carrier_;  // of each joint of the model: its place in joints_
+  std::vector<int> carrier_;   // of each joint of the model: its index in joints_
   std::vector<double> links_;  // (joints, 12) poses of links without mass
   std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
   const double *gravity_, *armature_;

@@ -44,13 +44,13 @@ void matrix_of_wrench(const double* F, double* out) {
   double f[9], m[9];
   skew(F, f), skew(F + 3, m);
   std::fill(out, out + 36, 0.0);
-  block(out, 0, 3, f, -1), block(out, 3, 0, f, -1), block(out, 3, 3, m, -1);
+  add_block(out, 0, 3, f, -1), add_block(out, 3, 0, f, -1), add_block(out, 3, 3, m, -1);
 }
 
 void carried(const double* p, const double* n, double* D) {
   double N[9], NP[9];
   skew(n, N), of_skews(n, p, NP);
-  block(D, 3, 0, N, -1), block(D, 3, 3, NP, 1);
+  add_block(D, 3, 0, N, -1), add_block(D, 3, 3, NP, 1);
 }
 
 void distance_partials(const Pair& pair, double factor, WrenchPartials& t) {
@@ -59,10 +59,11 @@ void distance_partials(const Pair& pair, double factor, WrenchPartials& t) {
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) N[3 * i + j] = ((i == j) - n[i] * n[j]) / d * factor;
   skew(pair.pa, A), skew(pair.pb, B), product(N, A, NA), product(N, B, NB);
-  block(t.Da, 0, 0, N, -1), block(t.Da, 0, 3, NA, 1), block(t.Db, 0, 0, N, 1), block(t.Db, 0, 3, NB, -1);
-  product(B, N, out), block(t.Da, 3, 0, out, -1), block(t.Db, 3, 0, out, 1);
-  product(B, NA, out), block(t.Da, 3, 3, out, 1);
-  product(B, NB, out), block(t.Db, 3, 3, out, -1);
+  add_block(t.Da, 0, 0, N, -1), add_block(t.Da, 0, 3, NA, 1), add_block(t.Db, 0, 0, N, 1),
+      add_block(t.Db, 0, 3, NB, -1);
+  product(B, N, out), add_block(t.Da, 3, 0, out, -1), add_block(t.Db, 3, 0, out, 1);
+  product(B, NA, out), add_block(t.Da, 3, 3, out, 1);
+  product(B, NB, out), add_block(t.Db, 3, 3, out, -1);
   for (double& x : n) x *= factor;
   carried(pair.pb, n, t.Db);
 }
@@ -71,7 +72,7 @@ PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* 
   columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];
-    if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});
+    if (pair.sign[k] != 0) columns_.push_back({at, m.expanded_joints[at], pair.sign[k], m.J() + 6 * at, {}});
   }
   if (!v) return;
   double W[2][6] = {};  // of frames a and b, relative to the parent of the joint

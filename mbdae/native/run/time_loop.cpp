@@ -65,7 +65,7 @@ double TimeLoop::move_norm(const Numbers& move) const {
   return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
 
-bool TimeLoop::taken_back(double h, const Numbers& y, const Numbers& move) const {
+bool TimeLoop::undoes_step(double h, const Numbers& y, const Numbers& move) const {
   Numbers step(s_.ny), undone(s_.ny, 0.0), slowed(s_.ny, 0.0);
   std::copy_n(move.begin(), s_.nv, undone.begin());
   for (int i = 0; i < s_.nv; ++i) slowed[i] = h * move[s_.nv + i];
@@ -73,19 +73,19 @@ bool TimeLoop::taken_back(double h, const Numbers& y, const Numbers& move) const
   if (!(back > 1)) return false;
   s_.difference(run_.state.y.data(), y.data(), step.data());
   std::fill(step.begin() + s_.nv, step.end(), 0.0);
-  return back > run_.taken_back * move_norm(step);
+  return back > run_.max_undone * move_norm(step);
 }
 
 void TimeLoop::project(double t) {
   const Numbers y = next_.y;
   restarted_ = false;
-  restore(s_, t, next_.y.data());
+  project_state(s_, t, next_.y.data());
   next_.low.clear();
   s_.size(next_.y.data(), size1_.data());  // of the next step's start, which must not hang on where a slice of time ends
   Numbers move(s_.ny);
   s_.difference(y.data(), next_.y.data(), move.data());
   const double moved = move_norm(move);
-  if (taken_back(t - run_.interval.t, y, move)) throw FallBackToPython();
+  if (undoes_step(t - run_.interval.t, y, move)) throw FallBackToPython();
   if (!method_.carries || moved <= 1) return;
   Numbers F(s_.ny), z(s_.ng);  // what the method carries is computed again
   s_.derivative(t, next_.y.data(), F.data(), z.data());
@@ -141,7 +141,7 @@ void TimeLoop::record() {
   steps.least_pivot_ratio.push_back(s_.rows.least_pivot_ratio);
 }
 
-bool TimeLoop::cross_jump() {
+bool TimeLoop::apply_jump() {
   const double t = run_.jumps.restart;
   Jumps jumps = run_.jumps;
   SmoothInterval interval = run_.interval;
@@ -214,7 +214,7 @@ void TimeLoop::advance() {
   if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
   while (run_.taken + run_.rejected < run_.max_steps) {
     if (run_.interval.t == run_.interval.end &&
-        (!run_.jumps.in_core || std::isnan(run_.jumps.restart) || !cross_jump()))
+        (!run_.jumps.in_core || std::isnan(run_.jumps.restart) || !apply_jump()))
       return;
     const StepMemory control = run_.control;  // must be unchanged after an abandoned step
     const GridMemory grid = run_.grid;

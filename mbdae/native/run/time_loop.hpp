@@ -47,7 +47,7 @@ struct Run {
   bool monitored = false;     // by the singularity monitor
   double tolerated_move = 0;  // of the magnitude of a state: by a projection after fixed steps that keeps the carry
   double tiny = 0;            // keeps it positive where a state is zero
-  double taken_back = 0;      // of the motion of a step: what a projection may undo beyond tolerances
+  double max_undone = 0;      // of the motion of a step: what a projection may undo beyond tolerances
   double seconds = 0;         // of computing, or little more
   long max_steps = 0;         // taken or rejected
   long max_carries = 0;       // nodes with a recorded carry
@@ -57,7 +57,7 @@ struct Run {
   bool needs_python = false;  // for the next step
 
   FIELDS(interval, control, grid, monitor, events, jumps, adaptive, project, monitored, tolerated_move, tiny,
-         taken_back, seconds, max_steps, max_carries, taken, rejected, needs_python)
+         max_undone, seconds, max_steps, max_carries, taken, rejected, needs_python)
 };
 
 // A method that takes the steps of a run.
@@ -111,9 +111,9 @@ class TimeLoop {
   bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
   double move_norm(const Numbers& move) const;  // of the projected end of a step, in tolerances
-  bool taken_back(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
+  bool undoes_step(double h, const Numbers& y, const Numbers& move) const;  // did it undo the step, which led to y?
   void detect_events(Proposal& p);  // on the step just taken, which is cut where an event ends the run
-  bool cross_jump();                // the jump after an interval; false if Python must handle it
+  bool apply_jump();                // the jump after an interval; false if Python must handle it
   void record();                    // record the state
   bool ends_singular();  // does a fixed step end in a singular configuration although another step is possible?
   double error_norm(const double* e, int errors, double noise) const;

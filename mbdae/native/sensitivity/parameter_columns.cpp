@@ -47,17 +47,17 @@ void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers
     for (int row : which.in_use()) Q[changed_[i].parameter * r + position[row]] += changed_Q_[i * s_.ng + row];
 }
 
-void Parameters::load(int joint, const double* W, double* P) const {
+void Parameters::subtract_wrench(int joint, const double* W, double* P) const {
   const double* J = s_.mechanics.J();
   for (int j = joint; j; j = s_.mechanics.parents[j])
     for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W);
 }
 
-void Parameters::load_behind(int joint, double* P) {
+void Parameters::subtract_subtree_wrenches(int joint, double* P) {
   const double* J = s_.mechanics.J();
-  const std::vector<int>& behind = behind_[joint];
-  for (size_t l = behind.size(); l-- > 0;) {
-    const int j = behind[l];
+  const std::vector<int>& subtree = subtree_[joint];
+  for (size_t l = subtree.size(); l-- > 0;) {
+    const int j = subtree[l];
     for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W_[j].data());
     if (j == joint) continue;
     Six& before = W_[s_.mechanics.parents[j]];
@@ -68,12 +68,12 @@ void Parameters::load_behind(int joint, double* P) {
 void Parameters::inertia_columns(int component, Numbers& P) const {
   const int j = components_[component].id;
   double V[6], A[6], W[6], h[6], rotated[6];
-  here_[component].motion(V_[j].data(), V), here_[component].motion(A_[j].data(), A);
+  world_poses_[component].to_local(V_[j].data(), V), world_poses_[component].to_local(A_[j].data(), A);
   for (const Direction* d : along_[component]) {
     inertial(d->x.data(), A, W), inertial(d->x.data(), V, h), wrench_cross(V, h, rotated);
     for (int i = 0; i < 6; ++i) W[i] += rotated[i];
-    here_[component].raise_wrench(W, h);
-    load(j, h, &P[d->parameter * n_]);
+    world_poses_[component].wrench_to_world(W, h);
+    subtract_wrench(j, h, &P[d->parameter * n_]);
   }
 }
 
@@ -81,8 +81,8 @@ void Parameters::gravity_columns(int component, Numbers& P) {
   for (const Direction* d : along_[component]) {
     const double A[6] = {-d->x[0], -d->x[1], -d->x[2], 0, 0, 0};
     W_[0] = Six{};
-    for (int j : behind_[0]) momentum(body_[j], A, W_[j].data());
-    load_behind(0, &P[d->parameter * n_]);
+    for (int j : subtree_[0]) momentum(body_[j], A, W_[j].data());
+    subtract_subtree_wrenches(0, &P[d->parameter * n_]);
   }
 }
 
@@ -93,12 +93,12 @@ void Parameters::placement_columns(int component, Numbers& P) {
   for (const Direction* d : along_[component]) {
     double xi[6], dA[6], rotated[6], W[6];
     Six dV;
-    here_[component].raise(d->x.data(), xi);
+    world_poses_[component].to_world(d->x.data(), xi);
     motion_cross(Vp, xi, dV.data()), motion_cross(Ap, xi, dA);
-    const bool turns = !still(dV);
-    for (int j : behind_[joint]) {
+    const bool rotates = !is_zero(dV);
+    for (int j : subtree_[joint]) {
       double* to = W_[j].data();
-      if (!turns) {
+      if (!rotates) {
         momentum(body_[j], dA, to);
         continue;
       }
@@ -111,10 +111,10 @@ void Parameters::placement_columns(int component, Numbers& P) {
       for (int i = 0; i < 6; ++i) to[i] += rotated[i] + h[i];
     }
     double* out = &P[d->parameter * n_];
-    load_behind(joint, out);
+    subtract_subtree_wrenches(joint, out);
     wrench_cross(xi, F_[joint].data(), W);
     for (int i = 0; i < 6; ++i) W[i] += W_[joint][i];
-    load(before, W, out);
+    subtract_wrench(before, W, out);
   }
 }
 
@@ -150,15 +150,15 @@ void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
     const ModelComponent& x = components_[by.component];
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
-      here_[by.component].raise(d->x.data(), xi);
+      world_poses_[by.component].to_world(d->x.data(), xi);
       const double power = moving(pair, w.partials, by, xi, dF, within);
       double* out = &P[d->parameter * n_];
       if (!w.conservative) out[n_ - 1] += power;
       for (size_t k = 0; k < pair.columns.size(); ++k) {
         const int c = pair.columns[k];
         if (pair.sign[k] == 0) continue;
-        const bool behind = x.kind == ModelComponent::placement && above_[joint_of_[c]][x.id];
-        out[c] += pair.sign[k] * dot6(J + 6 * c, behind ? within : dF);
+        const bool subtree = x.kind == ModelComponent::placement && has_ancestor_[joint_of_[c]][x.id];
+        out[c] += pair.sign[k] * dot6(J + 6 * c, subtree ? within : dF);
       }
     }
   }
@@ -169,7 +169,7 @@ void Parameters::row_columns(const LinearisationPoint::ConstraintPoint& constrai
   for (const Moving& by : ends_.at(&pair))
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
-      here_[by.component].raise(d->x.data(), xi);
+      world_poses_[by.component].to_world(d->x.data(), xi);
       for (const auto& [at, t] : requested_)
         Q[d->parameter * r + at] += constrained.weight * (constrained.kind == LinearisationPoint::ConstraintPoint::g
                                                               ? (by.second ? 1 : -1) * dot6(t->F, xi)

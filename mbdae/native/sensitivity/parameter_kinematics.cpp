@@ -8,13 +8,13 @@ template <bool accelerated>
 void Parameters::motions(const double* v, const double* a) {
   const Mechanics& m = s_.mechanics;
   const double* J = m.J();
-  for (int j : used_) {
+  for (int j : moving_joints_) {
     const std::vector<int>& own = columns_[j];
     V_[j] = V_[m.parents[j]];
     if (accelerated) A_[j] = A_[m.parents[j]];
     for (size_t first = 0, end; first < own.size(); first = end) {
       double W[6] = {}, rotated[6];
-      for (end = first; end < own.size() && m.parts[own[end]] == m.parts[own[first]]; ++end) {
+      for (end = first; end < own.size() && m.expanded_joints[own[end]] == m.expanded_joints[own[first]]; ++end) {
         const int c = own[end];
         for (int i = 0; i < 6; ++i) W[i] += J[6 * c + i] * v[c];
         for (int i = 0; accelerated && i < 6; ++i) A_[j][i] += J[6 * c + i] * a[c];
@@ -33,15 +33,15 @@ template void Parameters::motions<false>(const double*, const double*);
 
 void Parameters::momenta() {
   const std::vector<int>& parents = s_.mechanics.parents;
-  for (int j : heavy_) F_[parents[j]] = Six{};
-  for (int j : heavy_) {
+  for (int j : inertial_joints_) F_[parents[j]] = Six{};
+  for (int j : inertial_joints_) {
     double rotated[6];
     momentum(body_[j], A_[j].data(), F_[j].data()), momentum(body_[j], V_[j].data(), h_[j].data());
     wrench_cross(V_[j].data(), h_[j].data(), rotated);
     for (int i = 0; i < 6; ++i) F_[j][i] += rotated[i];
   }
-  for (size_t l = heavy_.size(); l-- > 0;)
-    for (int i = 0; i < 6; ++i) F_[parents[heavy_[l]]][i] += F_[heavy_[l]][i];
+  for (size_t l = inertial_joints_.size(); l-- > 0;)
+    for (int i = 0; i < 6; ++i) F_[parents[inertial_joints_[l]]][i] += F_[inertial_joints_[l]][i];
 }
 
 void Parameters::locate() {
@@ -49,8 +49,8 @@ void Parameters::locate() {
   const Mechanics& m = s_.mechanics;
   for (size_t i = 0; i < components_.size(); ++i) {
     const ModelComponent& x = components_[i];
-    WorldPose& out = here_[i];
-    if (x.kind == ModelComponent::placement) m.place(x.id, out.R, out.p);
+    WorldPose& out = world_poses_[i];
+    if (x.kind == ModelComponent::placement) m.placement(x.id, out.R, out.p);
     if (x.kind != ModelComponent::frame && x.kind != ModelComponent::inertia) continue;
     const Anchor* a = &origin;
     if (x.kind == ModelComponent::frame) {

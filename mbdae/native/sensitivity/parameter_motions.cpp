@@ -60,7 +60,7 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
         for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       }
     }
-    add_motion(here_[m.component], g.data(), sums_[m.component].data());
+    add_motion(world_poses_[m.component], g.data(), sums_[m.component].data());
   }
 }
 
@@ -68,7 +68,7 @@ void Parameters::shifted(const Pair& pair, const double* F) {
   for (const Moving& m : ends_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
-    add_motion(here_[m.component], g.data(), sums_[m.component].data());
+    add_motion(world_poses_[m.component], g.data(), sums_[m.component].data());
   }
 }
 
@@ -79,7 +79,7 @@ void Parameters::bodies() {
     double VU[6], IVU[6], rotated[6];
     const double *V = V_[j].data(), *U = U_[j].data();
     H_[j] = C_[j] = Six{};
-    if (still(U_[j])) continue;
+    if (is_zero(U_[j])) continue;
     momentum(body_[j], U, H_[j].data());
     if (!placing_) continue;
     motion_cross(V, U, VU), momentum(body_[j], VU, IVU);
@@ -98,7 +98,7 @@ void Parameters::contract(const LinearisationPoint& point, const double* above) 
   const int nv = s_.nv;
   if (kinematic_) {
     twists(above);
-    if (!heavy_.empty()) bodies();
+    if (!inertial_joints_.empty()) bodies();
     for (const ActingWrench& w : point.wrenches) {
       if (ends_.at(w.pair).empty()) continue;
       const double power = w.conservative ? 0 : above[n_ - 1];
@@ -114,15 +114,16 @@ void Parameters::contract(const LinearisationPoint& point, const double* above) 
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
     if (x.kind == ModelComponent::gravity && point.loaded)
       for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
-    if (x.kind == ModelComponent::inertia && !still(U_[x.id])) {
+    if (x.kind == ModelComponent::inertia && !is_zero(U_[x.id])) {
       double U[6], V[6], A[6], VU[6];
-      here_[i].motion(U_[x.id].data(), U), here_[i].motion(V_[x.id].data(), V), here_[i].motion(A_[x.id].data(), A);
+      world_poses_[i].to_local(U_[x.id].data(), U), world_poses_[i].to_local(V_[x.id].data(), V),
+          world_poses_[i].to_local(A_[x.id].data(), A);
       motion_cross(V, U, VU);
       inertial(U, A, -1, to), inertial(VU, V, 1, to);
     }
     if (x.kind == ModelComponent::placement) {
       const int p = m.parents[x.id];
-      if (still(U_[p]) && still(H_[x.id]) && still(C_[x.id])) continue;
+      if (is_zero(U_[p]) && is_zero(H_[x.id]) && is_zero(C_[x.id])) continue;
       double rotated[6], rest[6];
       Six g;
       wrench_cross(V_[p].data(), H_[x.id].data(), rest);
@@ -132,7 +133,7 @@ void Parameters::contract(const LinearisationPoint& point, const double* above) 
       for (int k = 0; k < 6; ++k) g[k] += rotated[k];
       wrench_cross(A_[p].data(), H_[x.id].data(), rotated);
       for (int k = 0; k < 6; ++k) g[k] += rotated[k];
-      add_motion(here_[i], g.data(), to);
+      add_motion(world_poses_[i], g.data(), to);
     }
   }
 }

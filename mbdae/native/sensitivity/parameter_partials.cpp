@@ -21,21 +21,21 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
       directions_(std::move(directions)),
       changed_(std::move(changed)),
       changed_sums_(changed_.size()),
-      here_(components_.size()),
+      world_poses_(components_.size()),
       gaps_(s.ng) {
   const Mechanics& m = s.mechanics;
   const auto supports = m.supports();
-  columns_.resize(m.joints), behind_.resize(m.joints), joint_of_.resize(s.nv);
-  above_.assign(m.joints, std::vector<bool>(m.joints, false));
+  columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
+  has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
     columns_[j].assign(supports[j].begin() + supports[m.parents[j]].size(), supports[j].end());
     for (int c : columns_[j]) joint_of_[c] = j;
-    for (int i = j; i; i = m.parents[i]) above_[j][i] = true, behind_[i].push_back(j);
-    behind_[0].push_back(j);
+    for (int i = j; i; i = m.parents[i]) has_ancestor_[j][i] = true, subtree_[i].push_back(j);
+    subtree_[0].push_back(j);
   }
   along_.resize(components_.size());
   for (size_t d = 0; d < directions_.size(); ++d) along_[directions_[d].component].push_back(&directions_[d]);
-  std::vector<bool> used(m.joints, false), heavy(m.joints, false);
+  std::vector<bool> used(m.joints, false), has_inertia(m.joints, false);
   const auto use = [&](int j) {
     for (; j; j = m.parents[j]) used[j] = true;
   };
@@ -46,8 +46,8 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
     moving_ = moving_ || placing_ || x.kind == ModelComponent::frame;
     if (x.kind == ModelComponent::inertia) use(x.id);
     if (x.kind != ModelComponent::placement && x.kind != ModelComponent::gravity) continue;
-    for (int j : behind_[x.kind == ModelComponent::placement ? x.id : 0]) {
-      heavy[j] = true;
+    for (int j : subtree_[x.kind == ModelComponent::placement ? x.id : 0]) {
+      has_inertia[j] = true;
       if (x.kind == ModelComponent::placement) use(j);
     }
   }
@@ -59,8 +59,8 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))
           found.push_back({i, x.second});
-        if (x.kind == ModelComponent::placement && above_[a][x.id] != above_[b][x.id])
-          found.push_back({i, above_[b][x.id]});
+        if (x.kind == ModelComponent::placement && has_ancestor_[a][x.id] != has_ancestor_[b][x.id])
+          found.push_back({i, has_ancestor_[b][x.id]});
       }
       if (found.empty()) continue;
       use(a), use(b);
@@ -70,8 +70,8 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   find(s.constraints.pairs, false), find(s.law_pairs(), true);
   for (const ChangedElement& c : changed_) rows_change_ = rows_change_ || !c.rows.empty();
   for (int j = 1; j < m.joints; ++j) {
-    if (used[j]) used_.push_back(j);
-    if (heavy[j]) heavy_.push_back(j);
+    if (used[j]) moving_joints_.push_back(j);
+    if (has_inertia[j]) inertial_joints_.push_back(j);
   }
   for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_, &h_, &W_}) x->assign(m.joints, Six{});
   body_.resize(m.joints);
@@ -88,7 +88,7 @@ void Parameters::evaluate_terms(const LinearisationPoint& point) {
     if (point.loaded) m.gravity(g);
     for (int i = 0; i < 3; ++i) A_[0][i] = -g[i];
     motions<true>(point.u.data(), point.vdot.data());
-    for (int j : heavy_) body_[j] = m.body(j);
+    for (int j : inertial_joints_) body_[j] = m.body(j);
     if (placing_) momenta();
     locate();
   }

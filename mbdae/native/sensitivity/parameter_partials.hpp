@@ -94,7 +94,7 @@ class Parameters {
   template <bool accelerated>
   void motions(const double* v, const double* a);  // V_, and A_
   void momenta();                                  // of V_ and A_
-  void locate();                                   // here_
+  void locate();                                   // world_poses_
   // At each constraint point, computes changed_Q_, and calls each(constrained, pair) with requested_ of the pairs moved
   // by placements and frames; poses are current at q.
   template <class F>
@@ -117,8 +117,8 @@ class Parameters {
   // for the subtree. Returns the partial of F . (V_b - V_a).
   double moving(const Pair& pair, const WrenchPartials& t, const Moving& by, const double* xi, double* dF,
                 double* within) const;
-  void load(int joint, const double* W, double* P) const;  // P -= J^T W with the columns that move a joint
-  void load_behind(int joint, double* P);                  // the same of W_ on bodies of its subtree, by columns there
+  void subtract_wrench(int joint, const double* W, double* P) const;  // P -= J^T W with the columns that move a joint
+  void subtract_subtree_wrenches(int joint, double* P);  // the same of W_ on bodies of its subtree, by columns there
 
   Index2System& s_;
   const size_t count_;
@@ -131,10 +131,10 @@ class Parameters {
   bool rows_move_ = false;                            // with placements and frames
   std::vector<std::vector<int>> columns_;             // of J, of each joint
   std::vector<int> joint_of_;                         // (nv,) of each column
-  std::vector<std::vector<bool>> above_;              // (joints, joints) is the second one the first or its ancestor?
-  std::vector<std::vector<int>> behind_;              // the subtree of each joint; of the world: all joints
+  std::vector<std::vector<bool>> has_ancestor_;       // (joints, joints) is the second one the first or its ancestor?
+  std::vector<std::vector<int>> subtree_;             // the subtree of each joint; of the world: all joints
   std::vector<std::vector<const Direction*>> along_;  // in each component
-  std::vector<int> used_, heavy_;                     // joints whose motions, and whose bodies are needed
+  std::vector<int> moving_joints_, inertial_joints_;  // joints whose motions, and whose bodies are needed
   std::vector<Numbers> sums_;                         // the cotangent of all components
   Numbers extra_;  // (k,) of further columns
   Numbers changed_P_, changed_Q_, changed_sums_;  // of changed laws and rows: (changed, n), (changed, ng); (changed,)
@@ -142,7 +142,7 @@ class Parameters {
   std::vector<Six> V_, A_, U_, X_;      // by joint; A minus gravity
   std::vector<Six> F_, H_, C_, h_, W_;  // by joint: of its subtree, except h_ of the body alone
   std::vector<Body> body_;
-  std::vector<WorldPose> here_;  // of all components
+  std::vector<WorldPose> world_poses_;  // of all components
   std::vector<RequestedRow> requested_;
   std::vector<WrenchPartials> gaps_;  // (ng,) wrenches of single rows
 };

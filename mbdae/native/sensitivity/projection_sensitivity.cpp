@@ -21,7 +21,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   const Numbers v(y + nq, y + nq + nv);
   q0_.assign(y, y + nq);
   if (positions)
-    restore(s_, t, y, &path);
+    project_state(s_, t, y, &path);
   else
     s_.point.evaluate(y, true);
   factors_.exchange(s_.point);
@@ -82,7 +82,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   if (!c.of_v) {
     Numbers back(x);
     for (double& e : back) e = -e;
-    s_.manifold.integrate_partials(back.data(), x.data(), c.turn);
+    s_.manifold.integrate_partials(back.data(), x.data(), c.integrate_partials);
   }
   p.at_rest = !c.moved;
   const size_t m = nv;
@@ -99,10 +99,10 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
     if (c.moved) parameters_.forces(p, c.P);
   }
   if (!c.moved) return;
-  const Numbers still(nv, 0.0);
+  const Numbers zero(nv, 0.0);
   Numbers by_v(m * m);
   c.T.resize(m * m);
-  s_.mechanics.partials(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data(), true);
+  s_.mechanics.partials(q0_.data(), zero.data(), x.data(), c.T.data(), by_v.data(), true);
 }
 
 void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {
@@ -156,8 +156,8 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
         for (int e = 0; e < nv; ++e) dv[e] -= above[e];
         continue;
       }
-      apply(c.turn, &IntegratePartialsBlock::A, false, true, nv, dq.data(), rotated.data()), dq = rotated;
-      apply(c.turn, &IntegratePartialsBlock::R, false, true, nv, above.data(), rotated.data());
+      apply(c.integrate_partials, &IntegratePartialsBlock::A, false, true, nv, dq.data(), rotated.data()), dq = rotated;
+      apply(c.integrate_partials, &IntegratePartialsBlock::R, false, true, nv, above.data(), rotated.data());
       for (int e = 0; e < nv; ++e) dq[e] -= rotated[e];
     }
     std::copy(dq.begin(), dq.end(), dy);
@@ -175,9 +175,9 @@ void ProjectionSensitivity::reverse(double* y) {
     if (c.of_v) {
       for (int e = 0; e < nv; ++e) mu[e] = -v[e];
     } else {
-      apply(c.turn, &IntegratePartialsBlock::R, true, true, nv, q, mu.data());
+      apply(c.integrate_partials, &IntegratePartialsBlock::R, true, true, nv, q, mu.data());
       for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
-      apply(c.turn, &IntegratePartialsBlock::A, true, true, nv, q, rotated.data());
+      apply(c.integrate_partials, &IntegratePartialsBlock::A, true, true, nv, q, rotated.data());
       std::copy(rotated.begin(), rotated.end(), q);
     }
     Numbers l(c.rows.size());

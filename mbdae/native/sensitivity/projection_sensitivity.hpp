@@ -32,7 +32,7 @@ class ProjectionSensitivity {
     BandLU lu;                         // of G M^-1 G^T
     Numbers G, Z, x;                   // (ng, nv) twice, (nv,)
     Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
-    std::vector<IntegratePartialsBlock> turn;
+    std::vector<IntegratePartialsBlock> integrate_partials;
     Numbers P, Q;                      // (k, n) where moved, and (k, r); for tangents
     Numbers by_t;                      // (ng,) of what it corrects
   };

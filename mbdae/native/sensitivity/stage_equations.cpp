@@ -24,29 +24,31 @@ StageEquations::StageEquations(Index2System& s, Parameters& parameters, bool for
 
 void StageEquations::take(const double* y0, const StageValues& at, const IndependentRows* positions_kept) {
   const int nv = s_.nv, ny = s_.ny;
-  kept_ = positions_kept;
-  r_ = static_cast<int>(s_.rows.in_use().size()), k_ = kept_ ? static_cast<int>(kept_->in_use().size()) : 0;
-  m_ = ny + r_ + (kept_ ? nv + k_ : 0);
+  position_rows_ = positions_kept;
+  r_ = static_cast<int>(s_.rows.in_use().size()),
+  k_ = position_rows_ ? static_cast<int>(position_rows_->in_use().size()) : 0;
+  m_ = ny + r_ + (position_rows_ ? nv + k_ : 0);
   own.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
   t.setZero(m_), that.setZero(m_);
   if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
   for (LinearisationPoint* one : {&point_, &slip_}) one->constraint_points.clear(), one->wrenches.clear();
   constraints(y0, at);
   motion(y0, at);
-  if (kept_) positions(at);
-  times(y.leftCols(nv), turn_, &IntegratePartialsBlock::A);
-  times(x.leftCols(nv), turn_, &IntegratePartialsBlock::R);
+  if (position_rows_) positions(at);
+  times(y.leftCols(nv), integrate_partials_, &IntegratePartialsBlock::A);
+  times(x.leftCols(nv), integrate_partials_, &IntegratePartialsBlock::R);
   // what depends on the constraint point, whose coordinates are others
   Rows<double> hat = xhat.leftCols(nv);
-  times(xhat.leftCols(nv), hat_, &IntegratePartialsBlock::R), times(hat, hat_, &IntegratePartialsBlock::A);
+  times(xhat.leftCols(nv), integrate_partials_hat_, &IntegratePartialsBlock::R),
+      times(hat, integrate_partials_hat_, &IntegratePartialsBlock::A);
   y.leftCols(nv) += hat, y.middleCols(nv, nv) += xhat.rightCols(nv);
   x.topLeftCorner(nv, nv).setZero();
-  for (const IntegratePartialsBlock& b : turn_) {
+  for (const IntegratePartialsBlock& b : integrate_partials_) {
     x.block(b.at, b.at, b.n, b.n) = -RowsIn(b.T, b.n, b.n);
     x.block(b.at, nv + b.at, b.n, b.n) = -RowsIn(b.J, b.n, b.n);
   }
   y.middleCols(nv, nv).topRows(nv) = x.middleCols(nv, nv).topRows(nv);
-  if (kept_) own.block(0, ny + r_, nv, nv) = x.middleCols(nv, nv).topRows(nv);
+  if (position_rows_) own.block(0, ny + r_, nv, nv) = x.middleCols(nv, nv).topRows(nv);
   s_.point.invalidate();
 }
 
@@ -57,7 +59,7 @@ void StageEquations::constraints(const double* y0, const StageValues& at) {
                                                   LinearisationPoint::ConstraintPoint::rate, 1};
   s_.manifold.integrate(y0, at.xhat.data(), constrained.q.data());
   for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + at.xhat[nv + i];
-  s_.manifold.integrate_partials(at.xhat.data(), constrained.v.data(), hat_);
+  s_.manifold.integrate_partials(at.xhat.data(), constrained.v.data(), integrate_partials_hat_);
   s_.mechanics.poses(constrained.q.data());
   G_.assign(static_cast<size_t>(s_.ng) * nv, 0.0);
   s_.constraints.value(s_.mechanics, constrained.q.data(), s_.constraints.all, G_.data());
@@ -76,15 +78,15 @@ void StageEquations::constraints(const double* y0, const StageValues& at) {
     parameters_.rows(point_, Q_, point_.constraint_points[0].q);
     p.middleRows(ny, r_) = RowsIn(Q_.data(), p.cols(), r_).transpose();
   }
-  if (!kept_) return;
+  if (!position_rows_) return;
   const LinearisationPoint::ConstraintPoint& here = point_.constraint_points[0];
-  slip_.rows = kept_;
+  slip_.rows = position_rows_;
   slip_.constraint_points.push_back({at.that, here.q, here.v, LinearisationPoint::ConstraintPoint::g, 1});
   time_.assign(s_.ng, 0.0);
   s_.constraints.evaluate_g_t(at.that, time_.data());
   const int first = ny + r_ + nv;
-  for (int k : kept_->in_use()) {
-    const int i = first + kept_->position()[k];
+  for (int k : position_rows_->in_use()) {
+    const int i = first + position_rows_->position()[k];
     xhat.row(i).head(nv) = RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv);
     that[i] = time_[k];
   }
@@ -100,8 +102,8 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
   s_.manifold.integrate(y0, at.x.data(), o.q.data());
   for (int i = 0; i < nv + s_.ns; ++i) o.u[i] = y0[nq + i] + at.x[nv + i];
   Numbers speed(o.u.begin(), o.u.begin() + nv);
-  for (int i = 0; kept_ && i < nv; ++i) speed[i] += at.slip[i];
-  s_.manifold.integrate_partials(at.x.data(), speed.data(), turn_);
+  for (int i = 0; position_rows_ && i < nv; ++i) speed[i] += at.slip[i];
+  s_.manifold.integrate_partials(at.x.data(), speed.data(), integrate_partials_);
   s_.force_partials(at.t, o.q.data(), o.u.data(), o.vdot.data(), o.lam.data(), at_, nullptr,
                     parameters_.moving() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
@@ -145,19 +147,19 @@ void StageEquations::friction() {
 
 void StageEquations::positions(const StageValues& at) {
   const int nv = s_.nv, ny = s_.ny, first = ny + r_;
-  const Numbers still(nv, 0.0);
+  const Numbers zero(nv, 0.0);
   LinearisationPoint& o = slip_;
   o.loaded = false, o.t = at.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = at.slip, o.lam = at.mu;
   own.block(first, first, nv, nv) = own.block(nv, nv, nv, nv);
-  for (int k : kept_->in_use()) {
+  for (int k : position_rows_->in_use()) {
     const RowsIn row(&G_[static_cast<size_t>(k) * nv], 1, nv);
-    own.block(first, first + nv + kept_->position()[k], nv, 1) = -row.transpose();
+    own.block(first, first + nv + position_rows_->position()[k], nv, 1) = -row.transpose();
   }
   by_q_.assign(static_cast<size_t>(nv) * nv, 0.0), by_v_ = by_q_;
   Numbers by_mu(by_q_);
-  s_.closure_partials(o.q.data(), still.data(), o.lam.data(), by_mu.data(), nullptr,
-                      parameters_.moving() ? &o.wrenches : nullptr, nullptr, kept_);
-  s_.mechanics.partials(o.q.data(), still.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
+  s_.closure_partials(o.q.data(), zero.data(), o.lam.data(), by_mu.data(), nullptr,
+                      parameters_.moving() ? &o.wrenches : nullptr, nullptr, position_rows_);
+  s_.mechanics.partials(o.q.data(), zero.data(), at.slip.data(), by_q_.data(), by_v_.data(), true);
   x.block(first, 0, nv, nv) = RowsIn(by_q_.data(), nv, nv) - RowsIn(by_mu.data(), nv, nv);
   y.block(first, 0, nv, nv) = x.block(first, 0, nv, nv);
   if (!forward_) return;
@@ -171,7 +173,7 @@ void StageEquations::add_parameters(const double* mu) {
   for (double& w : below) w = -w;
   parameters_.add(point_, above.data(), below.data());
   if (!slid_.empty()) parameters_.add_columns(slid_, above.data());
-  if (!kept_) return;
+  if (!position_rows_) return;
   above.assign(n_, 0.0), std::copy_n(mu + ny + r_, nv, above.begin());
   below.assign(mu + ny + r_ + nv, mu + m_);
   for (double& w : below) w = -w;

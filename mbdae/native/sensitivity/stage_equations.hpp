@@ -42,12 +42,12 @@ class StageEquations {
   Index2System& s_;
   Parameters& parameters_;
   const bool forward_;
-  const IndependentRows* kept_ = nullptr;
+  const IndependentRows* position_rows_ = nullptr;
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
   LinearisationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
   Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_, slid_;
-  std::vector<IntegratePartialsBlock> turn_, hat_;
+  std::vector<IntegratePartialsBlock> integrate_partials_, integrate_partials_hat_;
 };
 
 }  // namespace mbdae

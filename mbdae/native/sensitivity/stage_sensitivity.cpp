@@ -68,20 +68,20 @@ void StageSensitivity::forward(const double* dx, const double* dxhat, const doub
   const std::vector<int>& position = s_.rows.position();
   const size_t r = rows.size();
   rate_.resize(nv), dq_.resize(nv), du_.resize(n), more_.resize(nv), above.assign(n, 0.0), nu.assign(r, 0.0);
-  apply(turn, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
-  apply(turn, &IntegratePartialsBlock::R, false, true, nv, dx, more_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::R, false, true, nv, dx, more_.data());
   for (int i = 0; i < nv; ++i) dq_[i] += more_[i];
   for (int i = 0; i < n; ++i) du_[i] = dy[nv + i] + dx[nv + i];
-  apply(turn, &IntegratePartialsBlock::J, false, true, nv, du_.data(), rate_.data());
-  apply(turn, &IntegratePartialsBlock::T, false, false, nv, dx, more_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::J, false, true, nv, du_.data(), rate_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::T, false, false, nv, dx, more_.data());
   for (int i = 0; i < nv; ++i) rate_[i] += more_[i];
   if (P) std::copy(P, P + n, above.begin());
   add_times(at.K, n, nv, dq_.data(), above.data()), add_times(at.D, n, n, du_.data(), above.data());
   point.solve_root(above.data());
   if (r) {
     for (int i = 0; i < nv; ++i) more_[i] = dxhat[i] + factor * rate_[i];
-    apply(hat, &IntegratePartialsBlock::R, false, true, nv, more_.data(), du_.data());
-    apply(hat, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
+    apply(integrate_partials_hat, &IntegratePartialsBlock::R, false, true, nv, more_.data(), du_.data());
+    apply(integrate_partials_hat, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
     for (int i = 0; i < nv; ++i) dq_[i] += du_[i], more_[i] = dy[nv + i] + dxhat[nv + i];
     target_.assign(r, 0.0);
     if (Q) std::copy(Q, Q + r, target_.begin());
@@ -113,9 +113,9 @@ void StageSensitivity::reverse(const double* F, double* x, double* xhat, double*
     satisfy_rows(point.Z, true, Zhat);
     for (double& w : nu) w /= factor;
     add_transposed(Bhat, r, nv, nu.data(), dq_.data());
-    apply(hat, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
+    apply(integrate_partials_hat, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
     for (int i = 0; i < nv; ++i) xhat[i] += more_[i], rate_[i] += factor * more_[i];
-    apply(hat, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
+    apply(integrate_partials_hat, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
     for (int i = 0; i < nv; ++i) y[i] += more_[i];
     for (int k : rows) {
       const size_t row = static_cast<size_t>(k) * nv;
@@ -126,13 +126,13 @@ void StageSensitivity::reverse(const double* F, double* x, double* xhat, double*
   }
   point.solve_root_transposed(above.data());
   add_transposed(at.K, n, nv, above.data(), dq_.data()), add_transposed(at.D, n, n, above.data(), du_.data());
-  apply(turn, &IntegratePartialsBlock::J, true, true, nv, rate_.data(), more_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::J, true, true, nv, rate_.data(), more_.data());
   for (int i = 0; i < nv; ++i) du_[i] += more_[i];
-  apply(turn, &IntegratePartialsBlock::T, true, false, nv, rate_.data(), more_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::T, true, false, nv, rate_.data(), more_.data());
   for (int i = 0; i < nv; ++i) x[i] += more_[i];
-  apply(turn, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
   for (int i = 0; i < nv; ++i) x[i] += more_[i];
-  apply(turn, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
+  apply(integrate_partials, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
   for (int i = 0; i < nv; ++i) y[i] += more_[i];
   for (int i = 0; i < n; ++i) x[nv + i] += du_[i], y[nv + i] += du_[i];
 }

@@ -39,7 +39,7 @@ class StageSensitivity : public LinearisationPoint {
   EquationPartials at;
   Numbers Bhat;                         // (r, nv)
   Numbers Ghat, Zhat;                   // (ng, nv), at the constraint point of the stage
-  std::vector<IntegratePartialsBlock> turn, hat;
+  std::vector<IntegratePartialsBlock> integrate_partials, integrate_partials_hat;
   BandLU lu;                            // of Zhat Z^T
   Configuration point;                          // M and its factors, Z
 

@@ -24,7 +24,7 @@ void StepSensitivity::repeat(double t, double h, const State& in, State& out, bo
     double* F = F_.data() + static_cast<size_t>(i) * stride;
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
     stage(at, that, factor, F, false);
-    if (partials) keep(i, at, that, factor, F);
+    if (partials) record_stage(i, at, that, factor, F);
   }
   combine(a.b.data(), n, h, x_);
   s_.manifold.check_rotations(x_.data());
@@ -34,7 +34,7 @@ void StepSensitivity::repeat(double t, double h, const State& in, State& out, bo
   if (partials) s_.manifold.integrate_partials(x_.data(), x_.data(), end_);
 }
 
-void StepSensitivity::keep(int i, double t, double that, double factor, const double* F) {
+void StepSensitivity::record_stage(int i, double t, double that, double factor, const double* F) {
   StageSensitivity& k = *stages_[i];
   k.t = t, k.factor = factor;
   k.q = q_, k.vdot.assign(F + nv_, F + 2 * nv_);
@@ -42,7 +42,7 @@ void StepSensitivity::keep(int i, double t, double that, double factor, const do
   std::copy(v_.begin(), v_.end(), k.u.begin()), std::copy(s_in_.begin(), s_in_.end(), k.u.begin() + nv_);
   k.lam.assign(s_.ng, 0.0);
   for (int row : s_.rows.in_use()) k.lam[row] = lam_[row];
-  s_.manifold.integrate_partials(x_.data(), v_.data(), k.turn);
+  s_.manifold.integrate_partials(x_.data(), v_.data(), k.integrate_partials);
   const bool requested = parameters_ && parameters_->moving();
   if (!s_.rows.in_use().empty()) {
     k.constraint_points.resize(1);
@@ -51,7 +51,7 @@ void StepSensitivity::keep(int i, double t, double that, double factor, const do
     constrained.q = qhat_, constrained.v.resize(nv_);
     for (int i = 0; i < nv_; ++i) constrained.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
-    s_.manifold.integrate_partials(dx_.data(), constrained.v.data(), k.hat);
+    s_.manifold.integrate_partials(dx_.data(), constrained.v.data(), k.integrate_partials_hat);
     s_.closure_partials(qhat_.data(), constrained.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
                         requested ? &constrained.wrench_partials : nullptr);
   }

@@ -21,7 +21,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   void reverse(double* bar) override;
 
  private:
-  void keep(int stage, double t, double that, double factor, const double* F);
+  void record_stage(int stage, double t, double that, double factor, const double* F);
 
   Parameters* parameters_;
   const bool forward_;

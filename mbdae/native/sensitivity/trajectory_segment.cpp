@@ -74,7 +74,7 @@ class Interval {
 // Project the end of a step as the run did; is the carry recomputed?
 bool project(Index2System& s, const RepeatTolerances& tolerances, double t, const State& start, State& next) {
   Numbers y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
-  restore(s, t, next.y.data());
+  project_state(s, t, next.y.data());
   s.difference(y.data(), next.y.data(), move.data());
   s.size(start.y.data(), size0.data()), s.size(next.y.data(), size1.data());
   double moved;

@@ -21,22 +21,22 @@ inline void transposed(const double* R, const double* x, double* out) {
 struct WorldPose {  // a body, a joint placement, or a frame, in the world; R by rows
   double R[9], p[3];
 
-  void motion(const double* X, double* out) const {  // from the world to its axes
+  void to_local(const double* X, double* out) const {  // from the world to its axes
     double moved[3];
     cross(X + 3, p, moved);
     for (int i = 0; i < 3; ++i) moved[i] += X[i];
     transposed(R, moved, out), transposed(R, X + 3, out + 3);
   }
 
-  void raise(const double* x, double* out) const {  // a motion from its axes to the world's
+  void to_world(const double* x, double* out) const {  // a motion from its axes to the world's
     double arm[3];
-    turn(R, x, out), turn(R, x + 3, out + 3), cross(p, out + 3, arm);
+    rotate(R, x, out), rotate(R, x + 3, out + 3), cross(p, out + 3, arm);
     for (int i = 0; i < 3; ++i) out[i] += arm[i];
   }
 
-  void raise_wrench(const double* w, double* out) const {
+  void wrench_to_world(const double* w, double* out) const {
     double arm[3];
-    turn(R, w, out), turn(R, w + 3, out + 3), cross(p, out, arm);
+    rotate(R, w, out), rotate(R, w + 3, out + 3), cross(p, out, arm);
     for (int i = 0; i < 3; ++i) out[3 + i] += arm[i];
   }
 };

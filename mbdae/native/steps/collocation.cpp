@@ -122,7 +122,7 @@ void CollocationStep::grow_scale(const Radau& a, const Numbers& moves) {
   for (int k = 0; k < s_.controlled_components(); ++k) scale_[k] = std::max(scale_[k], scale[k] + a.negligible * most);
 }
 
-bool CollocationStep::solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m) {
+bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.controlled_components();
   const double h = m.h, near = std::max(a.iteration_rounding, accuracy);
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
@@ -132,7 +132,7 @@ bool CollocationStep::solve(const Radau& a, int patience, double accuracy, doubl
   grow_scale(a, X_);
   double last = INFINITY, rate = a.expected_rate;
   int left = 0;
-  for (int k = 0; k < patience; ++k) {
+  for (int k = 0; k < max_iterations; ++k) {
     correction(a, t, m);
     for (int i = 0; i < s * ny; ++i) m.K[i] += dK_[i];
     for (int i = 0; i < s * r; ++i) m.Z[i] += dZ_[i];
@@ -157,12 +157,12 @@ bool CollocationStep::solve(const Radau& a, int patience, double accuracy, doubl
     } else {
       --left;
     }
-    if (size <= a.iteration_rounding && (left <= 0 || k == patience - 1)) {
+    if (size <= a.iteration_rounding && (left <= 0 || k == max_iterations - 1)) {
       m.rate = rate;
       return true;
     }
     const bool slow =
-        k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > near);
+        k > 1 && last > a.iteration_rounding && (rate >= 1 || std::pow(rate, max_iterations - 1 - k) * size > near);
     if (slow || !std::isfinite(size)) return false;
     last = size;
   }
@@ -171,7 +171,7 @@ bool CollocationStep::solve(const Radau& a, int patience, double accuracy, doubl
 
 void CollocationStep::take(const Radau& a, bool controlled, double t, double h, const State& in, State& out,
                            double* z, Numbers& errors) {
-  const int s = a.s, patience = controlled ? a.short_patience : a.patience;
+  const int s = a.s, max_iterations = controlled ? a.max_iterations_controlled : a.max_iterations;
   const double accuracy = controlled ? s_.accuracy : 0;
   y0_ = in.y;
   const double* y = y0_.data();
@@ -211,7 +211,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     const Numbers K1(m->K), Z1(m->Z);
     m->partials = before->partials, m->solvers = before->solvers;
     try {
-      found = solve(a, patience, accuracy, t, *m);
+      found = solve(a, max_iterations, accuracy, t, *m);
     } catch (const Interrupted&) {
       throw;
     } catch (const FallBackToPython&) {
@@ -223,7 +223,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     const Vector<double> middle = h * (A.row(a.middle) * K2).transpose();
     m->partials = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->partials, h);
-    if (!solve(a, patience, accuracy, t, *m)) throw StepTooLong();
+    if (!solve(a, max_iterations, accuracy, t, *m)) throw StepTooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();

@@ -25,15 +25,16 @@ struct Radau {
   double gamma = 0;
   Numbers start;  // (1 or 2, s) by rows
   int middle = 0;                        // the stage where partials are taken
-  int patience = 0, short_patience = 0;  // iterations for a given step, and if a smaller one is possible
+  int max_iterations = 0,
+      max_iterations_controlled = 0;     // iterations for a given step, and if a smaller one is possible
   int extra_iterations = 0;              // maximum number of iterations after a change near rounding
   int first_iterations = 0;              // and after the first one
   double below_rounding = 0, iteration_rounding = 0, negligible = 0;  // mbdae/tolerances.py
   double expected_rate = 0, reuse = 0;  // of the iteration: at its start, and largest for partials to be kept
   int s = 0, errors = 0;                // stages, and error estimates
 
-  FIELDS(c, A, modes, real, gamma, start, middle, patience, short_patience, extra_iterations, first_iterations,
-         below_rounding, iteration_rounding, negligible, expected_rate, reuse)
+  FIELDS(c, A, modes, real, gamma, start, middle, max_iterations, max_iterations_controlled, extra_iterations,
+         first_iterations, below_rounding, iteration_rounding, negligible, expected_rate, reuse)
 };
 
 class StageSolver;
@@ -83,7 +84,7 @@ class CollocationStep {
   // scale_: the size of y and of its change, no component's below a share of the largest.
   void grow_scale(const Radau& a, const Numbers& moves);
   // Found to rounding, or to an accuracy > 0; else partials or h do not serve.
-  bool solve(const Radau& a, int patience, double accuracy, double t, StageMemory& m);
+  bool solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m);
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;

@@ -53,14 +53,14 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   if (last) {
     Index2System::LastStage& last_stage = s_.last_stage;
     last_stage.t = t, last_stage.q = q_, last_stage.v = v_, last_stage.s = s_in_, last_stage.f = f_,
-    last_stage.motion = m.motion();
+    last_stage.motion_stamp = m.motion_stamp();
     last_stage.rates.assign(rates, rates + ns_ + 1);
   }
   for (int k : which) point.scale_row(k);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
-    if (last) m.keep();
+    if (last) m.save_poses();
     satisfy_constraint(that, factor, F);
     for (int k : rows) {
       double rate = gthat_[k];

@@ -10,7 +10,7 @@
 namespace mbdae {
 
 ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
-    : smallest_slip(m.limits.still), m_(m), constraints_(constraints), rows_(rows) {}
+    : smallest_slip(m.limits.zero_speed), m_(m), constraints_(constraints), rows_(rows) {}
 
 void ClosureFriction::use(std::vector<FrictionInterface> interfaces, const std::uint8_t* active, double* directions) {
   interfaces_ = std::move(interfaces), active_ = active, directions_ = directions;
@@ -18,7 +18,7 @@ void ClosureFriction::use(std::vector<FrictionInterface> interfaces, const std::
   e_.assign(k * m_.nv, 0.0), speed_.assign(k, 0.0), factor_ = T_ = speed_;
   all_.assign(constraints_.rows.size(), 0.0), one_ = all_, v_.resize(m_.nv);
   for (const FrictionInterface& p : interfaces_)
-    if (p.kind == FrictionInterface::turns || p.kind == FrictionInterface::slides)
+    if (p.kind == FrictionInterface::revolute || p.kind == FrictionInterface::prismatic)
       constraints_.pairs[p.pair].needs_Ra = true;
 }
 
@@ -35,22 +35,23 @@ void ClosureFriction::update_slips(const double* v) {
     Pair& pair = constraints_.pairs[interface.pair];
     double w[6];
     pair.update_poses(m_);
-    interface.kind == FrictionInterface::grips ? grip_wrench(k, v, w) : slip_wrench(interface, v, w);
+    interface.kind == FrictionInterface::rolling ? no_slip_wrench(k, v, w) : slip_wrench(interface, v, w);
     pair.torque(m_, w, 1, e);
     speed_[k] = dot(e, v, m_.nv);
     factor_[k] = -interface.coefficient *
-                 (interface.kind == FrictionInterface::grips ? 1 : std::tanh(speed_[k] / interface.width));
+                 (interface.kind == FrictionInterface::rolling ? 1 : std::tanh(speed_[k] / interface.width));
   }
 }
 
-void ClosureFriction::grip_wrench(size_t k, const double* v, double* w) {
+void ClosureFriction::no_slip_wrench(size_t k, const double* v, double* w) {
   const FrictionInterface& interface = interfaces_[k];
   const Pair& pair = constraints_.pairs[interface.pair];
   const Tolerances& limits = m_.limits;
-  const size_t m = interface.grip.size();
+  const size_t m = interface.no_slip_rows.size();
   double W[2][6], V[6], now[2] = {0, 0}, *directions = directions_ + 2 * k;
   pair.relative(m_, v, V);
-  for (size_t i = 0; i < m; ++i) constraints_.rows[interface.grip[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
+  for (size_t i = 0; i < m; ++i)
+    constraints_.rows[interface.no_slip_rows[i]].wrench(pair, W[i]), now[i] = dot(W[i], V, 6);
   const double size = std::sqrt(dot(now, now, 2));
   if (size > smallest_slip) {
     for (double& x : now) x /= size;
@@ -75,11 +76,11 @@ void ClosureFriction::slip_wrench(const FrictionInterface& interface, const doub
     const double size = norm(x, 3) + m_.limits.tiny;
     for (int i = 0; i < 3; ++i) x[i] /= size;
   };
-  if (interface.kind == FrictionInterface::turns) return turn(pair.Ra, interface.axis, w + 3);
+  if (interface.kind == FrictionInterface::revolute) return rotate(pair.Ra, interface.axis, w + 3);
   pair.relative(m_, v, V);
-  if (interface.kind == FrictionInterface::bears) return std::copy(V + 3, V + 6, w + 3), unit(w + 3);
-  if (interface.kind == FrictionInterface::slides) {
-    turn(pair.Ra, interface.axis, w);
+  if (interface.kind == FrictionInterface::spherical) return std::copy(V + 3, V + 6, w + 3), unit(w + 3);
+  if (interface.kind == FrictionInterface::prismatic) {
+    rotate(pair.Ra, interface.axis, w);
   } else {
     const Row& first = constraints_.rows[interface.row];
     first.wrench(pair, n);

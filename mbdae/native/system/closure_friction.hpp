@@ -12,16 +12,16 @@ namespace mbdae {
 class SaddleSystem;
 
 struct FrictionInterface {
-  // About an axis of a, about any axis, along an axis of a; along a surface; along no-slip rows.
-  NAMED_ENUM(enum, Kind, turns, bears, slides, touches, grips)
-  Kind kind = turns;
+  // Rotation about an axis of a, about any axis; sliding along an axis of a, on a surface, along no-slip rows.
+  NAMED_ENUM(enum, Kind, revolute, spherical, prismatic, surface, rolling)
+  Kind kind = revolute;
   int row = 0, components = 1;        // the first row of F, and their number
-  std::vector<int> grip;              // rows that may slide; friction acts against their slip
+  std::vector<int> no_slip_rows;      // rows that may slide; friction acts against their slip
   double axis[3] = {0, 0, 0};         // in a
   double coefficient = 0, width = 0;  // mu, or mu r in m; m/s or rad/s
   int pair = 0;                       // its frames, those of the rows
 
-  FIELDS(kind, row, components, grip, axis, coefficient, width)
+  FIELDS(kind, row, components, no_slip_rows, axis, coefficient, width)
 };
 
 class ClosureFriction {
@@ -45,7 +45,7 @@ class ClosureFriction {
   void partials(const double* G, const double* lam, Numbers& out);
 
  private:
-  void grip_wrench(size_t k, const double* v, double* w);  // a unit wrench, (6,)
+  void no_slip_wrench(size_t k, const double* v, double* w);  // a unit wrench, (6,)
   void slip_wrench(const FrictionInterface& interface, const double* v, double* w);
   void prepare_minimum_norm(const double* G);               // prepares `minimum_norm`
   void minimum_norm(const double* lam, double* all) const;  // multipliers of all rows, of minimum norm

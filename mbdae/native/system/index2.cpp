@@ -11,7 +11,7 @@ namespace mbdae {
 Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
     : mechanics(model, limits),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
-      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.angular), std::move(d.angles)),
+      manifold(mechanics, d.flat, std::move(d.group_joints), std::move(d.angular), std::move(d.angles)),
       rows(constraints, std::move(d.order), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
@@ -24,7 +24,6 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       nz(formulation == Formulation::ggl ? 2 * ng : ng),
       ny(2 * nv + ns + 1),
       length(nq + nv + ns + 1),
-      laws_(std::move(d.laws)),
       probe_(std::move(d.probe)),
       alpha_(d.alpha),
       beta_(d.beta),
@@ -35,10 +34,31 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
       gt_(ng),
       gap_(ng),
       rate_(ng) {
+  set_laws(std::move(d.laws), d.law_pairs);
+}
+
+void Index2System::set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs) {
   const std::vector<std::vector<int>> supports = mechanics.supports();
-  for (auto& p : d.law_pairs) law_pairs_.emplace_back(p.first, p.second, supports);
+  laws_ = std::move(laws), law_pairs_.clear();
+  law_pairs_.reserve(pairs.size());
+  for (auto& p : pairs) law_pairs_.emplace_back(p.first, p.second, supports);
   for (Law& law : laws_)
     if (law.pair >= 0) law.frames = &law_pairs_[law.pair];
+}
+
+bool Index2System::write(const void* model, const Tolerances& limits, Description d) {
+  if (d.formulation != formulation || d.alpha != alpha_ || d.beta != beta_ || d.ns != ns) return false;
+  if (d.laws.size() != laws_.size() || d.law_pairs.size() != law_pairs_.size()) return false;
+  for (size_t k = 0; k < laws_.size(); ++k)
+    if (d.laws[k].kind != laws_[k].kind || d.laws[k].pair != laws_[k].pair || d.laws[k].state != laws_[k].state ||
+        d.laws[k].states != laws_[k].states)
+      return false;
+  Constraints others(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers));
+  if (!constraints.fits(others)) return false;
+  constraints.write(std::move(others));
+  set_laws(std::move(d.laws), d.law_pairs);
+  mechanics.write(model, limits), reset();
+  return true;
 }
 
 void Index2System::use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen) {
@@ -56,6 +76,14 @@ bool Index2System::change_law(int k, const Numbers& a) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
   laws_[k].a = a, last_stage.t = NAN;
   return true;
+}
+
+void Index2System::set_input(int input, double t, double value, double rate) {
+  for (Law& law : laws_)
+    for (TimeFunction& u : law.signals) u.set(input, t, value, rate);
+  for (Driver& driver : constraints.drivers) driver.motion.set(input, t, value, rate);
+  for (SampledController& controller : samplers) controller.reference.set(input, t, value, rate);
+  last_stage.t = NAN;
 }
 
 void Index2System::deactivate_rows(std::vector<bool> off, bool sticks) {
@@ -127,7 +155,7 @@ bool Index2System::is_known(double t, const double* q, const double* v, const do
     }
     return apart <= mechanics.limits.rounding * size;
   };
-  if (last_stage.motion != mechanics.motion()) return false;
+  if (last_stage.motion_stamp != mechanics.motion_stamp()) return false;
   return near(&t, &last_stage.t, 1) && near(q, last_stage.q.data(), nq, &mechanics.limits.q_scales) &&
          near(v, last_stage.v.data(), nv, &mechanics.limits.coordinate_scales) && near(s, last_stage.s.data(), ns);
 }
@@ -152,7 +180,7 @@ void Index2System::hidden_derivative(double t, const double* y, double* F, doubl
   if (!current)
     point.evaluate(q, false);
   else
-    stage_known && !friction && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
+    stage_known && !friction && !rows.in_use().empty() ? mechanics.restore_poses() : mechanics.poses(q);
   if (friction) friction.update_slips(v);
   if (stage_known)
     std::copy(last_stage.f.begin(), last_stage.f.end(), f),

@@ -48,14 +48,14 @@ struct Description {
   std::vector<Driver> drivers;
   std::vector<Law> laws;
   int ns = 0;
-  std::vector<Block> blocks;
+  std::vector<GroupJoint> group_joints;
   std::vector<int> angular;  // (nv,) flags of rotations
   std::vector<Angle> angles;
   std::vector<int> order;    // (ng,) position of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
 
-  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, blocks, angular, angles, order,
-         probe)
+  FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, group_joints, angular, angles,
+         order, probe)
 };
 
 class Index2System {
@@ -85,9 +85,12 @@ class Index2System {
   void probe_other_rows();
   void use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen);
   void reset();  // to the state of a new system, in the same mode
+  // The numbers of a mechanism of the same structure, in place, and `reset`; false: it has another structure.
+  bool write(const void* model, const Tolerances& limits, Description d);
   bool others_depend(const double* q, double tolerance);  // at q, on the rows in use; uncounted
   void determine_rows(const double* q, const IndependentRows::FirstRank& first);  // at the start of a run
   bool change_law(int k, const Numbers& a);  // other data for law k, of the same size
+  void set_input(int input, double t, double value, double rate);  // value + rate (t' - t) from now on
   // Inactive rows of the mode, (ng,), and whether joints stick; then the rows in use must be set.
   void deactivate_rows(std::vector<bool> off, bool sticks);
 
@@ -129,7 +132,7 @@ class Index2System {
   // f, the rates and the motions of the last stage of a step; its poses are kept if rows are in use.
   struct LastStage {
     double t = NAN;
-    long motion = -1;           // of the mechanics
+    long motion_stamp = -1;     // of the mechanics
     Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } last_stage;
 
@@ -148,6 +151,7 @@ class Index2System {
   double minimal_stage_seconds(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
+  void set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs);
   bool is_known(double t, const double* q, const double* v, const double* s) const;
 
   std::vector<Pair> law_pairs_;

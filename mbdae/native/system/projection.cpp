@@ -43,13 +43,13 @@ void add_magnitude(const Index2System& s, const double* y, double* size) {
   for (int i = 0; i < s.nv; ++i) size[i] += scales[i], size[s.nv + i] += scales[i] * speed;
 }
 
-double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double share, double nothing) {
+double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double ratio, double tiny) {
   double most = 0;
-  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (share * magnitude[k] + nothing));
+  for (int k = 0; k < measured; ++k) most = std::max(most, std::fabs(move[k]) / (ratio * magnitude[k] + tiny));
   return most;
 }
 
-bool felt(const Index2System& s, const double* rate, const double* v) {
+bool exceeds_rounding(const Index2System& s, const double* rate, const double* v) {
   const Tolerances& limits = s.mechanics.limits;
   return s.constraints.sticks ||
          norm_of(rate, limits.row_scales) > limits.sum_rounding * largest_scaled(v, limits.coordinate_scales);
@@ -61,9 +61,9 @@ namespace {
 // factors of G M^-1 G^T, in linear time, unless these do not suffice (near singular configurations, where rows of
 // velocity take part in q, or where joints stick, whose speed is exactly zero); or by all rows, with a truncated
 // pseudoinverse, in cubic time.
-class LeastMotion {
+class MinimumNormCorrection {
  public:
-  explicit LeastMotion(Index2System& s) : s_(s), suffices_(!s.constraints.sticks && s.rows.rank >= 0) {}
+  explicit MinimumNormCorrection(Index2System& s) : s_(s), suffices_(!s.constraints.sticks && s.rows.rank >= 0) {}
 
   // Returns whether it is by the rows in use: if these leave rows open, `insufficient`, and again.
   bool find(const Numbers& r, bool of_q, double* x) {
@@ -95,16 +95,16 @@ class LeastMotion {
 };
 
 // q becomes the nearest point with g = 0.
-void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers>* path) {
+void project_positions(Index2System& s, double t, double* q, std::vector<Numbers>* path) {
   const Tolerances& limits = s.mechanics.limits;
   Configuration& point = s.point;
-  LeastMotion least_motion(s);
+  MinimumNormCorrection correction(s);
   Numbers g(point.g), gap(s.ng), x(s.nv), nearer(s.nq);
   s.constraints.complete_g(t, g.data());
   double move = 0;
   for (int i = 0; i < limits.projection_iterations; ++i) {
     if (norm_of(g.data(), limits.row_scales) <= limits.sum_rounding * (1 + largest_scaled(q, limits.q_scales))) break;
-    const bool by_rows_in_use = least_motion.find(g, true, x.data());
+    const bool by_rows_in_use = correction.find(g, true, x.data());
     move = largest_scaled(x.data(), limits.coordinate_scales);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), nearer.data());
@@ -112,9 +112,10 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
     s.counts.G += 1;
     s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, point.scratch_G.data(), gap.data());
     s.constraints.complete_g(t, gap.data());
-    if (!(norm_of(gap.data(), limits.row_scales) < limits.projection_falling * norm_of(g.data(), limits.row_scales))) {
+    if (!(norm_of(gap.data(), limits.row_scales) <
+          limits.projection_max_remaining * norm_of(g.data(), limits.row_scales))) {
       if (!by_rows_in_use) break;
-      least_motion.insufficient();
+      correction.insufficient();
       continue;
     }
     if (path) path->emplace_back(q, q + s.nq);
@@ -130,34 +131,34 @@ void restore_positions(Index2System& s, double t, double* q, std::vector<Numbers
 }
 
 // v becomes the nearest one with G v + g_t = 0.
-void restore_velocities(Index2System& s, double t, double* v) {
+void project_velocities(Index2System& s, double t, double* v) {
   const Tolerances& limits = s.mechanics.limits;
-  LeastMotion least_motion(s);
+  MinimumNormCorrection correction(s);
   Numbers rate(s.ng), x(s.nv);
   const auto correct = [&]() {
-    const bool by_rows_in_use = least_motion.find(rate, false, x.data());
+    const bool by_rows_in_use = correction.find(rate, false, x.data());
     for (int i = 0; i < s.nv; ++i) v[i] -= x[i];
     return by_rows_in_use;
   };
   s.residual_rate(t, v, rate.data());
-  if (!felt(s, rate.data(), v)) return;
+  if (!exceeds_rounding(s, rate.data(), v)) return;
   const double before = norm_of(rate.data(), limits.row_scales);
   if (correct()) {
     s.residual_rate(t, v, rate.data());
-    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_falling * before;
-    if (!closed && felt(s, rate.data(), v)) least_motion.insufficient(), correct();
+    const bool closed = norm_of(rate.data(), limits.row_scales) < limits.projection_max_remaining * before;
+    if (!closed && exceeds_rounding(s, rate.data(), v)) correction.insufficient(), correct();
   }
   if (contradicts(s, t, v)) throw FallBackToPython();
 }
 
 }  // namespace
 
-void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
+void project_state(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   if (!s.ng) return;
   if (!s.point.is_current(y)) s.point.evaluate(y, true);
   s.counts.state_projections += 1;
-  restore_positions(s, t, y, path);
-  restore_velocities(s, t, y + s.nq);
+  project_positions(s, t, y, path);
+  project_velocities(s, t, y + s.nq);
   if (!finite(y, s.length)) throw FallBackToPython();
 }
 

@@ -6,7 +6,7 @@
 namespace mbdae {
 
 // Whether G v + g_t (ng,) exceeds rounding; any nonzero value counts if joints stick.
-bool felt(const Index2System& system, const double* rate, const double* v);
+bool exceeds_rounding(const Index2System& system, const double* rate, const double* v);
 
 // Whether v misses rows of G v + g_t = 0 at the current point; without g_t, that of drivers, all have v = 0 in common.
 bool contradicts(const Index2System& system, double t, const double* v);
@@ -15,9 +15,9 @@ bool contradicts(const Index2System& system, double t, const double* v);
 void add_magnitude(const Index2System& system, const double* y, double* size);
 
 // The largest component of a move away from a point of this magnitude, of a share of it.
-double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double share, double nothing);
+double largest_move(const Numbers& move, const Numbers& magnitude, int measured, double ratio, double tiny);
 
 // y becomes the nearest point with g = 0 and G v + g_t = 0; all configurations on the way except the last.
-void restore(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
+void project_state(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
 
 }  // namespace mbdae

@@ -26,7 +26,7 @@ void start(Index2System& s, double t, bool project, const IndependentRows::First
     if (s.ng) {
       if (s.rows.has_many()) s.determine_rows(y.data(), first);  // a projection by these rows takes linear time
       const long stamp = s.point.stamp();
-      restore(s, t, at.y.data());
+      project_state(s, t, at.y.data());
       const bool moved = !s.point.is_current(at.y.data()) || s.point.stamp() != stamp;
       if (!s.rows.has_many() || moved) s.determine_rows(at.y.data(), first);
       s.counts.state_projections = 0;  // only those of steps are counted

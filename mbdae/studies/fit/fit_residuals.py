@@ -13,8 +13,8 @@ from ...mechanism.callbacks import values_text
 from ...solution.signals import signals as computed_signals
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
-from ..sensitivity.run_parameters import MechanismFactory
-from ..sensitivity.sensitivity import sensitivity
+from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
+from ..sensitivity.sensitivity import trajectory_sensitivity
 from ..sensitivity.signal_jacobian import differentiable
 from .data import Recording
 
@@ -36,7 +36,7 @@ class FitResiduals:
     ) -> None:
         self.make, self.names, self.recordings, self.known = make, names, recordings, known
         self.noise_known, self.fraction, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
-        self.settings = settings
+        self.settings, self.parameters = settings, [VaryingParameters(_WithFixed(make, table)) for table in known]
         latest = max(float(r.t[-1]) for r in recordings)
         start, end = checked_span((0.0, latest) if t_span is None else t_span, pair=True)
         self.start = start
@@ -108,8 +108,8 @@ class FitResiduals:
     def jacobian(self, x: Array) -> Array:
         """Return derivatives of the residuals, (n, k)."""
         values, rows = dict(zip(self.names, map(float, x), strict=True)), []
-        for record, known, sol in zip(self.recordings, self.known, self.simulate(x), strict=True):
-            found = sensitivity(sol, values, model=_WithFixed(self.make, known))
+        for record, parameters, sol in zip(self.recordings, self.parameters, self.simulate(x), strict=True):
+            found = trajectory_sensitivity(parameters.trajectory(sol, values))
             self.gradients += 1
             n = len(sol.t)
             block = np.vstack([found.signal(name) / self.sigma[name] for name in record.columns])

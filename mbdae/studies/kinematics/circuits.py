@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from ...system import Array
-from ...tolerances import COINCIDENT, SAME_POSE, STILL
+from ...tolerances import COINCIDENT, SAME_POSE, ZERO_SPEED
 from .pose_curve import MAX_TRAVEL, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _crossings_of(curve: PoseCurve, u: float) -> list[CurvePoint]:
 def _monotonic_points(curve: PoseCurve, i: int, a: CurvePoint, b: CurvePoint) -> list[tuple[float, CurvePoint]]:
     """Return points of a step between which the input is monotonic: its ends, and a dead point in between."""
     ends = [(0.0, a), (b.s - a.s, b)]
-    if a.speed * b.speed >= 0 or min(abs(a.speed), abs(b.speed)) < STILL * curve.unit:
+    if a.speed * b.speed >= 0 or min(abs(a.speed), abs(b.speed)) < ZERO_SPEED * curve.unit:
         return ends
     ds = curve.root(i, lambda p: p.speed)
     return [ends[0], (ds, curve.at(i, ds)), ends[1]]
@@ -112,7 +112,7 @@ def _is_above(curve: PoseCurve, p: CurvePoint, w: float) -> bool:
 
 def _rate_sign(p: CurvePoint, curve: PoseCurve) -> int:
     """Return the sign of du/ds, 0 at a dead point."""
-    return int(np.sign(p.speed)) if abs(p.speed) > STILL * curve.unit else 0
+    return int(np.sign(p.speed)) if abs(p.speed) > ZERO_SPEED * curve.unit else 0
 
 
 def _crossing_point(curve: PoseCurve, i: int, step: tuple[float, float], w: float) -> CurvePoint:

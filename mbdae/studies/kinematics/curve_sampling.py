@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from ...errors import StepError
-from ...tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, STILL
+from ...tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, ZERO_SPEED
 from .branch_points import BranchPoint
 from .pose_curve import CurvePoint, PoseCurve
 
@@ -37,7 +37,7 @@ def events(curve: PoseCurve) -> Events:
     branches: dict[int, BranchPoint] = {}
     hidden = _tangencies(curve)
     nodes = curve.nodes
-    speed_tolerance = STILL * curve.unit
+    speed_tolerance = ZERO_SPEED * curve.unit
     if abs(nodes[0].speed) < speed_tolerance:
         dead.append(OnCurve(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):

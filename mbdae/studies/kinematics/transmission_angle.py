@@ -14,7 +14,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.frames import find_joint, support
 from ...mechanism.joint_wrenches import joint_wrenches
 from ...system import Array
-from ...tolerances import SOLUTION_ROUNDING, STILL
+from ...tolerances import SOLUTION_ROUNDING, ZERO_SPEED
 
 
 def default_output(mech: Mechanism, drive: str, locked: list[str]) -> str | None:
@@ -58,7 +58,7 @@ def transmission(
         G = system.jacobian(pose) * columns / units[:, None]
         if at_branch_point[i]:
             continue
-        if abs(G[-1] @ (tau / columns)) < STILL:  # a dead point: the load on the output is negligible
+        if abs(G[-1] @ (tau / columns)) < ZERO_SPEED:  # a dead point: the load on the output is negligible
             lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
         else:
             lam = minimum_norm(G, mech.nv, -load)

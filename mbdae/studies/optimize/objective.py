@@ -19,8 +19,8 @@ from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
-from ..sensitivity.gradient import gradient
-from ..sensitivity.run_parameters import MechanismFactory
+from ..sensitivity.gradient import trajectory_gradient
+from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sweep.sweep_run import check_settings
 from .curve_derivatives import CurveSignals, require_monotonic
 
@@ -73,18 +73,18 @@ class RunMotion:
 
     Attributes:
         result: the run.
-        make: factory of the mechanism.
-        values: its parameters.
+        parameters: of the mechanism, for all runs.
+        values: their values in this run.
     """
 
     result: Solution
-    make: MechanismFactory
+    parameters: VaryingParameters
     values: dict[str, float]
 
     def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         function = _CostOfParameters(cost, self.values, what)
-        found = gradient(self.result, function, self.values, model=self.make)
+        found = trajectory_gradient(self.parameters.trajectory(self.result, self.values), function)
         return CostEvaluation(found.value, lambda: function.explicit + np.array(list(found.gradient.values())))
 
 
@@ -143,6 +143,7 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
         InputError: for an incomplete run; KeyboardInterrupt for an interrupted one.
     """
     check_settings(settings, others=("problem", "t_span", "progress"))
+    parameters = VaryingParameters(make)
 
     def run(values: dict[str, float]) -> RunMotion:
         mech = make.make(values)
@@ -150,7 +151,7 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
         sol = uninterrupted(solve(mech, span, **settings))
         if not sol.ended:
             raise InputError(f"the run ends at t = {sol.nodes[0][-1]:.6g}: {sol.message}")
-        return RunMotion(sol, make, values)
+        return RunMotion(sol, parameters, values)
 
     return run
 

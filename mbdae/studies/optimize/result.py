@@ -44,6 +44,8 @@ class Optimum(Tabular):
         converged: whether the search converged and the constraints are satisfied.
         interrupted: whether the user stopped it.
         message: termination message.
+        bound: how often parameters were bound to runs: once if their directions are constant, so that other values are
+            written in place; otherwise for each point; 0 for curves.
     """
 
     values: dict[str, float]
@@ -58,6 +60,7 @@ class Optimum(Tabular):
     converged: bool = True
     interrupted: bool = False
     message: str = ""
+    bound: int = 0
 
     @property
     def start(self) -> Evaluation:
@@ -71,7 +74,7 @@ class Optimum(Tabular):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON data."""
-        scalars = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message")
+        scalars = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message", "bound")
         return {
             "model": self.mechanism.title,
             **{key: getattr(self, key) for key in scalars},
@@ -114,9 +117,13 @@ class Optimum(Tabular):
 
         return figures.save_if_path(search(self), path)
 
+    @property
+    def _bound(self) -> str:
+        return f", parameters bound {'once' if self.bound == 1 else f'{self.bound} times'}" if self.bound else ""
+
     def __str__(self) -> str:
         lines = [f"optimum of {self.mechanism.title}: cost {self.start.cost:.6g} -> {self.cost:.6g}, "
-                 f"{len(self.history)} motions computed"]  # fmt: skip
+                 f"{len(self.history)} motions computed{self._bound}"]  # fmt: skip
         for name, x in self.values.items():
             mark = " (at its bound)" if name in self.at_bounds else ""
             lines.append(f"  {name:36s} {self.start.values[name]:14.8g} -> {x:14.8g}{mark}")

@@ -69,6 +69,8 @@ def adjoint_sweep(
         k: number of parameters.
     """
     ny, i = trace.sensitivity.ny, len(trace.ts) - 1
+    if not node_cotangents.weights.any():  # of a cost that does not depend on the motion
+        return np.zeros(ny), np.zeros(k)
     bar, p, bar_t = node_cotangents.at(i)
     while i > 0:
         last = end if i + 1 == len(trace.ts) else None

@@ -96,13 +96,13 @@ FAMILIES = (
 )  # fmt: skip
 
 
-Places = dict[str, tuple[DerivativeFamily, int]]
-_PLACES: WeakKeyDictionary[Mechanism, Places] = WeakKeyDictionary()  # mechanisms are immutable
+Derivatives = dict[str, tuple[DerivativeFamily, int]]
+_DERIVATIVES: WeakKeyDictionary[Mechanism, Derivatives] = WeakKeyDictionary()  # mechanisms are immutable
 
 
 def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
     """Return the family of a column, and its index in it; None if it has no derivatives."""
-    if mech not in _PLACES:  # the first family that has the name counts
+    if mech not in _DERIVATIVES:  # the first family that has the name counts
         found = [(name, (family, i)) for family in FAMILIES for i, name in enumerate(family.names(mech))]
-        _PLACES[mech] = dict(reversed(found))
-    return _PLACES[mech].get(name)
+        _DERIVATIVES[mech] = dict(reversed(found))
+    return _DERIVATIVES[mech].get(name)

@@ -78,8 +78,14 @@ def gradient(
     """
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    values, numbers = bind_parameters(sol, parameters, model)
-    trace = Trajectory(sol, numbers)
+    return trajectory_gradient(Trajectory(sol, bind_parameters(sol, parameters, model)), cost, start, event)
+
+
+def trajectory_gradient(
+    trace: Trajectory, cost: Cost, start: bool = False, event: Event | Callable[..., float] | str | None = None
+) -> Gradient:
+    """Differentiate a cost of a trajectory with bound parameters, see `gradient`."""
+    sol, values = trace.sol, trace.core.varied.values
     end, at = terminal_event(trace, event), node_indices(sol)
     between = np.flatnonzero(sol.t != trace.ts[at])
     points = sol.y.copy() if len(between) else sol.y

@@ -11,6 +11,7 @@ import numpy as np
 
 from ... import backend
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
+from ...integrate.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
@@ -21,7 +22,7 @@ from ...system import Array
 from ...tolerances import COINCIDENT
 from ..sweep.sweep_run import FunctionMaker, maker_of
 
-_BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
+_BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary()
 """Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
 
 CHECKS = 9  # points of a run at which parameters are checked
@@ -48,36 +49,70 @@ def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
     return model if hasattr(model, "make") else maker_of(model)
 
 
-def bind_parameters(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
-    """Return values and derivatives of the parameters of a run; reject those that violate dependent rows at its start.
+class VaryingParameters:
+    """Parameters of runs that differ in their values: bound for the first run, then written in place where possible.
+
+    Args:
+        make: factory of the mechanisms.
+
+    Attributes:
+        bound: how often they were bound: again for each run whose values change their directions.
+    """
+
+    def __init__(self, make: MechanismFactory) -> None:
+        self.make, self.bound = make, 0
+        self.trace: Trajectory | None = None
+
+    def trajectory(self, sol: Solution, values: Mapping[str, float]) -> Trajectory:
+        """Return the trajectory of a run with these values; it is valid until the next one is requested.
+
+        Raises:
+            UnknownNameError, InputError: as `bind_parameters`.
+        """
+        if self.trace is None or self.trace.sol is not sol:
+            parameters = self.trace and self.trace.core.varied
+            if parameters and parameters.write(values):
+                _require_directions(parameters, sol)
+            else:
+                parameters, self.bound = bind_parameters(sol, values, self.make), self.bound + 1
+            self.trace = Trajectory(sol, parameters)
+        return self.trace
+
+
+def bind_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
+    """Return the parameters of a run, for derivatives; reject those that violate dependent rows at its start.
 
     Raises:
         UnknownNameError: for an unknown name.
         InputError: for a name without a number, a parameter without a derivative, or a force of undefined direction.
     """
-    values, parameters = _cached_parameters(sol, names, model)
+    parameters = _cached_parameters(sol, names, model)
+    _require_directions(parameters, sol)
+    return parameters
+
+
+def _require_directions(parameters: Parameters, sol: Solution) -> None:
     parameters.require_directions(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
-    return values, parameters
 
 
-def _cached_parameters(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
+def _cached_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
     mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
     if isinstance(names, Collection) and not isinstance(names, str) and not names:
-        return {}, Parameters(lambda values: mech, {})
+        return Parameters(lambda values: mech, {})
     key = get_ident(), t, float(sol.nodes[0][-1]), sol.mode(0), repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
-    values, parameters = _bound(sol, names, mechanism_factory(mech, model))
+    parameters = _bound(sol, names, mechanism_factory(mech, model))
     if isinstance(names, Mapping) or model is not None:
         _require_same_motion(parameters.mech, sol)
     if parameters.mech.ng:
         parameters.require_consistent(t, y[: mech.nq])
     if model is None:
-        _BOUND[mech] = {key: (values, parameters)}
-    return values, parameters
+        _BOUND[mech] = {key: parameters}
+    return parameters
 
 
-def _bound(sol: Solution, names: Names, make: MechanismFactory) -> tuple[dict[str, float], Parameters]:
+def _bound(sol: Solution, names: Names, make: MechanismFactory) -> Parameters:
     values, mech, (ts, ys) = named_values(make, names), sol.mechanism, sol.nodes[:2]
     from_file = isinstance(make, Template) and not isinstance(names, Mapping)
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
@@ -85,7 +120,7 @@ def _bound(sol: Solution, names: Names, make: MechanismFactory) -> tuple[dict[st
     along = [(float(ts[i]), q, v, s) for i in np.unique(indices) for q, v, s, _ in [np.split(ys[i], cuts)]]
     parameters = Parameters(make.make, values, backend.load(), own=from_file, along=along, mode=sol.mode(0) or ())
     _require_same_structure(mech, parameters.mech)
-    return values, parameters
+    return parameters
 
 
 def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:

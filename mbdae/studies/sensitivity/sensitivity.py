@@ -150,11 +150,17 @@ def sensitivity(
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    values, numbers = bind_parameters(sol, parameters, model)
-    if not values and not start:
+    numbers = bind_parameters(sol, parameters, model)
+    if not numbers.values and not start:
         raise InputError("a sensitivity takes parameters, a list of dotted names, or start=True")
-    trace = Trajectory(sol, numbers)
-    end = terminal_event(trace, event)
+    return trajectory_sensitivity(Trajectory(sol, numbers), start, event)
+
+
+def trajectory_sensitivity(
+    trace: Trajectory, start: bool = False, event: Event | Callable[..., float] | str | None = None
+) -> Sensitivity:
+    """Differentiate a trajectory with bound parameters, see `sensitivity`."""
+    sol, values, end = trace.sol, trace.core.varied.values, terminal_event(trace, event)
     columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
     dy, carry = start_tangent(trace, dp, start), np.zeros((trace.n_carry, len(columns)))

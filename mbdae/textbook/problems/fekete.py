@@ -15,7 +15,7 @@ AT, OWNER = np.arange(3 * N), np.repeat(np.arange(N), 3)
 
 def start() -> Array:
     """Return particles on circles of latitude, from first index, count, angle and latitude over pi: (20, 3)."""
-    at = [(2 * i / n + turn, b) for first, n, turn, b in BELTS for i in range(first, first + n)]
+    at = [(2 * i / n + offset, b) for first, n, offset, b in BELTS for i in range(first, first + n)]
     a, b = np.pi * np.array(at).T
     return np.stack([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)], axis=1)
 

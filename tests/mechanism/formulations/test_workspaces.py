@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.template import with_start
+from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.variant import variant
 
 RUNS = {
     "projected": {},
@@ -71,9 +72,39 @@ def test_mechanisms_with_modes_or_bound_forces_of_others_take_new_ones():
     assert not any(mech.workspaces.idle.values())
 
 
-def test_a_copy_with_another_start_has_workspaces_of_its_own():
+@pytest.mark.parametrize("kind", RUNS)
+def test_variants_share_workspaces(kind):
+    """A workspace is bound to the mechanism that runs next: other start, loads, masses or lengths, and back."""
+    template = Template("spring_four_bar")
+    mech = template.make({})
+    first = record(run(mech, kind))
+    idle = [x for systems in mech.workspaces.idle.values() for x in systems]
+    for name, value in {
+        "start.q.left": 1.1,
+        "force.diagonal.stiffness": 41.0,
+        "body.left.mass": 1.3,
+        "frame.coupler_tip.xyz.0": 1.001,
+        "gravity.2": -9.0,
+    }.items():
+        other = template.make({name: value})
+        assert other.workspaces.idle is mech.workspaces.idle
+        assert record(run(other, kind)) == record(run(Template("spring_four_bar").make({name: value}), kind)), name
+    assert record(run(mech, kind)) == first
+    assert {id(x) for x in idle} == {id(x) for systems in mech.workspaces.idle.values() for x in systems}
+
+
+def test_variants_of_another_structure_take_new_workspaces():
     mech = mbdae.load("four_bar")
     run(mech, "projected")
-    other = with_start(mech, {"start.q.crank": 0.9})
-    run(other, "projected")
-    assert all(x.mechanism is m for m in (mech, other) for idle in m.workspaces.idle.values() for x in idle)
+    damped = variant(mech, forces=[mbdae.JointDamping(joint="crank", damping=0.1)])
+    assert damped.workspaces.idle is not mech.workspaces.idle
+    assert not any(damped.workspaces.idle.values())
+
+
+def test_threads_bind_shared_workspaces():
+    template = Template("four_bar")
+    values = np.linspace(-12.0, -8.0, 24).tolist()
+    alone = [record(run(Template("four_bar").make({"gravity.2": g}), "projected")) for g in values]
+    with ThreadPoolExecutor(4) as pool:
+        found = pool.map(lambda g: record(run(template.make({"gravity.2": g}), "projected")), values)
+        assert list(found) == alone

@@ -16,7 +16,7 @@ def marked(model, end):
 
 
 def during(times, track):
-    spans = np.reshape(track.held, (-1, 2))
+    spans = np.reshape(track.active, (-1, 2))
     return ((times[:, None] > spans[:, 0]) & (times[:, None] <= spans[:, 1])).any(axis=1)
 
 
@@ -33,7 +33,7 @@ def test_stops_are_marked_while_closed_and_at_impacts(model, end, name, stop, e)
     assert np.abs(q[closed, at] - stop).max() < 1e-9
     assert np.abs(v[closed]).max() < 1e-9
     assert np.abs(v[~closed & (times > 0)]).max(axis=1).min() > 1e-9
-    for t in track.struck[:3]:
+    for t in track.impacts[:3]:
         before, after = (sol(t + dt)[1][at] for dt in (-1e-9, 1e-9))
         assert after == pytest.approx(-e * before, abs=1e-6)
     assert track.strength[0] == 1, "later ones are weaker"
@@ -44,7 +44,7 @@ def test_stops_are_marked_while_closed_and_at_impacts(model, end, name, stop, e)
 
 def test_joints_are_marked_while_they_stick():
     sol, times, q, v, tracks = marked("stick_slip_slider", 2.0)
-    assert [(x.name, x.word, x.struck) for x in tracks] == [
+    assert [(x.name, x.word, x.impacts) for x in tracks] == [
         ("crank friction", "sticking", []),
         ("slider friction", "sticking", []),
     ]
@@ -66,7 +66,7 @@ def test_backlash_is_marked_at_both_joints():
     play = mbdae.Stop(joints=("a", "b"), coefficients=(0.0, 2.0), lower=-0.1, upper=0.1)
     sol = mbdae.solve(mbdae.Mechanism(model, stops=[play]), (0, 1), [0.0, 0.0], [1.0, 0.0])
     (track,) = mode_tracks_of(sol, sol.q)
-    assert track.struck == pytest.approx([0.1])
+    assert track.impacts == pytest.approx([0.1])
     np.testing.assert_allclose(track.positions, np.array([[[0, 0, 0]], [[1, 0, 0]]]) + 0 * sol.q[:, :1], atol=1e-12)
 
 

@@ -47,7 +47,7 @@ class RollingClosure(UnilateralClosure):
     contact: bool | None = None
     surface: Literal["plane", "sphere", "cylinder"] | None = None
     surface_radius: float | None = None
-    friction, distinct_frames = "touches", True
+    friction, distinct_frames = "surface", True
 
     @model_validator(mode="after")
     def _check_body(self) -> "RollingClosure":

@@ -16,7 +16,7 @@ class SlotClosure(BetweenFrames):
 
     kind: Literal["slot"] = "slot"
     profile: Profile
-    friction, distinct_frames = "touches", True
+    friction, distinct_frames = "surface", True
 
     def primitives(self) -> tuple[Roller]:
         return (Roller(self.profile.path, 0.0),)

@@ -117,8 +117,8 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
             out.append(JointSpring(name=name, joint=c.joints[j], stiffness=k, rest=float(rest[0])))
             continue
         free = c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE
-        parent, place = c.joint_parents[j]
-        here = place * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
+        parent, placement = c.joint_parents[j]
+        here = placement * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
         number = c.model.getJointId(c.joints[j])
         frames = (c.unique(f"{name}.1"), c.unique(f"{name}.2"))
         for frame, joint, at in zip(frames, (parent, number), (here, pin.SE3.Identity()), strict=True):

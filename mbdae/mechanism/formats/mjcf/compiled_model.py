@@ -66,40 +66,40 @@ class MjcfModel:
 
     def add_frame(self, name: str, body: int, position: np.ndarray, quaternion: np.ndarray | None = None) -> str:
         """Add a frame on a MuJoCo body; return its name."""
-        joint, place = self.carriers[body]
-        here = place * pose(position, quaternion)
+        joint, placement = self.carriers[body]
+        here = placement * pose(position, quaternion)
         self.model.addFrame(pin.Frame(name, joint, here, pin.FrameType.OP_FRAME))
         return name
 
     def _add_body(self, b: int, name: str) -> None:
-        m, (joint, place) = self.m, self.carriers[self.m.body_parentid[b]]
-        place = place * pose(m.body_pos[b], m.body_quat[b])
+        m, (joint, placement) = self.m, self.carriers[self.m.body_parentid[b]]
+        placement = placement * pose(m.body_pos[b], m.body_quat[b])
         for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
-            joint, place = self._add_joint(j, joint, place)
-        self.carriers.append((joint, place))
+            joint, placement = self._add_joint(j, joint, placement)
+        self.carriers.append((joint, placement))
         rotation = pose(np.zeros(3), m.body_iquat[b]).rotation
         inertia = pin.Inertia(m.body_mass[b], m.body_ipos[b], rotation @ np.diag(m.body_inertia[b]) @ rotation.T)
-        self.model.appendBodyToJoint(joint, inertia, place)
-        self.model.addFrame(pin.Frame(name, joint, place, pin.FrameType.BODY))
+        self.model.appendBodyToJoint(joint, inertia, placement)
+        self.model.addFrame(pin.Frame(name, joint, placement, pin.FrameType.BODY))
 
-    def _add_joint(self, j: int, parent: int, place: pin.SE3) -> tuple[int, pin.SE3]:
+    def _add_joint(self, j: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
         """Add a joint; return its number and the placement of the body in it, given that in the parent joint."""
         m, kinds = self.m, self.lib.mjtJoint
         at, axis = pose(m.jnt_pos[j]), np.array(m.jnt_axis[j])
         ref, after = float(m.qpos0[m.jnt_qposadr[j]]), at.inverse()
         match kinds(m.jnt_type[j]):
             case kinds.mjJNT_FREE:
-                place, joint, after = pin.SE3.Identity(), pin.JointModelFreeFlyer(), pin.SE3.Identity()
+                placement, joint, after = pin.SE3.Identity(), pin.JointModelFreeFlyer(), pin.SE3.Identity()
             case kinds.mjJNT_BALL:
-                place, joint = place * at, pin.JointModelSpherical()
+                placement, joint = placement * at, pin.JointModelSpherical()
             case kinds.mjJNT_HINGE:
-                place = place * at * pin.SE3(pin.exp3(-ref * axis), np.zeros(3))
+                placement = placement * at * pin.SE3(pin.exp3(-ref * axis), np.zeros(3))
                 joint = pin.JointModelRevoluteUnaligned(axis)
             case kinds.mjJNT_SLIDE:
-                place = place * at * pose(-ref * axis)
+                placement = placement * at * pose(-ref * axis)
                 joint = pin.JointModelPrismaticUnaligned(axis)
-        self.joint_parents.append((parent, place))
-        number = self.model.addJoint(parent, joint, place, self.joints[j])
+        self.joint_parents.append((parent, placement))
+        number = self.model.addJoint(parent, joint, placement, self.joints[j])
         new = self.model.joints[number]
         pin_rows, mujoco_rows = slice(new.idx_v, new.idx_v + new.nv), slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + new.nv)
         self.model.armature[pin_rows] = m.dof_armature[mujoco_rows]

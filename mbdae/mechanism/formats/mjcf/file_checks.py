@@ -78,9 +78,9 @@ def _found(name: str, bases: set[Path], folders: set[str], allowed: AllowedPaths
     """Return all files that MuJoCo may find for a name, possibly without its folders."""
     plain = name.rpartition("://")[2]
     out = []
-    for place in (base / folder / n for base in bases for folder in folders for n in {plain, Path(plain).name}):
+    for candidate in (base / folder / n for base in bases for folder in folders for n in {plain, Path(plain).name}):
         try:
-            file = place.resolve()
+            file = candidate.resolve()
             if file.is_dir() or not file.exists():
                 continue
         except (OSError, ValueError, RuntimeError):  # not a path

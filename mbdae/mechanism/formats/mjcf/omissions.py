@@ -25,8 +25,8 @@ def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
     for g in np.flatnonzero(c.m.geom_group < SHOWN_GROUPS).tolist():
         name, material = c.name("GEOM", g) or f"geom{g}", int(c.m.geom_matid[g])
-        joint, place = c.carriers[c.m.geom_bodyid[g]]
-        here = place * pose(c.m.geom_pos[g], c.m.geom_quat[g])
+        joint, placement = c.carriers[c.m.geom_bodyid[g]]
+        here = placement * pose(c.m.geom_pos[g], c.m.geom_quat[g])
         shape = _shape(c, g, meshes, level=joint == 0 and here.rotation[2, 2] > HORIZONTAL)
         if shape is None:
             missing.append(name)

@@ -89,8 +89,10 @@ class SdfModel:
         """Return the imported model of the file."""
         self._add_subtree(WORLD)
         for link in self.roots:
-            place = self.of.links[link]
-            self.carriers[link] = 0 if self.static else self._add(0, pin.JointModelFreeFlyer(), place, f"{link} free")
+            placement = self.of.links[link]
+            self.carriers[link] = (
+                0 if self.static else self._add(0, pin.JointModelFreeFlyer(), placement, f"{link} free")
+            )
             self._add_link(link)
             self._add_subtree(link)
         for name, e in self.of.by_name.items():
@@ -140,8 +142,8 @@ class SdfModel:
         """Return whether a loop-closing joint needs coordinates, and can carry half of its child."""
         if not (j.has_force or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
             return False
-        place, axes = j.placement.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
-        inertia = place.act(self.inertias[j.child]).matrix()
+        placement, axes = j.placement.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
+        inertia = placement.act(self.inertias[j.child]).matrix()
         return bool(np.linalg.eigvalsh(axes.T @ inertia @ axes).min() > 0)
 
     def _add_subtree(self, link: str) -> None:
@@ -159,9 +161,9 @@ class SdfModel:
         j.copy_to(self.model, number)
         return number
 
-    def _add(self, parent: int, joint: pin.JointModel, place: pin.SE3, name: str) -> int:
-        number = int(self.model.addJoint(parent, joint, self.origins[parent].actInv(place), name))
-        self.origins.append(place)
+    def _add(self, parent: int, joint: pin.JointModel, placement: pin.SE3, name: str) -> int:
+        number = int(self.model.addJoint(parent, joint, self.origins[parent].actInv(placement), name))
+        self.origins.append(placement)
         return number
 
     def _add_link(self, link: str) -> None:
@@ -174,8 +176,8 @@ class SdfModel:
         part = pin.Inertia(inertia.mass * share, inertia.lever, inertia.inertia * share)
         self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.of.links[link]))
 
-    def _frame(self, name: str, joint: int, place: pin.SE3, kind: pin.FrameType = pin.FrameType.OP_FRAME) -> None:
-        self.model.addFrame(pin.Frame(name, joint, self.origins[joint].actInv(place), kind), False)
+    def _frame(self, name: str, joint: int, placement: pin.SE3, kind: pin.FrameType = pin.FrameType.OP_FRAME) -> None:
+        self.model.addFrame(pin.Frame(name, joint, self.origins[joint].actInv(placement), kind), False)
 
     def _close(self, j: SdfJoint) -> Closure:
         names, split_joints = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.split_joints

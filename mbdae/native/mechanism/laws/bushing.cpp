@@ -7,7 +7,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 12 + 1; }
+static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 12 + 1; }
 
 // angle/sine for 0 <= angle < pi, by the square of the sine: at 0 the root has no derivative, and none is needed.
 template <class S>
@@ -74,6 +74,6 @@ struct Bushing {
   }
 };
 
-extern const LawKind bushing = frame_law<Bushing>(fits);
+extern const LawKind bushing = frame_law<Bushing>(is_valid);
 
 }  // namespace mbdae::laws

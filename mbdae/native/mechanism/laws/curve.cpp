@@ -3,7 +3,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes& n) {
+static bool is_valid(Law& law, const Sizes& n) {
   bool out = law.a.size() == 2 && law.signals.size() == 2 && law.rows.size() == law.columns.size();
   for (int i : law.rows) out = out && i >= 0 && i < n.nv;
   for (int i : law.columns) out = out && i >= 0 && i < n.nq;
@@ -23,6 +23,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind curve = joint_law<Curve>(fits, potential);
+extern const LawKind curve = joint_law<Curve>(is_valid, potential);
 
 }  // namespace mbdae::laws

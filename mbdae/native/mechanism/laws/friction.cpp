@@ -5,7 +5,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes& n) {
+static bool is_valid(Law& law, const Sizes& n) {
   law.rows.resize(n.nv), std::iota(law.rows.begin(), law.rows.end(), 0);
   return law.a.size() == n.nv + 1u;
 }
@@ -19,6 +19,6 @@ struct Friction {
   }
 };
 
-extern const LawKind friction = joint_law<Friction>(fits);
+extern const LawKind friction = joint_law<Friction>(is_valid);
 
 }  // namespace mbdae::laws

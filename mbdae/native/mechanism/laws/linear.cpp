@@ -6,14 +6,14 @@
 namespace mbdae::laws {
 
 // Which of several consecutive blocks of these sizes contains an index, made relative to it; -1 for none.
-static int block(const std::vector<int>& sizes, int& i) {
+static int block_of(const std::vector<int>& sizes, int& i) {
   if (i < 0) return -1;
   for (size_t k = 0; k < sizes.size(); i -= sizes[k++])
     if (i < sizes[k]) return static_cast<int>(k);
   return -1;
 }
 
-static bool fits(Law& law, const Sizes& n) {
+static bool is_valid(Law& law, const Sizes& n) {
   const size_t m = law.a.size();
   if (law.rows.size() != m || law.columns.size() != m || law.orders.size() != law.signals.size()) return false;
   for (int k : law.orders)
@@ -21,8 +21,8 @@ static bool fits(Law& law, const Sizes& n) {
   law.u.resize(law.signals.size());
   for (size_t i = 0; i < m; ++i) {
     Law::Term x{0, law.rows[i], 0, law.columns[i], law.a[i]};
-    x.to = block({n.nv, n.nv, law.states}, x.row);
-    x.from = block({n.nq, n.nv, law.states, 1, static_cast<int>(law.u.size())}, x.column);
+    x.to = block_of({n.nv, n.nv, law.states}, x.row);
+    x.from = block_of({n.nq, n.nv, law.states, 1, static_cast<int>(law.u.size())}, x.column);
     if (x.to < 0 || x.from < 0) return false;
     law.terms.push_back(x);
   }
@@ -71,6 +71,6 @@ static double potential(const Law& law, const ForcePoint& p) {
   return out;
 }
 
-extern const LawKind linear{fits, add, partials, potential, time_rate};
+extern const LawKind linear{is_valid, add, partials, potential, time_rate};
 
 }  // namespace mbdae::laws

@@ -3,7 +3,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.call && law.partials && law.time_rate; }
+static bool is_valid(Law& law, const Sizes&) { return law.call && law.partials && law.time_rate; }
 
 static void add(const Law& law, const ForcePoint& p, const Forces& f) { law.call(p.t, p.q, p.v, p.s, f.other, f.ds); }
 
@@ -25,6 +25,6 @@ static void time_rate(const Law& law, const ForcePoint& p, const Forces& f) {
   std::copy(rate.begin() + nv, rate.end(), f.ds);
 }
 
-extern const LawKind python{fits, add, partials, nullptr, time_rate};
+extern const LawKind python{is_valid, add, partials, nullptr, time_rate};
 
 }  // namespace mbdae::laws

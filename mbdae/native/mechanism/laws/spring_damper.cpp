@@ -5,7 +5,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 3 && law.signals.size() == 1; }
+static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.a.size() == 3 && law.signals.size() == 1; }
 
 struct SpringDamper {
   static bool damped(const Law& law) { return law.a[1] != 0; }
@@ -34,6 +34,6 @@ struct SpringDamper {
   }
 };
 
-extern const LawKind spring_damper = frame_law<SpringDamper>(fits);
+extern const LawKind spring_damper = frame_law<SpringDamper>(is_valid);
 
 }  // namespace mbdae::laws

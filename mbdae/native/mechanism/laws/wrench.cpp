@@ -3,7 +3,7 @@
 
 namespace mbdae::laws {
 
-static bool fits(Law& law, const Sizes&) { return law.pair >= 0 && law.signals.size() == 6; }
+static bool is_valid(Law& law, const Sizes&) { return law.pair >= 0 && law.signals.size() == 6; }
 
 struct AppliedWrench {
   static bool damped(const Law&) { return false; }
@@ -25,6 +25,6 @@ struct AppliedWrench {
   }
 };
 
-extern const LawKind wrench = frame_law<AppliedWrench>(fits);
+extern const LawKind wrench = frame_law<AppliedWrench>(is_valid);
 
 }  // namespace mbdae::laws

@@ -1,0 +1,135 @@
+"""Parameters whose directions are constant: other values of them are written into what is bound, nothing is made anew.
+
+    theta(p) = theta(p_0) + D (p - p_0),   tau = C u   with D of either C or u alone
+
+theta: inertial parameters of bodies, gravity, armature, and the numbers of linear laws: entries of C and polynomials u.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import MbdaeError
+from ...system import Array
+from ...tolerances import SOLUTION_ROUNDING
+from ..forces.linear import LinearElement
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .parameter_partials import Parameters
+
+POINTS = ((1.0, 0.618), (-0.732, 0.414))  # in widths of the parameters: signed size, and the ratio of the next one
+
+
+class Components(NamedTuple):
+    """Numbers of a mechanism that parameters may change in this way, (n,); which law each belongs to; and the rest.
+
+    Attributes:
+        numbers: the numbers.
+        factors: for each of them, twice the index of its law, plus 1 in u; -1 for those of bodies.
+        rest: all else about the laws.
+    """
+
+    numbers: Array
+    factors: Array
+    rest: list[Any]
+
+
+class ConstantDirections:
+    """Directions D (n, k) of the components that parameters change; they hold where `hold` returns so.
+
+    Args:
+        parameters: bound parameters.
+    """
+
+    def __init__(self, parameters: "Parameters") -> None:
+        self.mech, self.forces = parameters.mech, sorted({i for p in parameters.all for i in p.forces})
+        self.values, self.workspace = np.array([*parameters.values.values()]), parameters.system.workspace
+        self.at: Components | None = None
+        pooled = self.mech.workspaces.pooled and not any(p.specs or p.placements or p.frames for p in parameters.all)
+        if not pooled or any(p.side for p in parameters.all) or not parameters.all:
+            return
+        if (at := self._components(self.mech)) is None:
+            return
+        near = [{k: self._components(m) for k, m in p.perturbed.items()} for p in parameters.all]
+        if any(x is None or x.rest != at.rest for values in near for x in values.values()):
+            return
+        self.D = np.array([
+            p.quotient({k: x.numbers for k, x in values.items() if x is not None})
+            for p, values in zip(parameters.all, near, strict=True)
+        ]).T  # fmt: skip
+        changed = set(at.factors[self.D.any(axis=1)].tolist())
+        if any(i >= 0 and i ^ 1 in changed for i in changed):  # a product of parameters
+            return
+        self.at, self.keeps_states = at, all(p.keeps_states for p in parameters.all)
+        widths = np.array([p.width for p in parameters.all])
+        for size, ratio in POINTS:
+            values = self.values + size * ratio ** np.arange(len(widths)) * widths
+            named = dict(zip(parameters.values, values.tolist(), strict=True))
+            try:
+                if not self.hold(parameters.make(named), named):
+                    self.at = None
+                    return
+            except MbdaeError:
+                self.at = None
+                return
+
+    def hold(self, mech: "Mechanism", values: Mapping[str, float]) -> bool:
+        """Return whether a mechanism with other values has the components that the directions predict."""
+        if self.at is None or not self._is_equal_elsewhere(mech):
+            return False
+        found = self._components(mech)
+        if found is None or found.rest != self.at.rest:
+            return False
+        if self.keeps_states and mech.states != self.mech.states:
+            return False
+        moved = np.array([*values.values()]) - self.values
+        size = np.abs(self.at.numbers) + np.abs(self.D) @ np.abs(moved)
+        for factor in set(self.at.factors.tolist()) - {-1}:  # coefficients of a curve have common rounding errors
+            size[self.at.factors == factor] = size[self.at.factors == factor].max(initial=0.0)
+        return bool((np.abs(found.numbers - self.at.numbers - self.D @ moved) <= SOLUTION_ROUNDING * size).all())
+
+    def _is_equal_elsewhere(self, mech: "Mechanism") -> bool:
+        """Return whether rows, placements and other forces are the same."""
+        pairs = zip(mech.forces, self.mech.forces, strict=False)
+        same = len(mech.forces) == len(self.mech.forces) and mech.constraints == self.mech.constraints
+        if not same or any(a != b for i, (a, b) in enumerate(pairs) if i not in self.forces):
+            return False
+        return mech.model is self.mech.model or _placements(mech.model) == _placements(self.mech.model)
+
+    def _components(self, mech: "Mechanism") -> Components | None:
+        """Return the components of a mechanism; None if one of the laws is not linear."""
+        model, data = mech.model, self.workspace
+        numbers = [np.array([x.toDynamicParameters() for x in model.inertias]).ravel(), model.gravity.linear]
+        numbers += [np.array(model.armature)]
+        factors, rest = [np.full(sum(map(len, numbers)), -1)], list[Any]()
+        for i, force in enumerate(mech.forces[i] for i in self.forces):
+            law = None if callable(force) else force.bind(model, data)
+            if not isinstance(law, LinearElement):
+                return None
+            signals = [_signal(u) for u in law.u]
+            of_u = [x for _, values in signals for x in values]
+            of_C = [x[-1] for x in law.terms] + [x for s in law.springs for x in (s.stiffness, s.stiffness * s.rest)]
+            numbers.append(np.array([*of_C, *of_u], float))
+            factors += [np.full(len(of_C), 2 * i), np.full(len(of_u), 2 * i + 1)]
+            rest.append([x[:-1] for x in law.terms] + [s[:2] for s in law.springs] + [fixed for fixed, _ in signals])
+        return Components(np.concatenate(numbers), np.concatenate(factors), rest)
+
+
+def _signal(u: Any) -> tuple[Any, Sequence[float]]:
+    """Return what is fixed of a function of time, and the numbers of which it is linear."""
+    data = u.core_data()
+    if data["kind"] == "pieces":
+        return (tuple(data["b"]), data["degree"], data["period"]), [*data["a"], data["rise"]]
+    if data["kind"] == "harmonic":
+        amplitude, omega, phase, offset = data["a"]
+        return (omega, phase), [amplitude, offset]
+    return u, []
+
+
+def _placements(model: pin.Model) -> list[Any]:
+    """Return joints, and all placements of joints and frames."""
+    placed = [*model.jointPlacements, *(f.placement for f in model.frames)]
+    return [list(model.joints), list(model.names), [x.homogeneous.tolist() for x in placed]]

@@ -1,0 +1,89 @@
+"""Entries of checked tables by dotted paths: the tables with other values at their ends."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...errors import InputError, UnknownNameError
+from ..checked_table import Table
+from .schema import MechanismFile
+
+TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of files
+
+
+def with_entry(part: Any, path: str, value: Any, whole: str) -> Any:
+    """Return a copy of a table with another value at the end of a dotted path.
+
+    Args:
+        part: a checked table, a list or a dict; the value itself if the path is empty.
+        path: path of the value within ``part``.
+        value: the value.
+        whole: the complete path, for messages.
+
+    Raises:
+        UnknownNameError: for an invalid path.
+        InputError: for an invalid value.
+    """
+    return with_entries(part, {whole: (path, value)})
+
+
+def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
+    """Return a copy of a table with other values at the ends of several dotted paths, none within another.
+
+    Args:
+        part: a checked table, a list or a dict; the value itself if the path is empty.
+        entries: by the complete path, for messages: the path of the value within ``part``, and the value.
+
+    Raises:
+        UnknownNameError, InputError: as `with_entry`.
+    """
+    groups: dict[str, dict[str, tuple[str, Any]]] = {}
+    for whole, (path, value) in entries.items():
+        if not path:
+            return value
+        key, rest = first_key(part, path, whole)
+        groups.setdefault(key, {})[whole] = rest, value
+    if isinstance(part, Table):
+        said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
+        try:
+            return type(part)(**said | {key: with_entries(getattr(part, key), group) for key, group in groups.items()})
+        except UnknownNameError:
+            raise
+        except InputError as e:
+            known = any(str(e).startswith(whole) for whole in entries)
+            raise InputError(str(e) if known else f"{', '.join(entries)}: {e}") from None
+    if isinstance(part, dict):
+        return {**part, **{key: with_entries(part.get(key), group) for key, group in groups.items()}}
+    return tuple(with_entries(x, groups[str(i)]) if str(i) in groups else x for i, x in enumerate(part))
+
+
+def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
+    """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered."""
+    if isinstance(part, dict):  # joint = value: the model checks the names of joints
+        return path, ""
+    keys = entry_keys(part)
+    found = [k for k in keys if path == k or path.startswith(f"{k}.")]
+    if not found:
+        above = whole.removesuffix(path).rstrip(".") or "the mechanism"
+        raise UnknownNameError(f"entry of {above}", path, keys)
+    name = max(found, key=len)
+    return keys[name], path[len(name) + 1 :]
+
+
+def entry_keys(part: Any) -> dict[str, str]:
+    """Return the valid next keys of a path, each with its key or index."""
+    if isinstance(part, MechanismFile):
+        return {k: k for k in TABLES}
+    if isinstance(part, Table):
+        return {k: k for k in type(part).model_fields}
+    if isinstance(part, tuple):
+        return entry_names(part) or {str(i): str(i) for i in range(len(part))}
+    return {}
+
+
+def entry_names(entries: tuple[Any, ...]) -> dict[str, str]:
+    """Return the indices of the entries of a list of tables by name; unnamed ones by kind and number."""
+    out = {}
+    for i, entry in enumerate(entries):
+        if isinstance(entry, Table) and "name" in type(entry).model_fields:
+            out[getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}".strip()] = str(i)
+    return out

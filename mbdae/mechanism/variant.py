@@ -1,0 +1,70 @@
+"""Variants of a mechanism: other parameters, and what does not depend on them shared."""
+
+from collections.abc import Sequence
+from copy import copy
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .forces import bind_forces, named_force
+from .forces.coulomb_friction import CoulombFriction
+from .forces.joint_friction import JointFriction
+from .mechanism import Mechanism
+
+SWITCHED = CoulombFriction, JointFriction  # forces that may have rows or modes
+UNBOUND = {"start", "duration", "source"}  # arguments of which rows, forces and names do not depend
+
+
+def variant(mech: Mechanism, **parts: Any) -> Mechanism:
+    """Return a mechanism with other parts, by the names of the arguments of `Mechanism`.
+
+    Where joints, rows, forces and states are of the same kinds, both share their workspaces, into which the parameters
+    of the mechanism that runs next are written in place. Forces, a start or a duration of the same kinds alone share
+    all the rest, too.
+
+    Raises:
+        UnknownNameError, InputError: as `Mechanism`.
+    """
+    if parts.keys() <= UNBOUND:
+        return _shared(mech, parts)
+    if parts.keys() <= {*UNBOUND, "forces"}:
+        forces = tuple(named_force(f, i) for i, f in enumerate(parts["forces"]))
+        if _are_same_kinds(mech.forces, forces) and not any(isinstance(f, SWITCHED) for f in forces):
+            return _shared(mech, parts | {"forces": forces})
+    names = ("closures", "drivers", "stops", "clutches", "visuals", "title", "duration", "order", "settings", "motors")
+    kept = {name: getattr(mech, name) for name in (*names, "left_out", "remarks")}
+    given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
+    out = Mechanism(**given)
+    if _have_same_structure(mech, out):
+        out.workspaces = mech.workspaces.of(out)
+    return out
+
+
+def _shared(mech: Mechanism, parts: dict[str, Any]) -> Mechanism:
+    """Return a copy with other forces of the same kinds, start, duration or source."""
+    out = copy(mech)
+    for name in [n for n in vars(out) if isinstance(getattr(type(out), n, None), cached_property)]:
+        del out.__dict__[name]
+    vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
+    out.workspaces = mech.workspaces.of(out)
+    if "start" in parts or out.characteristic_length != mech.characteristic_length:
+        out._starts = {}  # otherwise the same: forces do not act on assembly
+    if "forces" in parts:
+        out.states = bind_forces(out.forces, out.model, out.make_workspace()).states()
+    return out
+
+
+def _are_same_kinds(before: Sequence[Any], after: Sequence[Any]) -> bool:
+    """Return whether forces or rows have the same types and names, one by one."""
+    kinds = [[(type(x), getattr(x, "name", "")) for x in part] for part in (before, after)]
+    return kinds[0] == kinds[1]
+
+
+def _have_same_structure(a: Mechanism, b: Mechanism) -> bool:
+    """Return whether the workspaces of a mechanism can be bound to another one."""
+    pairs = [(a.forces, b.forces), (a.constraints, b.constraints)]
+    trees = [(list(m.model.names), list(m.model.joints), list(m.model.parents)) for m in (a, b)]
+    rows = a.row_names == b.row_names and np.array_equal(a.positional, b.positional)
+    same = trees[0] == trees[1] and rows and list(a.states) == list(b.states)
+    return same and all(_are_same_kinds(*pair) for pair in pairs)
