@@ -8,13 +8,18 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import escape
 
+from .data_types import JsonObject
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, atomic_write
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
@@ -59,11 +64,11 @@ class Tabular:
         """
         raise InputError(f"{type(self).__name__} has no columns: see its to_dict()")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data: the columns."""
         return {name: _as_list(x) for name, x in self.tabulated().values.items()}
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> "pandas.DataFrame":
         """Return the columns as a ``pandas.DataFrame``, units by column in ``attrs["units"]``.
 
         Raises:
@@ -74,7 +79,7 @@ class Tabular:
         frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
         return frame
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> "xarray.Dataset":
         """Return the columns as an ``xarray.Dataset`` over their independent column, with ``attrs["units"]``.
 
         Raises:

@@ -185,6 +185,12 @@ def test_simulator_is_measured(script, capsys):
     assert "slider_crank" in capsys.readouterr().out
 
 
+def test_optimal_control_is_measured(script, capsys):
+    found = script("optimal_control").main((5,))
+    assert 0 < found[5][1] < 1e-2
+    assert "excess" in capsys.readouterr().out
+
+
 def test_parameters_are_written_in_place(script, capsys):
     found = script("parameters").main(2)
     assert found["bound"] == 1

@@ -78,6 +78,33 @@ def test_driven_crank(capsys):
     assert "torque of the motor" in capsys.readouterr().out
 
 
+def test_gym_cart_pole(capsys):
+    pytest.importorskip("gymnasium", reason="gymnasium is not installed: the extra gym")
+    from gymnasium.utils.env_checker import check_env
+    from scipy.integrate import solve_ivp
+
+    module = example("gym_cart_pole")
+    env = module.CartPole()
+    check_env(env, skip_render_check=True)
+    seen, _ = env.reset(seed=3)
+    again, _ = env.reset(seed=3)
+    np.testing.assert_array_equal(seen, again)
+    x, v = env.simulator.q, env.simulator.v
+    env.step(np.array([0.5], np.float32))
+
+    def motion(t, y):  # the equations of textbooks, with the pole's inertia m l^2 / 3, l = 1
+        (_, a, _, w), m = y, 0.1
+        M = [[1.0 + m, 0.5 * m * np.cos(a)], [0.5 * m * np.cos(a), m / 3]]
+        f = [10.0 + 0.5 * m * w * w * np.sin(a), 0.5 * m * 9.81 * np.sin(a)]
+        return [*y[2:], *np.linalg.solve(M, f)]
+
+    expected = solve_ivp(motion, (0, 0.02), [*x, *v], rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose([*env.simulator.q, *env.simulator.v], expected, atol=1e-8)
+    returns = module.main(episodes=1)
+    assert returns[0] > -300, "the pole at rest has -500"
+    assert "episode 1" in capsys.readouterr().out
+
+
 def test_press(tmp_path, capsys):
     result = example("press").main(plot=tmp_path / "press.png")
     assert (result["motor"], result["gear"]) == ("A", 20)

@@ -3,12 +3,13 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
 
+from ..data_types import Json
 from ..errors import InputError, printable
 from ..file_io import TABLE_SUFFIXES, VIDEO_SUFFIXES
 
@@ -92,14 +93,14 @@ def exit_interrupted(what: str) -> NoReturn:
     sys.exit(FAILED)
 
 
-def emit(data: Any, text: str, as_json: bool) -> None:
+def emit(data: Json, text: str, as_json: bool) -> None:
     """Print a result as text, or as one JSON document with null for numbers that are not finite."""
     from ..tabular import finite
 
     click.echo(json.dumps(finite(data), allow_nan=False) if as_json else printable(text))
 
 
-def print_table(rows: list[dict[str, Any]], as_json: bool) -> None:
+def print_table(rows: Sequence[Mapping[str, Json]], as_json: bool) -> None:
     """Print rows as a table, or as JSON; on narrow screens text is wrapped, except in the first column."""
     from rich.console import Console
     from rich.table import Table

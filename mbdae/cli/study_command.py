@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import click
 
+from ..data_types import JsonObject
 from ..discovery import lazy_import, public_names
 from .model import model_argument
 from .options import SHARED, Decorator, options_of
@@ -20,7 +21,7 @@ Study = Callable[..., Any]
 class Result(Protocol):
     """Result of a study, with methods `save` and `plot` if its command has these options."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
 
 

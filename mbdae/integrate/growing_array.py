@@ -1,8 +1,7 @@
 """An array to which rows are appended."""
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..system import Array
 
@@ -19,7 +18,7 @@ class GrowingArray:
     def __len__(self) -> int:
         return self._n
 
-    def __getitem__(self, i: Any) -> Array:
+    def __getitem__(self, i: int | slice) -> Array:
         return self._data[: self._n][i]
 
     def __setitem__(self, i: int, row: Array) -> None:
@@ -29,7 +28,7 @@ class GrowingArray:
         """Remove rows at the end."""
         self._n = i.indices(self._n)[0]
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> Array:
         return np.array(self._data[: self._n], dtype)
 
     def append(self, row: Array) -> None:

@@ -151,13 +151,13 @@ class NativeTrajectory:
         return self._checked(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
 
     def tangent(self, nodes: NodeRange, first: Array, dp: Array, dh: Array | None = None) -> Array:
-        """Return the variations of y and carry at the nodes, (m + 1, d, ny + nc).
+        """Return the tangents of y and carry at the nodes, (m + 1, d, ny + nc).
 
         Args:
             nodes: nodes of a sequence of steps.
-            first: variations of y and carry at the first node, (d, ny + nc).
-            dp: variations of the parameters, (d, k).
-            dh: variations of the size of each step, (d,).
+            first: tangents of y and carry at the first node, (d, ny + nc).
+            dp: tangents of the parameters, (d, k).
+            dh: tangents of the size of each step, (d,).
         """
         given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
         along = np.ascontiguousarray(first), np.ascontiguousarray(dp)
@@ -183,13 +183,13 @@ class NativeTrajectory:
 
 
 class NativeStep(NamedTuple):
-    """The step from node i to the next node, with the projection of its end; variations are columns."""
+    """The step from node i to the next node, with the projection of its end; tangents are columns."""
 
     core: NativeTrajectory
     i: int
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array | None = None) -> tuple[Array, Array]:
-        """Return the variations of y and of the carry, for variations dp (k, m) and dh (m,) of the step size."""
+        """Return the tangents of y and of the carry, for dp (k, m) and the change dh (m,) of the step size."""
         nodes, ny = self.core.nodes(self.i, self.i + 1), len(dy)
         found = self.core.tangent(nodes, np.concatenate([dy, carry]).T, dp.T, dh)[-1].T
         return found[:ny], found[ny:]

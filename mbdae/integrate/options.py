@@ -11,7 +11,7 @@ from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ..solution.solution import Problem
 from ..system import Array
 from .defaults import DEFAULTS
-from .events.event import Event, as_events
+from .events.event import Event, Events, as_events
 from .settings import complete_settings
 from .span import checked_span, checked_times, end_of_tables
 from .steppers.scipy_ivp import find_method
@@ -22,7 +22,7 @@ class RunOptions:
     """Options of a run, see the arguments of `mbdae.solve`.
 
     Attributes:
-        method: a tableau, or a solver of scipy.
+        method: a method, or a solver of scipy, whose stepper uses nothing of the interface of methods.
         t1: end of the span.
         t_eval: output times; None for the nodes of the run.
         end: end of the run: t1, or the end of the table of a driver that is not extrapolated.
@@ -54,7 +54,7 @@ class RunOptions:
         t_span: Sequence[float] | None,
         t_eval: Array | None,
         jumps: Sequence[float],
-        events: Any,
+        events: Events,
         backend: str,
         **given: Any,
     ) -> "RunOptions":
@@ -97,7 +97,7 @@ class RunOptions:
         } | ({"tableau": self.method.to_dict()} if custom else {})
 
 
-def require_positive(**values: Any) -> None:
+def require_positive(**values: float | None) -> None:
     """Reject values that are not positive numbers; None means not given.
 
     Raises:

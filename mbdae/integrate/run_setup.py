@@ -1,7 +1,6 @@
 """Setup of a run: workspace, stepper and initial point."""
 
 from numbers import Real
-from typing import Any
 
 import numpy as np
 
@@ -72,7 +71,9 @@ def _stepper(system: System, o: RunOptions) -> PythonStepper:
     return Adaptive(o.method.error_power, *control, o.method.control, o.method.steady(system.ny))
 
 
-def _start(problem: Problem, start: tuple[Array | None, Array | None, Array | None], t: float, rtol: Any) -> Array:
+def _start(
+    problem: Problem, start: tuple[Array | None, Array | None, Array | None], t: float, rtol: float | None
+) -> Array:
     """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
     q, v, s = start
     drifted = START_DRIFT * float(rtol) if isinstance(rtol, Real) else 0.0

@@ -1,13 +1,17 @@
 """Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
+from ..mechanism import Mechanism
 from ..mechanism.input_functions import InputSetting
 from ..system import Array, State
 from .run_state import RunState
+from .steppers.stepper import StepperState
 
 
 class RunSnapshot(NamedTuple):
@@ -31,7 +35,7 @@ class RunSnapshot(NamedTuple):
     rows: tuple[int, ...] | None
     rank_threshold: float
     mode: tuple[int, ...]
-    stepper: tuple[Any, ...]
+    stepper: StepperState
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,16 @@ class SimulatorState:
     inputs: dict[str, InputSetting]
     wanted: dict[str, float]
     start: float
+
+    def require_for(self, mechanism: Mechanism, inputs: Collection[str]) -> None:
+        """Require that the state is one of this mechanism.
+
+        Raises:
+            InputError: if it is not.
+        """
+        n = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
+        if self.run.y.shape != (n,) or set(self.inputs) != set(inputs) or len(self.run.mode) != len(mechanism.switches):
+            raise InputError(f"the state was saved by a simulator of another mechanism, not of {mechanism.title}")
 
 
 def snapshot(run: RunState) -> RunSnapshot:

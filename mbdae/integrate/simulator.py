@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import STATUS, InputError, StepError, is_number
+from ..errors import STATUS, InputError, StepError, is_number, require
 from ..mechanism import Mechanism
 from ..mechanism.input_functions import InputSetting
 from ..mechanism.inputs import Inputs
@@ -65,10 +65,8 @@ class Simulator(DifferentiableAdvance):
 
     Example:
         >>> simulator = mbdae.Simulator("slider_crank", step=1e-3)
-        >>> for _ in range(100):
-        ...     simulator.advance(1e-3)
-        >>> round(simulator.t, 3)
-        0.1
+        >>> simulator.advance(0.1)
+        'running'
     """
 
     def __init__(
@@ -116,8 +114,6 @@ class Simulator(DifferentiableAdvance):
     def __repr__(self) -> str:
         return f"<Simulator of {self.mechanism.title} at t = {self.t:.9g} s: {self.status}>"
 
-    # -- state ---------------------------------------------------------------------------------------------------
-
     @property
     def t(self) -> float:
         """Time in s."""
@@ -153,8 +149,6 @@ class Simulator(DifferentiableAdvance):
         run, y = self._run, self._run.ys[-1]
         system: Any = run.system
         return np.array([value(system, find_signal(self.mechanism, name), run.t, y) for name in names])
-
-    # -- inputs --------------------------------------------------------------------------------------------------
 
     def __getitem__(self, name: str) -> float:
         """Return an input now.
@@ -193,8 +187,6 @@ class Simulator(DifferentiableAdvance):
                 history.append(setting)
         self._wanted.clear()
         return jumps
-
-    # -- time ----------------------------------------------------------------------------------------------------
 
     def advance(self, dt: float) -> str:
         """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance before.
@@ -274,7 +266,12 @@ class Simulator(DifferentiableAdvance):
         """Continue from a saved state, of this simulator or of another one with the same mechanism and options.
 
         The record begins again.
+
+        Raises:
+            InputError: for anything but such a state.
         """
+        require(state, SimulatorState, "restore takes a state from save")
+        state.require_for(self.mechanism, self.inputs.cells)
         self.start, self._wanted, self._earlier = state.start, dict(state.wanted), []
         for name, setting in state.inputs.items():
             self.inputs.cell(name).set(setting)

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
+from ..methods import MethodLike
 from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
+from .events.event import Events
 from .loop import Progress, run_to_end
 from .options import RunOptions
 from .result import make_solution
@@ -21,7 +22,7 @@ def solve(
     v: Array | None = None,
     s: Array | None = None,
     *,
-    method: Any = None,
+    method: MethodLike | None = None,
     formulation: str | None = None,
     project: bool | str | None = None,
     baumgarte: tuple[float, float] | None = None,
@@ -33,7 +34,7 @@ def solve(
     max_steps: int | None = None,
     jumps: Sequence[float] = (),
     t_eval: Array | None = None,
-    events: Any = None,
+    events: Events = None,
     progress: Progress | None = None,
     backend: str = "auto",
 ) -> Solution:

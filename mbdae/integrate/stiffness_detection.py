@@ -1,14 +1,14 @@
 """Stiffness detection: steps that are limited by stability, where accuracy would allow longer steps."""
 
-
 import warnings
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..data_types import JsonObject
 from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..methods import Tableau
@@ -80,7 +80,7 @@ class StiffnessDetector(EventSource):
     def warning(self) -> str:
         return str(self.found or "")
 
-    def statistics(self, run: "RunState") -> dict[str, Any]:
+    def statistics(self, run: "RunState") -> JsonObject:
         return {"stiff": asdict(self.found)} if self.found else {}
 
     def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
@@ -122,9 +122,7 @@ class StiffnessDetector(EventSource):
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
         weights = _lagrange([t[i] for i in NODES], [t[i] for i in COMPARED])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
-        gap = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (
-            atol + self.control.rtol * np.abs(v[-1]) + TINY
-        )
+        gap = (v[list(COMPARED)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + TINY)
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
 
 

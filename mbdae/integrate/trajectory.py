@@ -43,9 +43,9 @@ class LinearMap(NamedTuple):
     maps_carry: bool
 
     def forward(self, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
-        """Return the variations of y and of the carry."""
-        variation = self.matrix @ np.concatenate([dy, dp])
-        return (dy, variation) if self.maps_carry else (variation, carry)
+        """Return the tangents of y and of the carry."""
+        tangent = self.matrix @ np.concatenate([dy, dp])
+        return (dy, tangent) if self.maps_carry else (tangent, carry)
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, of the carry and of the parameters."""

@@ -39,15 +39,15 @@ def assemble(
         table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
         q0 = mech.coordinates(table)[0]
         fixed_q = mech.coordinates(q or {})[1]
-    system = mech.system()
-    q1 = close_position(system, q0, fixed_q, t)
     if isinstance(v, np.ndarray | list | tuple):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
         fixed_v = mech.coordinates(v or {}, of_v=True)[1]
-    require_preconditions(mech, q1)
-    return q1, close_velocity(system, q1, v0, fixed_v, t)
+    with mech.workspaces.borrowed() as system:
+        q1 = close_position(system, q0, fixed_q, t)
+        require_preconditions(mech, q1)
+        return q1, close_velocity(system, q1, v0, fixed_v, t)
 
 
 def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: float) -> Array:

@@ -22,7 +22,8 @@ def characteristic_rate(mech: "Mechanism") -> float:
         q, v = mech.start if mech.start_values.assemble else mech.given  # `start` checks them with this rate
         squares += ((v / scales) ** 2).tolist()
         y = np.concatenate([q, v, list(mech.states.values()), [0.0]])
-        squares += np.abs(mech.system().derivative(0.0, y)[0][mech.nv : 2 * mech.nv] / scales).tolist()
+        with mech.workspaces.borrowed() as system:
+            squares += np.abs(system.derivative(0.0, y)[0][mech.nv : 2 * mech.nv] / scales).tolist()
     except MbdaeError:  # the start violates closures or is singular
         pass
     return float(np.sqrt(max(squares, default=0.0))) or 1.0

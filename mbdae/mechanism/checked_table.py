@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from ..errors import InputError
 
 HUGE = 1e50  # larger numbers in SI units are mistakes; their products overflow
-KnownKeys = Callable[[Sequence[Any]], list[str]]
+Location = Sequence[int | str]  # of a value in a table: keys and positions
+KnownKeys = Callable[[Location], list[str]]
 
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> s
     return "; ".join(messages.values())
 
 
-def _key_path(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
+def _key_path(loc: Location, kind: str, content: Any) -> list[str]:
     """Return the keys and names that lead to an error, without the kinds of table that pydantic has tried."""
     if content is None:
         return [str(p) for p in loc]
@@ -104,7 +105,7 @@ def _has_too_few_entries(e: "ErrorDetails") -> bool:
     return e["type"] == "missing" and isinstance(e["loc"][-1], int)
 
 
-def _kind_text(loc: Sequence[Any], where: str) -> str:
+def _kind_text(loc: Location, where: str) -> str:
     """Return the kind of the table whose key is unknown or missing, unless ``where`` has it."""
     kind = loc[-2] if len(loc) > 1 else None
     return f" (kind {kind!r})" if isinstance(kind, str) and not where.endswith(f"{kind}.{loc[-1]}") else ""

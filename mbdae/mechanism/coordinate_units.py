@@ -8,7 +8,9 @@ from .frames import find_joint
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
-PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v
+COORDINATE_NAMES: dict[
+    str, tuple[tuple[str, ...], tuple[str, ...]]
+] = {  # joint: names of the coordinates in q and in v
     "Translation": (("x", "y", "z"), ("x", "y", "z")),
     "Spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
     "FreeFlyer": (("x", "y", "z", "qx", "qy", "qz", "qw"), ("vx", "vy", "vz", "wx", "wy", "wz")),
@@ -29,7 +31,7 @@ def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], t
     if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
         return ("",), ("",)
     numbers = [tuple(str(k + 1) for k in range(n)) for n in (joint.nq, joint.nv)]
-    q, v = PARTS.get(kind, numbers)
+    q, v = COORDINATE_NAMES.get(kind, numbers)
     return tuple(f".{x}" for x in q), tuple(f".{x}" for x in v)
 
 

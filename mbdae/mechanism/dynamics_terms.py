@@ -1,7 +1,7 @@
 """Dynamics terms of a mechanism at a point: M, G, frames, forces of inertia and weight, energies."""
 
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -18,13 +18,21 @@ from .frames import frame_placement
 from .local_ode import LocalODE
 from .pinocchio_data import make_data
 
+Self_: TypeAlias = Any  # a `Mechanism`, which derives from this class: a type checker rejects a derived type of self
+
 
 class DynamicsTerms:
     """The terms of M(q) v' + nle(q, v) = tau + G(q)^T lam at a configuration (nq,) and a velocity (nv,)."""
 
     def at(
-        self: Any, t: float = 0.0, q: Array | None = None, v: Array | None = None, s: Array | None = None,
-        *, mode: tuple[int, ...] = (), backend: str = "auto",
+        self: Self_,
+        t: float = 0.0,
+        q: Array | None = None,
+        v: Array | None = None,
+        s: Array | None = None,
+        *,
+        mode: tuple[int, ...] = (),
+        backend: str = "auto",
     ) -> EquationsAtPoint:
         """Return the terms of the equations of motion at a point, M, f, G, g, gamma, v', lam, and their derivatives.
 
@@ -56,8 +64,13 @@ class DynamicsTerms:
         return EquationsAtPoint(self, t, q0, v0 if v is None else v, s, mode=mode, native=native)
 
     def ode(
-        self: Any, t: float = 0.0, q: Array | None = None, v: Array | None = None, s: Array | None = None,
-        *, backend: str = "auto",
+        self: Self_,
+        t: float = 0.0,
+        q: Array | None = None,
+        v: Array | None = None,
+        s: Array | None = None,
+        *,
+        backend: str = "auto",
     ) -> LocalODE:
         """Return the mechanism as x' = F(t, x) in local coordinates of its constraint manifold, for any ODE solver.
 
@@ -84,45 +97,45 @@ class DynamicsTerms:
         return LocalODE(self, point.t, point.q, point.v, point.s, point.native)
 
     @cached_property
-    def characteristic_length(self: Any) -> float:
+    def characteristic_length(self: Self_) -> float:
         """Longest distance in m, l > 0, between joints and points where closures act: the unit of lengths."""
         return characteristic_length(self)
 
     @cached_property
-    def characteristic_rate(self: Any) -> float:
+    def characteristic_rate(self: Self_) -> float:
         """Rate w > 0 in 1/s of motions from the start: the unit of speeds, with the characteristic length."""
         return characteristic_rate(self)
 
     @property
-    def characteristic_speed(self: Any) -> float:
+    def characteristic_speed(self: Self_) -> float:
         """Characteristic length times characteristic rate, in m/s."""
         return self.characteristic_length * self.characteristic_rate
 
     @cached_property
-    def row_scales(self: Any) -> Array:
+    def row_scales(self: Self_) -> Array:
         """Unit scale of each row's g, (ng,): the characteristic length, or 1 rad."""
         return row_scales(self)
 
     @cached_property
-    def q_scales(self: Any) -> Array:
+    def q_scales(self: Self_) -> Array:
         """Unit scale of each component of q, (nq,): the characteristic length, or 1."""
         return q_scales(self)
 
     @cached_property
-    def coordinate_scales(self: Any) -> Array:
+    def coordinate_scales(self: Self_) -> Array:
         """Unit scale of each velocity component's coordinate, (nv,): the characteristic length, or 1 rad."""
         return coordinate_scales(self)
 
-    def make_workspace(self: Any) -> pin.Data:
+    def make_workspace(self: Self_) -> pin.Data:
         """Make a workspace for closures and forces; complete where forces of other packages are bound to it."""
         return make_data(self.model, complete=any(is_custom(f) for f in self.forces))
 
     @property
-    def gravity(self: Any) -> Array:
+    def gravity(self: Self_) -> Array:
         """Gravity in m/s^2, (3,)."""
         return self.model.gravity.linear.copy()
 
-    def mass_matrix(self: Any, q: Array) -> Array:
+    def mass_matrix(self: Self_, q: Array) -> Array:
         """Return M(q), symmetric, armature included, (nv, nv), in kg, kg m and kg m^2.
 
         Raises:
@@ -132,7 +145,7 @@ class DynamicsTerms:
         pin.crba(self.model, data, self.configuration(q), pin.Convention.WORLD)
         return np.triu(data.M) + np.triu(data.M, 1).T
 
-    def bias(self: Any, q: Array, v: Array) -> Array:
+    def bias(self: Self_, q: Array, v: Array) -> Array:
         """Return nle(q, v), Coriolis, centrifugal and gravity terms, (nv,), in N m and N.
 
         Springs, dampers and other forces are not included.
@@ -143,15 +156,16 @@ class DynamicsTerms:
         data = make_data(self.model)
         return pin.nonLinearEffects(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
 
-    def jacobian(self: Any, q: Array) -> Array:
+    def jacobian(self: Self_, q: Array) -> Array:
         """Return G(q) over the rows of all closures and drivers, in file order, (ng, nv).
 
         Raises:
             InputError: for a q of another length, or off the manifold.
         """
-        return self.system().jacobian(self.configuration(q)).copy()
+        with self.workspaces.borrowed() as system:
+            return system.jacobian(self.configuration(q)).copy()
 
-    def frame(self: Any, q: Array, name: str) -> tuple[Array, Array]:
+    def frame(self: Self_, q: Array, name: str) -> tuple[Array, Array]:
         """Return position (3,) in m and rotation matrix (3, 3) of a frame in the world.
 
         Raises:
@@ -163,15 +177,17 @@ class DynamicsTerms:
         placement = frame_placement(self.model, data, name)
         return placement.translation.copy(), placement.rotation.copy()
 
-    def energy(self: Any, q: Array, v: Array) -> tuple[float, float]:
+    def energy(self: Self_, q: Array, v: Array) -> tuple[float, float]:
         """Return kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
-        return self.system().energy(np.asarray(q, float), np.asarray(v, float))
+        with self.workspaces.borrowed() as system:
+            return system.energy(np.asarray(q, float), np.asarray(v, float))
 
-    def residual(self: Any, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
+    def residual(self: Self_, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
-        return self.system().residual(t, np.asarray(q, float), np.asarray(v, float))
+        with self.workspaces.borrowed() as system:
+            return system.residual(t, np.asarray(q, float), np.asarray(v, float))
 
-    def configuration(self: Any, q: Array) -> Array:
+    def configuration(self: Self_, q: Array) -> Array:
         """Return a q (nq,) after checks.
 
         Raises:

@@ -16,7 +16,7 @@ from .model_settings import Motor, Start
 
 LISTED_NAMES = 4  # before "and n more"
 LIMITS, FRICTION = "limits of joints", "friction of joints"  # as named in `ImportedModel.left_out`
-EFFORTS, LOST = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
+EFFORTS, MIMICRY = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
 T = TypeVar("T", bound=BaseModel)
 
 

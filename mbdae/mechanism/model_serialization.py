@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import AllowInfNan, Field, ValidationError
 
+from ..data_types import JsonObject
 from ..errors import InputError
 from .checked_table import Table, one_line
 from .joints import PER_COORDINATE, PER_VELOCITY, subspace
@@ -87,7 +88,7 @@ class _Model(Table):
     arrays: dict[str, tuple[Limit, ...]]
 
 
-def model_to_data(model: pin.Model) -> dict[str, Any]:
+def model_to_data(model: pin.Model) -> JsonObject:
     """Return a model as JSON data.
 
     Raises:
@@ -164,7 +165,7 @@ def _placement_from_data(x: PlacementEntries) -> pin.SE3:
     return pin.SE3(rows[:, :3], rows[:, 3])
 
 
-def _inertia(x: pin.Inertia) -> dict[str, Any]:
+def _inertia(x: pin.Inertia) -> JsonObject:
     tensor = x.inertia
     moments = [float(tensor[i, j]) for i in range(3) for j in range(i + 1)]
     return {"mass": float(x.mass), "com": x.lever.tolist(), "moments": moments}
@@ -175,7 +176,7 @@ def _inertia_from_data(x: _Inertia) -> pin.Inertia:
     return pin.Inertia(x.mass, np.array(x.com), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
 
 
-def _joint(joint: pin.JointModel) -> dict[str, Any]:
+def _joint(joint: pin.JointModel) -> JsonObject:
     kind, typed = joint.shortname().removeprefix(PREFIX), joint.extract()
     if kind == COMPOSITE:
         placements = [_placement(p) for p in typed.jointPlacements]

@@ -5,10 +5,11 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from math import floor, isfinite
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ..data_types import CoreData
 from ..errors import InputError
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class PiecewisePolynomial:
         knots = (t + k * self.period for k in range(first, last + 1) for t in self.starts)
         return [t for t in knots if low < t < high]
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data."""
         rows = self._derivatives[0]
         numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}

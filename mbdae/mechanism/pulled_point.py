@@ -15,23 +15,21 @@ class Pull(NamedTuple):
     """A spring between a point and its target.
 
     Attributes:
-        force: on the body in N, (3,), in the axes of the world.
-        torque: of the force about the origin of the body's joint in N m, (3,).
+        tau: generalised force J_p^T f in N m and N, (nv,).
         point: the point in the world in m, (3,).
     """
 
-    force: Array
-    torque: Array
+    tau: Array
     point: Array
 
 
 class PulledPoint:
     """A point fixed to the body of a joint, and a critically damped spring to a target.
 
-        f = m (w^2 (target - p) - 2 w p'),   1/m the largest eigenvalue of J_p M^-1 J_p^T
+        f = m (w^2 (target - p) - 2 w p'),   tau = J_p^T f,   1/m the largest eigenvalue of J_p M^-1 J_p^T
 
-    The mass is the least that any direction of the tree without closures shows at the point, so that the spring has
-    at most the frequency w.
+    The mass is the least that the tree without closures has at the point in any direction, so that the spring has at
+    most the frequency w.
 
     Args:
         mechanism: the mechanism.
@@ -41,7 +39,7 @@ class PulledPoint:
     """
 
     def __init__(self, mechanism: Mechanism, joint: int, point: Array, q: Array) -> None:
-        self.model, self.joint = mechanism.model, joint
+        self.mechanism, self.model, self.joint = mechanism, mechanism.model, joint
         self.data = make_data(self.model)
         pin.forwardKinematics(self.model, self.data, q)
         self.local = self.data.oMi[joint].actInv(np.asarray(point, float))
@@ -51,17 +49,13 @@ class PulledPoint:
         pin.computeJointJacobians(self.model, self.data, q)
         place = self.data.oMi[self.joint]
         point = place.act(self.local)
-        J = pin.getJointJacobian(self.model, self.data, self.joint, pin.LOCAL_WORLD_ALIGNED)
+        J = pin.getJointJacobian(self.model, self.data, self.joint, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)
         Jp = J[:3] - pin.skew(point - place.translation) @ J[3:]
-        M = pin.crba(self.model, self.data, q)
-        M = np.triu(M) + np.triu(M, 1).T
-        mass = 1 / max(np.linalg.eigvalsh(Jp @ np.linalg.solve(M, Jp.T))[-1], TINY)
+        mass = 1 / max(np.linalg.eigvalsh(Jp @ np.linalg.solve(self.mechanism.mass_matrix(q), Jp.T))[-1], TINY)
         force = mass * (frequency**2 * (target - point) - 2 * frequency * (Jp @ v))
-        return Pull(force, np.cross(point - place.translation, force), point)
+        return Pull(Jp.T @ force, point)
 
 
 def joint_inertias(mechanism: Mechanism, q: Array) -> Array:
-    """Return 1 / (M^-1)_ii at q (nq,), (nv,): the inertia that each coordinate shows while the others are free."""
-    M = pin.crba(mechanism.model, make_data(mechanism.model), q)
-    M = np.triu(M) + np.triu(M, 1).T
-    return 1 / np.linalg.inv(M).diagonal()
+    """Return 1 / (M^-1)_ii at q (nq,), (nv,): the inertia of each coordinate while the others are free."""
+    return 1 / np.linalg.inv(mechanism.mass_matrix(q)).diagonal()

@@ -1,11 +1,12 @@
 """Singular configurations, where closures lose rank and a motion may continue along several branches."""
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
+from ..data_types import JsonObject
 from ..system import Array
 from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
 from .closures import independent_rows
@@ -40,7 +41,7 @@ class Singular:
     rank_there: int
     closures: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return a dictionary for JSON."""
         return asdict(self)
 
@@ -50,9 +51,7 @@ class Singular:
         return f"rank {self.rank} falls to {self.rank_there} at t = {self.t:.9g} s ({where})"
 
 
-def singular(
-    system: "Index2System", t: float, y: Array, before: tuple[float, Array], limit: float
-) -> Singular | None:
+def singular(system: "Index2System", t: float, y: Array, before: tuple[float, Array], limit: float) -> Singular | None:
     """Return the singular configuration at (t, y) if pivots are smaller there than ``limit`` times the largest.
 
     Args:

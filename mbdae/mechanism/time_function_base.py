@@ -4,9 +4,9 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
 from math import inf
-from typing import Any
 
 from .. import finite_differences
+from ..data_types import CoreData
 from .checked_table import Table
 from .piecewise_polynomial import PiecewisePolynomial
 
@@ -49,7 +49,7 @@ class BaseTimeFunction(Table):
         return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
 
     @abstractmethod
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data."""
 
 
@@ -78,5 +78,5 @@ class PiecewiseFunction(BaseTimeFunction):
     def derivative(self, t: float, k: int = 0) -> float:
         return self.polynomials.derivative(t, k)
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         return self.polynomials.core_data()

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
 
+from ..data_types import CoreData
 from ..errors import InputError
 from . import piecewise_polynomial as piecewise
 from .callbacks import call_with_views, checked_value, function_name
@@ -63,7 +64,7 @@ class Harmonic(BaseTimeFunction):
         value = self.amplitude * sin(angle)
         return value * (self.omega, self.omega * self.omega)[k - 1] if k else value + self.offset
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         return {"kind": "harmonic", "a": [self.amplitude, self.omega, self.phase, self.offset]}
 
 
@@ -198,7 +199,7 @@ class Function(BaseTimeFunction):
     def has_derivative(self, k: int) -> bool:
         return (self.function, self.rate, self.acceleration)[k] is not None
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         return {"kind": "python", "call": self.at}
 
 

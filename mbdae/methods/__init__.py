@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, get_args
 
 from .. import errors
@@ -18,6 +19,7 @@ from .tableau import Tableau
 from .variational import Composition
 
 Method = RungeKutta | Composition | GeneralizedAlpha
+MethodLike = Method | str | Path
 
 _FOUND = members(__name__, *get_args(Method))
 METHODS: dict[str, Method] = {m.name: m for m in sorted(_FOUND, key=lambda m: m.name)}
@@ -30,7 +32,7 @@ EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, Expl
 """Methods for ordinary differential equations, which integrate the index-1 formulation."""
 
 
-def method(name: str | Method) -> Method:
+def method(name: MethodLike) -> Method:
     """Return a method by name, file or tableau.
 
     Args:
@@ -54,7 +56,7 @@ def method(name: str | Method) -> Method:
     if text not in METHODS and (found := alpha_method(text)):
         return found
     if text not in METHODS:
-        raise errors.UnknownNameError("method", name, METHODS)
+        raise errors.UnknownNameError("method", text, METHODS)
     return METHODS[text]
 
 

@@ -30,9 +30,7 @@ from .stage_arrays import StageArrays, lagrange
 
 MAX_FURTHER_ITERATIONS = 8  # after a change of the size of rounding errors
 FIRST_ITERATIONS = 3  # further iterations if already the first change is that small, so that the rate is unknown
-EXPECTED_RATE = (
-    0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
-)
+EXPECTED_RATE = 0.1  # initial estimate of the rate; above REUSE: partial derivatives of unknown rate are not reused
 REUSE_RATE = 0.03  # convergence rate below which partial derivatives and factors are reused for the same h
 ANDERSON_DEPTH = 10  # changes that are combined if the simplified Newton iteration does not converge
 MAX_FIRST_CHANGE = 0.5  # of the size of y and its displacement: a larger change means that the guess is useless
@@ -40,7 +38,6 @@ MAX_FIRST_CHANGE = 0.5  # of the size of y and its displacement: a larger change
 
 class StageMemory(NamedTuple):
     """Data for the next step: stage values for its guess, and partial derivatives with their convergence rate."""
-
 
     unknowns: Any
     h: float
@@ -95,7 +92,7 @@ def collocation_step(
     if a.ends_at_stage:
         y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     else:
-        z_1 = a.growth * z_n + a.z_weights @ found.Z
+        z_1 = a.R_infinity * z_n + a.z_weights @ found.Z
         found = found._replace(z=z_1)
         y, own = chart.end(t + h, x, None, z_1)
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))

@@ -92,7 +92,7 @@ class ImplicitTableau(CoupledMethod):
         return [ZERO, *map(exact, self.b)]
 
     @cached_property
-    def growth(self) -> Number:
+    def R_infinity(self) -> Number:
         """R(infinity) = 1 - sum_ij b_i omega_ij, exact."""
         omega = regular_inverse(self._square)
         weights = (b * x for b, row in zip(self.exact_b[1:], omega, strict=True) for x in row)
@@ -103,7 +103,7 @@ class ImplicitTableau(CoupledMethod):
         """The coefficients in double precision."""
         c = [float(sum(row, start=ZERO)) for row in self._square]
         A, b = np.array([[float(x) for x in row] for row in self._square]), [float(x) for x in self.exact_b[1:]]
-        return stage_arrays(np.array(c), A, np.array(b), float(self.growth))
+        return stage_arrays(np.array(c), A, np.array(b), float(self.R_infinity))
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Fail: there is no error estimate.

@@ -31,7 +31,7 @@ class RadauIIA(CoupledMethod):
     stages: int
 
     family = "Radau IIA"
-    growth = 0.0  # R(infinity)
+    R_infinity = 0.0  # R(infinity)
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II, sections IV.5 and VII.4"
 
     def __post_init__(self) -> None:

@@ -36,7 +36,7 @@ class Coefficients:
     def arrays(self) -> StageArrays:
         """Data of a step, in double precision."""
         A = np.array(self.A, float)
-        return stage_arrays(np.array(self.c, float), A, A[-1], growth=0.0)
+        return stage_arrays(np.array(self.c, float), A, A[-1], R_infinity=0.0)
 
 
 @cache

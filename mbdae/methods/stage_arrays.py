@@ -31,7 +31,7 @@ class StageArrays:
         A: coefficients, (s, s).
         b: weights of y_1, (s,).
         z_weights: sum_i b_i omega_ij, omega the inverse of A: weights of the stages in z_1, (s,).
-        growth: R(infinity) = 1 - sum_ij b_i omega_ij, the weight of z_0 in z_1.
+        R_infinity: R(infinity) = 1 - sum_ij b_i omega_ij, the weight of z_0 in z_1.
         ends_at_stage: whether b is the last row of A, so that (y_1, z_1) is the last stage.
         modes: real eigenvalues and complex pairs of A.
         real: index of the first real mode; None if there is none.
@@ -44,7 +44,7 @@ class StageArrays:
     A: Array
     b: Array
     z_weights: Array
-    growth: float
+    R_infinity: float
     ends_at_stage: bool
     modes: tuple[EigenMode, ...]
     real: int | None
@@ -53,7 +53,7 @@ class StageArrays:
     middle: int
 
 
-def stage_arrays(c: Array, A: Array, b: Array, growth: float) -> StageArrays:
+def stage_arrays(c: Array, A: Array, b: Array, R_infinity: float) -> StageArrays:
     """Return the data of a step.
 
     A with a multiple eigenvalue (SDIRK) has no basis of eigenvectors. Its modes are those of A with a diagonal that
@@ -63,7 +63,7 @@ def stage_arrays(c: Array, A: Array, b: Array, growth: float) -> StageArrays:
         c: nodes, (s,).
         A: coefficients, (s, s), regular.
         b: weights, (s,).
-        growth: R(infinity).
+        R_infinity: R(infinity).
     """
     values, T = np.linalg.eig(A)
     distances = np.abs(values[:, None] - values)[np.triu_indices(len(c), 1)]
@@ -83,9 +83,7 @@ def stage_arrays(c: Array, A: Array, b: Array, growth: float) -> StageArrays:
     middle = int(np.argmin(np.abs(c - 0.5)))
     ends_at_stage = bool((b == A[-1]).all())
     last = np.eye(len(c))[-1] if ends_at_stage else np.linalg.solve(A.T, b)
-    return StageArrays(
-        c, A, b, last, growth, ends_at_stage, tuple(modes), real, gamma, np.array(start), middle
-    )
+    return StageArrays(c, A, b, last, R_infinity, ends_at_stage, tuple(modes), real, gamma, np.array(start), middle)
 
 
 def lagrange(c: Array, x: Array) -> Array:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..data_types import JsonObject
 from ..errors import InputError
 from ..system import State, Step, System
 from ..tolerances import EPS
@@ -179,7 +180,7 @@ class Tableau:
             noise=self.noise,
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the entries as JSON data, from which `mbdae.methods.custom_tableau.tableau` recreates it."""
         return {key: value for key, value in asdict(self).items() if value}
 

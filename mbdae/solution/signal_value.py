@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..data_types import CoreData
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..mechanism.contacts import rolling_closures
@@ -46,7 +47,7 @@ class SignalValue(NamedTuple):
         """Whether the core supports it."""
         return self.kind not in PYTHON_KINDS
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Core data."""
         return {"kind": self.kind, "i": self.i, "rate": self.rate, "rows": list(self.rows)}
 

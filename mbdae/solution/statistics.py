@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from ..data_types import JsonObject
 from ..errors import InputError
 from ..system import Array
 from ..tabular import Tabular
@@ -81,7 +82,7 @@ class Statistics(Tabular):
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         return "\n".join("  ".join(x.ljust(w) for x, w in zip(row, widths, strict=True)).rstrip() for row in rows)
 
-    def to_dict(self) -> dict[str, dict[str, float | str]]:
+    def to_dict(self) -> JsonObject:
         """Return by signal: ``unit``, ``min``, ``t_min``, ``max``, ``t_max``, ``mean``, ``rms``, ``integral``."""
         return {
             name: {"unit": self.units[name], "min": low.value, "t_min": low.t, "max": self.maximum[name].value,

@@ -3,7 +3,9 @@
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from chains import rod
 from frozen import retraced
 
 import mbdae
@@ -187,6 +189,20 @@ def test_runs_in_python_have_the_same_derivatives():
     m = with_input("four_bar")
     found = [advance(m, (*m.start, None), backend=b).tangent(inputs={"motor": 1.0}) for b in ("native", "python")]
     assert stacked(found[0]) == pytest.approx(stacked(found[1]), abs=1e-13)
+
+
+@pytest.mark.parametrize("method", ["pherk6", "radau5"])
+def test_an_input_as_the_speed_of_a_driver(method):
+    tree = pin.Model()
+    rod(tree, 0, pin.SE3.Identity(), 1.0, "one")
+    rod(tree, 1, pin.SE3(np.eye(3), np.array([0.0, 0.0, -1.0])), 0.7, "two")
+    speed = Input(name="motor", hold="first", value=0.5)
+    m = Mechanism(tree, drivers=[mbdae.Driver(joint="one", speed=speed)])
+    start = np.array([0.3, 0.2]), np.array([0.5, -0.3])
+    simulator = advance(m, start, method=method)
+    quotient = difference(m, lambda x: end(advance(m, start, value=SET + x, method=method)), 0.1)
+    assert stacked(simulator.tangent(inputs={"motor": 1.0})) == pytest.approx(quotient, abs=1e-11)
+    refused("depend on time", lambda: simulator.tangent(dt=1.0))
 
 
 def refused(match, call):

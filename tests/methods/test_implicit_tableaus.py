@@ -65,7 +65,7 @@ def test_claims_are_proven_exactly_and_nothing_more_holds(name):
     assert (m.order, m.order_own) == (found.order_y, found.order_own) == (order, own)
     assert found.order_y_linear == m.order_linear == order
     assert found.holds
-    assert m.growth == growth
+    assert m.R_infinity == growth
     assert assumptions(m).implicit == held
     assert not check_conditions(m, max_order=order + 1).order_y > order
     for claim in ("order", "order_own") if name in NAMES else ():

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
 from ...errors import InputError
 from ...mechanism.callbacks import call_with_views, checked_value, function_name
 from ...system import Array, System
+
+Events: TypeAlias = "Event | str | Callable[..., float] | Sequence[Event | str | Callable[..., float]] | None"
 
 
 @dataclass(frozen=True)
@@ -43,16 +45,18 @@ class Event:
             raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
 
 
-def as_events(events: Any) -> tuple[Event, ...]:
+def as_events(events: Events) -> tuple[Event, ...]:
     """Return events as a tuple, given one or several: `Event`, signals, or functions with attributes as in scipy.
 
     Raises:
         InputError: for any other value.
     """
-    single = isinstance(events, str) or not isinstance(events, Sequence)
-    listed = [] if events is None else [events] if single else list(events)
+    if events is None:
+        events = []
+    elif isinstance(events, Event | str) or not isinstance(events, Sequence):
+        events = [events]
     out = []
-    for e in listed:
+    for e in events:
         if not isinstance(e, Event):
             if not callable(e) and not isinstance(e, str):
                 raise InputError(f"an event is a signal, a function or mbdae.Event, got {type(e).__name__}")

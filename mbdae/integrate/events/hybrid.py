@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.closures.independent_rows import AMBIGUOUS_UNDERWAY
@@ -253,7 +254,7 @@ class ModeChanges(EventSource):
     def results(self, run: "RunState") -> dict[str, Any]:
         return {"modes": [(i, mode) for i, mode in self.modes if i < len(run.ts)], "impacts": self.impacts}
 
-    def statistics(self, run: "RunState") -> dict[str, Any]:
+    def statistics(self, run: "RunState") -> JsonObject:
         return {"transitions": len(self.modes) - 1, "impacts": len(self.impacts)}
 
     def _check_chattering(self, t: float, fired: list[Guard]) -> None:

@@ -1,7 +1,7 @@
 """Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -31,14 +31,16 @@ MAX_PROJECTION = 100.0  # times the tolerance: largest distance of the end of a 
 SINGULAR_RATIO = NEGLIGIBLE  # of the ratio one step before: below it, the configuration is singular
 MAX_RATIO_CHANGE = 0.02  # of the ratio at the start of an interval: largest change over a linear backward step
 
+Ratio = TypeVar("Ratio", float, Array)  # of one node, or of several
 
-def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
+
+def _suspicious(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:
     """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour."""
     minimum = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
     return minimum & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
 
 
-def _falls(before: Any, here: Any) -> Any:
+def _falls(before: Ratio, here: Ratio) -> Ratio:
     """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps."""
     return AHEAD * (before - here) > here
 

@@ -5,8 +5,9 @@ dominate the result. The motion along its branch is smooth there, so a polynomia
 their rates is extrapolated, q follows by integration, and the end point is projected onto the closures.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.singularity import Singular, singular, singular_crossing
 from ...system import Array
 from ...tolerances import CLOSED, EVALUATION_ROUNDING, INTERPOLATION, ROUNDING, SEARCH_TOLERANCE
+
+if TYPE_CHECKING:
+    from ..run_state import RunState
 
 solve_ivp = lazy_import("scipy.integrate", "solve_ivp")
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
@@ -91,7 +95,9 @@ class ContinuationPolynomial:
         return np.concatenate([s.manifold.integrate(self.y[: s.nq], x), self.tail(dt)])
 
 
-def cross_singularity(system: Index2System, run: Any, time_ahead: float, first: int) -> SingularityCrossing | None:
+def cross_singularity(
+    system: Index2System, run: "RunState", time_ahead: float, first: int
+) -> SingularityCrossing | None:
     """Return the crossing of a singular configuration about ``time_ahead`` seconds ahead; None if there is none.
 
     Args:
@@ -138,7 +144,7 @@ def cross_singularity(system: Index2System, run: Any, time_ahead: float, first: 
     return SingularityCrossing(t, closed, path, error, system.difference(y1, closed), passed)
 
 
-def _earlier_states(run: Any, time_ahead: float, first: int) -> tuple[Array, Array, Array]:
+def _earlier_states(run: "RunState", time_ahead: float, first: int) -> tuple[Array, Array, Array]:
     """Return times, points and rates of the last node and of states about `OFFSETS` times ``time_ahead`` before it.
 
     If backward steps are possible, the states are recomputed from the last node: nodes of the run contain the errors of
@@ -161,7 +167,7 @@ def _earlier_states(run: Any, time_ahead: float, first: int) -> tuple[Array, Arr
     return np.array([run.ts[i] for i in nodes]), np.array(points), np.array(rates)
 
 
-def _lowest(value: Any, dts: Array) -> tuple[float, float] | None:
+def _lowest(value: Callable[[float], float], dts: Array) -> tuple[float, float] | None:
     """Return the first local minimum of a function over samples, refined; None if the samples are monotonic."""
     values = [value(dt) for dt in dts]
     for k in range(1, len(dts) - 1):

@@ -18,6 +18,7 @@ mode change.
 
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array, Step
 
@@ -102,7 +103,7 @@ class EventSource:
         """Return results up to the last node, as attributes of the solution."""
         return {}
 
-    def statistics(self, run: "RunState") -> dict[str, Any]:
+    def statistics(self, run: "RunState") -> JsonObject:
         """Return entries of the solution's statistics."""
         return {}
 

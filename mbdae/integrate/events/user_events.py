@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import CoreData, JsonObject
 from ...discovery import lazy_import
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
@@ -94,7 +95,7 @@ class UserEvents(EventSource):
         modes = [] if named or others or self.by_signal else ["modes switch in Python"]
         return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         """Return core data of the signals."""
         return [
             {
@@ -141,7 +142,7 @@ class UserEvents(EventSource):
             out.append((np.array([t for t, _ in valid], float), points))
         return {"events": out}
 
-    def statistics(self, run: "RunState") -> dict[str, Any]:
+    def statistics(self, run: "RunState") -> JsonObject:
         """Return the back end that detects events, with the reason if it is Python."""
         where = run.stepper.backend if self.by_signal else f"python: {self.why_python}"
         return {"events": where} if self.events else {}

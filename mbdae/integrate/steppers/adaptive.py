@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...methods.controller import PI, Control, Controller, error_norm
 from ...system import Array, Step
 from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
-from .stepper import PythonStepper, smallest_step
+from .stepper import PythonStepper, StepperState, smallest_step
 
 if TYPE_CHECKING:
     from ..run_state import RunState
@@ -95,14 +96,14 @@ class Adaptive(PythonStepper):
     def limit_step(self, h: float) -> None:
         self.h, self.size_before_truncation = min(self.h, h), 0.0
 
-    def snapshot(self) -> tuple[Any, ...]:
+    def snapshot(self) -> StepperState:
         pi = self.controller
         return self.h, self.size_before_truncation, pi.last, pi.rejected
 
-    def resume(self, snapshot: tuple[Any, ...]) -> None:
+    def resume(self, snapshot: StepperState) -> None:
         self.h, self.size_before_truncation, self.controller.last, self.controller.rejected = snapshot
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> JsonObject:
         """Return the settings that are recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
 

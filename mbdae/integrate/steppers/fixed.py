@@ -1,13 +1,14 @@
 """Steps of a fixed size."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...system import Array, Step
 from ...tolerances import COINCIDENT, HALF_DIGITS, SOLUTION_ROUNDING, TINY
-from .stepper import PythonStepper, smallest_step
+from .stepper import PythonStepper, StepperState, smallest_step
 
 if TYPE_CHECKING:
     from ..run_state import RunState
@@ -105,13 +106,13 @@ class Fixed(PythonStepper):
             self.off_grid_time = None
         return not self.detour
 
-    def snapshot(self) -> tuple[Any, ...]:
+    def snapshot(self) -> StepperState:
         return self.i, self.on_grid, tuple(self.detour), self.off_grid_time
 
-    def resume(self, snapshot: tuple[Any, ...]) -> None:
+    def resume(self, snapshot: StepperState) -> None:
         self.i, self.on_grid, detour, self.off_grid_time = snapshot
         self.detour = list(detour)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> JsonObject:
         """Return the settings that are recorded with the solution."""
         return {"step": float(self.step)}

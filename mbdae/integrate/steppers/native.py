@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
@@ -12,10 +13,11 @@ from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPA
 from ..projected_step import MAX_UNDONE
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE, Fixed
-from .stepper import SPACINGS, PythonStepper, Stepper
+from .stepper import SPACINGS, PythonStepper, Stepper, StepperState
 
 if TYPE_CHECKING:
     from ..._native import Run
+    from ..events.user_events import UserEvents
     from ..run_state import RunState
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
@@ -39,7 +41,7 @@ class NativeStepper(Stepper):
         self.controls = inner.controls
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, CHECK_INTERVAL
-        self.passed_events: Any = None
+        self.passed_events: UserEvents | None = None
         self.adaptive = inner if isinstance(inner, Adaptive) else None
         self.fixed = inner if isinstance(inner, Fixed) else None
         self._constants_to_native()
@@ -63,7 +65,7 @@ class NativeStepper(Stepper):
     def tolerance_norm(self, run: "RunState", y: Array, move: Array) -> float:
         return self.inner.tolerance_norm(run, y, move)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> JsonObject:
         return self.inner.settings()
 
     def restart(self) -> None:
@@ -72,10 +74,10 @@ class NativeStepper(Stepper):
     def limit_step(self, h: float) -> None:
         self.inner.limit_step(h)
 
-    def snapshot(self) -> tuple[Any, ...]:
+    def snapshot(self) -> StepperState:
         return self.inner.snapshot()
 
-    def resume(self, snapshot: tuple[Any, ...]) -> None:
+    def resume(self, snapshot: StepperState) -> None:
         self.inner.resume(snapshot)
 
     def undo_step(self) -> None:

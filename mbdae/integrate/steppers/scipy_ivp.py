@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import InputError, StepError
 from ...mechanism.formulations.index1 import Index1System
-from ...methods import EXPLICIT, METHODS
+from ...methods import EXPLICIT, METHODS, MethodLike
 from ...methods import method as named_method
 from ...system import Array, State, Step, System
 from .adaptive import Adaptive
@@ -66,8 +66,8 @@ SCIPY: dict[str, ScipySolver] = {
 }
 
 
-def find_method(formulation: str, method: Any) -> Any:
-    """Return the method of a given name for a formulation.
+def find_method(formulation: str, method: MethodLike) -> Any:
+    """Return the method of a given name for a formulation: a `Method`, an `ExplicitMethod` or a `ScipySolver`.
 
     Raises:
         InputError: for a method of another formulation; the message lists the valid methods.

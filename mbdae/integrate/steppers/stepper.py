@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array, Step
 from ..projected_step import project_end
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from .adaptive import Adaptive
 
 SPACINGS = 16  # roundings of t: smallest step size
+
+StepperState = tuple[Any, ...]  # of step-size control: only `resume` of the same stepper reads it
 
 
 class Stepper(ABC):
@@ -49,7 +52,7 @@ class Stepper(ABC):
         return self.tolerance_norm(run, y, move) <= 1
 
     @abstractmethod
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> JsonObject:
         """Return the settings that are recorded with the solution."""
 
     def restart(self) -> None:  # noqa: B027, most have nothing to do
@@ -58,11 +61,11 @@ class Stepper(ABC):
     def limit_step(self, h: float) -> None:  # noqa: B027
         """Limit the size of the next step, if it is controlled."""
 
-    def snapshot(self) -> tuple[Any, ...]:
+    def snapshot(self) -> StepperState:
         """Return what determines the next step sizes."""
         return ()
 
-    def resume(self, snapshot: tuple[Any, ...]) -> None:  # noqa: B027
+    def resume(self, snapshot: StepperState) -> None:  # noqa: B027
         """Continue from a snapshot."""
 
     def undo_step(self) -> None:  # noqa: B027

@@ -13,10 +13,11 @@ Proc. R. Soc. A 463 (2007) for wheels.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ...data_types import CoreData
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import PARALLEL, ROUNDING
@@ -58,7 +59,7 @@ class ConvexBody:
     surface: str
     curve: float
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data of the shape."""
         nil = (0.0, 0.0, 0.0)
         return {
@@ -144,7 +145,7 @@ class ContactHeightRow(LineRows):
     def __init__(self, shape: ConvexBody) -> None:
         self.shape = shape
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "height", "shape": self.shape.core_data()}]
 
     def residual(self, pair: Pair) -> Array:
@@ -163,7 +164,7 @@ class NoSlipRows(LineRows):
         self.directions = np.array([np.cos(angles), np.sin(angles)])  # components forwards and to the left, (2, m)
         self.directions[np.abs(self.directions) < ROUNDING] = 0.0
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         shape = self.shape.core_data()
         return [{"kind": "grip", "shape": shape, "share": share.tolist()} for share in self.directions.T]
 

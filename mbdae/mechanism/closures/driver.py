@@ -8,7 +8,7 @@ A speed driver prescribes u' only: its row c' - u' has no g, and the value of c 
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import inf, isinf, sqrt
-from typing import Any, get_args
+from typing import Any, TypedDict, Unpack, get_args
 
 from pydantic import Field, model_validator
 
@@ -25,6 +25,13 @@ MIN_MISMATCHES = 2  # of the samples: one may coincide with a jump of u''
 GOLDEN = (sqrt(5) - 1) / 2  # its multiples modulo 1 fill (0, 1) evenly and avoid any grid
 SPACING, START_OFFSET = 1e-5, 1e-3  # s: of the quotients, and of their centre from the start
 Target = str | tuple[str, str]
+
+
+class Options(TypedDict, total=False):
+    """Further keys of a driver."""
+
+    coefficients: tuple[float, ...]
+    name: str
 
 
 class Driver(Table):
@@ -187,7 +194,7 @@ class Driver(Table):
         return ""
 
     @classmethod
-    def at_speed(cls, target: Target, rate: float, *, start: float = 0.0, **more: Any) -> "Driver":
+    def at_speed(cls, target: Target, rate: float, *, start: float = 0.0, **more: Unpack[Options]) -> "Driver":
         """Constant speed: u = start + rate t.
 
         Args:
@@ -200,20 +207,32 @@ class Driver(Table):
 
     @classmethod
     def harmonic(
-        cls, target: Target, amplitude: float, omega: float, *, phase: float = 0.0, offset: float = 0.0, **more: Any
+        cls,
+        target: Target,
+        amplitude: float,
+        omega: float,
+        *,
+        phase: float = 0.0,
+        offset: float = 0.0,
+        **more: Unpack[Options],
     ) -> "Driver":
         """Oscillation u = offset + amplitude sin(omega t + phase), omega in rad/s; target as for `at_speed`."""
         motion = Harmonic(amplitude=amplitude, omega=omega, phase=phase, offset=offset)
         return cls(motion=motion, **_target(target, more))
 
     @classmethod
-    def polynomial(cls, target: Target, coefficients_of_t: Sequence[float], **more: Any) -> "Driver":
+    def polynomial(cls, target: Target, coefficients_of_t: Sequence[float], **more: Unpack[Options]) -> "Driver":
         """Polynomial u = c_0 + c_1 t + c_2 t^2 + ...; target as for `at_speed`."""
         return cls(motion=Polynomial(coefficients=tuple(coefficients_of_t)), **_target(target, more))
 
     @classmethod
     def table(
-        cls, target: Target, points: Sequence[tuple[float, float]], *, beyond: Beyond | None = None, **more: Any
+        cls,
+        target: Target,
+        points: Sequence[tuple[float, float]],
+        *,
+        beyond: Beyond | None = None,
+        **more: Unpack[Options],
     ) -> "Driver":
         """A cubic spline through points (t, u), and its ``beyond`` option; target as for `at_speed`."""
         rows = tuple((float(t), float(u)) for t, u in points)
@@ -226,7 +245,7 @@ class Driver(Table):
         u: Callable[[float], float],
         rate: Callable[[float], float],
         acceleration: Callable[[float], float],
-        **more: Any,
+        **more: Unpack[Options],
     ) -> "Driver":
         """Python functions of t: u, u' and u''; target as for `at_speed`.
 
@@ -237,7 +256,7 @@ class Driver(Table):
         return cls(motion=motion, **_target(target, more))
 
 
-def _target(target: Target, more: dict[str, Any]) -> dict[str, Any]:
+def _target(target: Target, more: Options) -> dict[str, Any]:
     if isinstance(target, str):
         return {"joint": target, **more}
     return {"joints" if "coefficients" in more else "frames": tuple(target), **more}

@@ -16,7 +16,7 @@ class FrameJoint(BetweenFrames):
     Attributes:
         gap: components of the gap between the origins that vanish: ``"all"``, ``"across"`` or ``"along"`` the axis, or
             none.
-        direction: directions that coincide: ``"axis"``, ``"frame"``, or none; ``"cross"``: axes are perpendicular.
+        direction: directions that coincide: ``"axis"``, ``"frame"``, or none; ``"perpendicular"``: axes at 90 degrees.
     """
 
     gap: ClassVar[str] = ""
@@ -84,7 +84,7 @@ def between_frames(gap: str, direction: str, axis: Vector, other: Vector) -> tup
     axes = {
         "axis": (normals, np.column_stack([second, second])),
         "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
-        "cross": (first[:, None], second[:, None]),
+        "perpendicular": (first[:, None], second[:, None]),
     }
     out: list[FrameRows] = [DotProduct2(gaps[gap])] if gap else []
     return (*out, DotProduct1(*axes[direction])) if direction else tuple(out)

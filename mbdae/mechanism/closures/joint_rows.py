@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, lcm
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
+from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
@@ -116,7 +117,7 @@ class BoundJointRow:
         """Unit of g: ``"rad"``, or ``"m"`` where the first joint slides."""
         return "rad" if subspace(self.joints[0])[3:].any() else "m"
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data of the row."""
         joints = [{"iq": j.idx_q, "nq": j.nq, "iv": j.idx_v} for j in self.joints]
         return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}

@@ -2,11 +2,12 @@
 
 from functools import cached_property
 from math import factorial, floor, pi
-from typing import Annotated, Any, Literal, NamedTuple, Union
+from typing import Annotated, Literal, NamedTuple, Union
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from ...data_types import CoreData
 from ...system import Array
 from ..checked_table import Table
 from ..piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
@@ -62,7 +63,7 @@ class LawTable(Table):
         lines[0, -1] -= (x[-1] - x[0]) * lines[0, -2]
         return PiecewisePolynomial([2 * x[0] - x[-1], *x], [lines[0], *coefficients, lines[1]])
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data."""
         return self.polynomials.core_data()
 

@@ -6,10 +6,9 @@
 A motion of the contact along the profile does not change g, so the rates are those of the lines.
 """
 
-from typing import Any
-
 import numpy as np
 
+from ...data_types import CoreData
 from ...system import Array
 from ..frames import Pair
 from .line_rows import LineRows, Lines, at_rest
@@ -25,7 +24,7 @@ class Roller(LineRows):
     def __init__(self, path: PlaneCurve, radius: float) -> None:
         self.path, self.radius = path, radius
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "roller", "length": self.radius, "profile": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:
@@ -56,7 +55,7 @@ class FlatFace(LineRows):
     def __init__(self, path: PlaneCurve, normal: Array) -> None:
         self.path, self.normal = path, normal[:, None]
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "profile": self.path.core_data()}]
 
     def residual(self, pair: Pair) -> Array:

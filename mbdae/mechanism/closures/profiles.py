@@ -11,11 +11,12 @@ Source: J. Angeles, C. S. Lopez-Cajun, Optimization of Cam Mechanisms (1991), ch
 """
 
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Union
+from typing import Annotated, Literal, NamedTuple, Union
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from ...data_types import CoreData
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import BELOW_ROUNDING, RANK
@@ -32,7 +33,7 @@ Point = tuple[float, float]
 class ProfilePoint(NamedTuple):
     """c and its first two derivatives at s, (2,) each."""
 
-    s: Any
+    s: complex
     c: Array
     d: Array
     dd: Array
@@ -64,7 +65,7 @@ class PlaneCurve:
         self.side = 1.0 if area > 0 or not closed else -1.0  # outward side with respect to the direction of the curve
         self.curvatures = self.side * np.array(cross_products) / np.array([(p.d @ p.d) ** 1.5 for p in sampled])
 
-    def at(self, s: Any) -> ProfilePoint:
+    def at(self, s: complex) -> ProfilePoint:
         """Return the point of the curve at s; supports complex steps."""
         if self.closed:
             s = s - self.length * np.floor((np.real(s) - self.first) / self.length)
@@ -87,7 +88,7 @@ class PlaneCurve:
             StepError: if it is not unique, or at an end of an open curve.
         """
         offsets = self.points - np.real(x)
-        s: Any = self.samples[np.einsum("ij,ij->i", offsets, offsets).argmin()]
+        s: complex = self.samples[np.einsum("ij,ij->i", offsets, offsets).argmin()]
         for _ in range(ITERATIONS):
             _, c, d, dd = self.at(s)
             derivative = d.dot(d) - (x - c).dot(dd)
@@ -109,7 +110,7 @@ class PlaneCurve:
         Raises:
             StepError: if it is not unique, for a face parallel to the plane of the profile.
         """
-        s: Any = self.samples[self.points.dot(np.real(n)).argmax()]
+        s: complex = self.samples[self.points.dot(np.real(n)).argmax()]
         for _ in range(ITERATIONS):
             _, _, d, dd = self.at(s)
             second = dd.dot(n)
@@ -137,7 +138,7 @@ class PlaneCurve:
         if radius is not None and curvature * radius <= -1:
             raise ValueError(f"undercut: the profile is concave at {at} with a radius of {-1 / curvature:.3g} m")
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data."""
         kind = {"harmonic": self.harmonic, "closed": self.closed, "side": self.side}
         sizes = {"starts": self.starts.tolist(), "coefficients": self.coefficients.ravel().tolist()}

@@ -12,10 +12,11 @@ Multipliers: N for rows measured in m, N m for products of axes. Rows between jo
 Names: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 9.4.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from ...data_types import CoreData
 from ..frames import Pair, cross, skew, unit_gap
 from ..wrench_partials import line_wrench_partials, moved_line_partials, skews
 
@@ -35,7 +36,7 @@ class FrameRows:
     unit: ClassVar[str]
     positional: ClassVar[bool] = True
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         """Return the core data of each row, a kind and its parameters; empty if the core does not support it."""
         return []
 
@@ -73,7 +74,7 @@ class DotProduct1(FrameRows):
     def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
         self.a, self.b, self.m = a, b, a.shape[1]
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         both = zip(self.a.T.tolist(), self.b.T.tolist(), strict=True)
         return [{"kind": "dot_product_1", "a": a, "b": b} for a, b in both]
 
@@ -103,7 +104,7 @@ class DotProduct2(FrameRows):
     def __init__(self, axes: np.ndarray) -> None:
         self.axes, self.m = axes, axes.shape[1]
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "dot_product_2", "a": a} for a in self.axes.T.tolist()]
 
     def residual(self, pair: Pair) -> np.ndarray:
@@ -135,7 +136,7 @@ class Distance(FrameRows):
     def __init__(self, length: float) -> None:
         self.length = length
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "distance", "length": self.length}]
 
     def residual(self, pair: Pair) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ...data_types import CoreData
 from ...finite_differences import weights
 from ..forces.force import PairElement
 from ..formulations.core_description import constraints_of, laws_of
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from ..formulations.compiled_systems import CompiledSystem
     from ..formulations.index2 import Index2System
 
-CoreData = tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]
+ParameterData = tuple[list[CoreData], list[CoreData], list[CoreData]]  # components, directions, changed elements
 
 
 class ModelComponent(NamedTuple):
@@ -45,16 +46,16 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
     return parameters.once("native", key, lambda: system.core.bind_parameters(len(parameters), *data))
 
 
-def _core_data(parameters: Parameters) -> CoreData:
+def _core_data(parameters: Parameters) -> ParameterData:
     """Return the changed components, the change by each parameter, and perturbed laws and rows."""
     numbers: dict[ModelComponent, int] = {}
-    directions: list[dict[str, Any]] = []
+    directions: list[CoreData] = []
     ends = _anchors(parameters.system)
     for i, p in enumerate(parameters.all):
         for component, x in _changed_components(p, ends):
             k = numbers.setdefault(component, len(numbers))
             directions.append({"parameter": i, "component": k, "x": x.tolist()})
-    changed: list[dict[str, Any]] = []
+    changed: list[CoreData] = []
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
         if laws.perturbed:
             factors = weights(laws.perturbed, p.h)
@@ -68,9 +69,9 @@ def _core_data(parameters: Parameters) -> CoreData:
     return [component._asdict() for component in numbers], directions, changed
 
 
-def _perturbed(weight: float, keys: tuple[str, ...], elements: tuple[list[Any], ...]) -> dict[str, Any]:
+def _perturbed(weight: float, keys: tuple[str, ...], elements: tuple[list[Any], ...]) -> CoreData:
     """Return perturbed laws, or rows and drivers, whose weighted sum is a difference quotient."""
-    empty: dict[str, Any] = {"pairs": [], "laws": [], "rows": [], "drivers": []}
+    empty: CoreData = {"pairs": [], "laws": [], "rows": [], "drivers": []}
     return {"weight": weight, **empty, **dict(zip(keys, elements, strict=True))}
 
 

@@ -1,6 +1,6 @@
 """Discrete sensitivity of a run between its steps: hidden constraint, projections, jumps, starts, energies.
 
-Variations are those of the computed numbers, not of the continuous motion: dy (ny,) in the tangent at y, dp (k,) of k
+Derivatives are those of the computed steps, not of the continuous flow: dy (ny,) in the tangent at y, dp (k,) of k
 parameters. Maps are matrices whose columns belong to (dy, dp). The compiled core differentiates steps
 (mbdae/native/sensitivity).
 """

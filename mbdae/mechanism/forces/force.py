@@ -6,11 +6,12 @@ integrated along the motion. A law may have internal states s, s' = h(t, q, v, s
 
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from ...data_types import CoreData
 from ...errors import InputError, NotCompiled
 from ...system import Array
 from ..checked_table import Table
@@ -18,7 +19,6 @@ from ..frames import Pair, find_joint, find_joints
 from ..time_functions import Constant, TimeFunction
 from ..wrench_partials import PairPartials
 
-CoreData = dict[str, Any]
 ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""
 Joints = str | tuple[str, ...]

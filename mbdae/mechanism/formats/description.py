@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, ValidationError
 
+from ...data_types import JsonObject
 from ...errors import InputError
 from ..callbacks import function_name
 from ..checked_table import Table, one_line
@@ -20,7 +21,7 @@ from .schema import MechanismFile
 from .sources import restored
 
 
-def describe(mech: Mechanism) -> dict[str, Any]:
+def describe(mech: Mechanism) -> JsonObject:
     """Return the description of a mechanism for a saved solution: JSON data; functions by name only."""
     functions = _functions(mech)
     if mech.source:

@@ -14,7 +14,7 @@ from ..allowed_paths import AllowedPaths
 from ..checked_table import Table
 from ..closures.closure import Axis
 from ..frames import find_joint, joint_names
-from ..imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, mimic_couplings, name_list
+from ..imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, mimic_couplings, name_list
 from ..model_settings import Value
 from .joint_tree import resolve_joints
 from .loop_closures import add_loop_closures
@@ -166,7 +166,7 @@ def _unsupported(parsed: _Parsed, robot: Recorded, names: list[str]) -> tuple[st
         LIMITS: [n for n in limits if joints[n].nq == 1],
         EFFORTS: [n for n, x in limits.items() if any(float(x.get(key) or 0) for key in ("effort", "velocity"))],
         FRICTION: [n for n, j in joints.items() if dry[j.idx_v : j.idx_v + j.nv].any()],
-        LOST: parsed.without_leader,
+        MIMICRY: parsed.without_leader,
     }
     return (*(name_list(what, n) for what, n in found.items() if n), *unread_phrases(robot.unread()))
 

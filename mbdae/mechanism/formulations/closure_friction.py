@@ -13,10 +13,11 @@ M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...data_types import CoreData
 from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
 from ...tolerances import ROUNDING, SOLUTION_ROUNDING, TINY, ZERO_SPEED
@@ -78,7 +79,7 @@ class ClosureFriction:
         """Whether any sliding interface can stick."""
         return any(active and p.force.sticks for active, p in zip(self.active, self.interfaces, strict=True))
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         """Return the core data of the interfaces; `active` and `slip_directions` are shared with the core."""
         return [p.core_data() for p in self.interfaces]
 

@@ -1,11 +1,12 @@
 """Core data of closures, drivers, forces and thresholds."""
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ... import tolerances as tol
+from ...data_types import CoreData
 from ...errors import NotCompiled
 from .. import manifold
 from ..closures import independent_rows
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .index2 import Index2System
 
-CoreData = dict[str, Any]
 FramePair = tuple[CoreData, CoreData]
 STAGE_ITERATIONS = 20  # iterations of stages that a derivative of a run computes again
 

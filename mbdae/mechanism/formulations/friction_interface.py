@@ -1,9 +1,10 @@
 """One friction interface: direction and speed of slip."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ...data_types import CoreData
 from ...system import Array
 from ...tolerances import TINY
 from ..closures.closure import Closure, Z
@@ -78,7 +79,7 @@ class FrictionInterface(NamedTuple):
         blocks = (np.zeros(e.shape), e) if friction in ROTATIONAL else (e, cross(p[:, None], e.T).T)
         return np.concatenate(blocks, axis=1)
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """Return the core data of the interface."""
         force = self.force
         return {

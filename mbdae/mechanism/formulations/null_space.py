@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 ITERATIONS = 20
 MAX_REMAINING = 0.5  # of a residual after a full correction: a larger one is rounding, or the step overshoots
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # of corrections
-Rows = Callable[[Array], tuple[Array, Array]]
+ResidualFunction = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""
 
 
@@ -85,7 +85,7 @@ def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) 
     return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
-def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
+def close_loops(system: "Index2System", t: float, q: Array, more: ResidualFunction | None = None) -> Array:
     """Return the configuration (nq,) near q that closes all loops and satisfies further rows, to rounding.
 
     Gauss-Newton steps have the smallest norm in rad and characteristic lengths, and stop when a step does not halve the

@@ -1,6 +1,8 @@
 """Pool of workspaces: a run reuses those that earlier runs of the mechanism have released."""
 
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -85,3 +87,10 @@ class WorkspacePool:
         if self.pooled and not any(system.baumgarte):
             system.reset()
             self.idle[system.formulation, system.native is not None].append(system)
+
+    @contextmanager
+    def borrowed(self) -> "Iterator[Index2System]":
+        """A workspace of Python for one evaluation: to bind the mechanism takes longer than most of them."""
+        system = self.acquire()
+        yield system
+        self.release(system)

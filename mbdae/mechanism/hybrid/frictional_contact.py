@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 OPEN, STICKING, SLIDING = 0, 1, 2
-AT_LIMIT = 2*VISIBLE  # of the friction limit: the contact slides if its load is closer to the limit
+AT_LIMIT = 2 * VISIBLE  # of the friction limit: the contact slides if its load is closer to the limit
 
 
 class FrictionalContact(Unilateral):
@@ -37,7 +37,7 @@ class FrictionalContact(Unilateral):
         self, spec: UnilateralClosure, force: CoulombFriction, rows: Sequence[int], friction_index: int
     ) -> None:
         super().__init__(spec, spec.name, rows[0], 1.0)
-        self.no_slip, self.limit = rows[1], force.coefficient
+        self.no_slip, self.coefficient = rows[1], force.coefficient
         self.friction = RollingStiction(force, rows, friction_index)
 
     @classmethod
@@ -63,31 +63,29 @@ class FrictionalContact(Unilateral):
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         found = super().impact_rows(point, min(state, 1), tolerance)
-        return (*found, ImpactRow(self.no_slip, 0.0, friction=self.limit)) if found else ()
+        return (*found, ImpactRow(self.no_slip, 0.0, friction=self.coefficient)) if found else ()
 
     def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
         found = super().load_candidates(point, min(state, 1), tolerance)
         if not found:
             return ()
-        sliding_ratio = -self.limit * float(self.friction.direction(point)[0]) if self.slips(point) else np.nan
-        return (*found, LoadCandidate(self.no_slip, friction=self.limit, sliding_ratio=sliding_ratio))
+        sliding_ratio = -self.coefficient * float(self.friction.direction(point)[0]) if self.slips(point) else np.nan
+        return (*found, LoadCandidate(self.no_slip, friction=self.coefficient, sliding_ratio=sliding_ratio))
 
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""
         return self.friction.slips(point)
 
-    def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
-    ) -> int:
+    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
         if not active:
             return OPEN
-        heading = point.system.closure_friction.directions[self.friction.friction_index]
+        slip_direction = point.system.closure_friction.directions[self.friction.friction_index]
         if self.slips(point):
-            heading[:] = self.friction.direction(point)
+            slip_direction[:] = self.friction.direction(point)
             return SLIDING
-        if abs(lam[1]) < (1 - AT_LIMIT) * self.limit * abs(lam[0]):
+        if abs(lam[1]) < (1 - AT_LIMIT) * self.coefficient * abs(lam[0]):
             return STICKING
-        heading[:] = -np.sign(lam[1])
+        slip_direction[:] = -np.sign(lam[1])
         return SLIDING
 
     def enter(self, system: "Index2System", state: int) -> None:

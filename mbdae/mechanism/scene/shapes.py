@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, ValidationError
 
+from ...data_types import JsonObject
 from ...errors import InputError
 from ...tolerances import COINCIDENT
 from ..checked_table import Table, one_line
@@ -47,13 +48,13 @@ class _Visuals(Table):
     meshes: tuple[_Mesh, ...]
 
 
-def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
+def pack(visuals: pin.GeometryModel) -> JsonObject:
     """Return solids and triangle meshes as data; a mesh shared by several shapes is stored once."""
-    shapes: list[dict[str, Any]] = []
+    shapes: list[JsonObject] = []
     meshes: list[dict[str, str]] = []
     numbers: dict[tuple[str, str], int] = {}
     for g in visuals.geometryObjects:
-        shape: dict[str, Any] = {
+        shape: JsonObject = {
             "name": g.name,
             "joint": int(g.parentJoint),
             "placement": g.placement.homogeneous[:3].ravel().tolist(),
@@ -76,7 +77,7 @@ def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
     return {"shapes": shapes, "meshes": meshes}
 
 
-def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
+def unpack(data: JsonObject, joints: int) -> pin.GeometryModel:
     """Return the geometry from the data of `pack`; ``joints`` is the number of joints.
 
     Raises:

@@ -18,7 +18,7 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
         if not j:
             continue
         pose, X, V, dV = motion.placements[j], motion.X[j], motion.V[j], motion.dV[j]
-        inertia, c, own = pose.act(Y), pose.act(Y.lever), pose.actInv(pin.Motion(V))
+        inertia, c, V_local = pose.act(Y), pose.act(Y.lever), pose.actInv(pin.Motion(V))
         momentum = (inertia * pin.Motion(V)).vector
         mass, first, h = mass + Y.mass, first + Y.mass * c, h + momentum
         dfirst += Y.mass * point_velocities(X, c)
@@ -28,7 +28,7 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
                 x = p.inertias[j]
                 dmass += x[0] * dp
                 dfirst += np.outer(x[0] * pose.translation + pose.rotation.dot(x[1:4]), dp)
-                dh += np.outer(pose.act(pin.Force(pin.bodyRegressor(pin.Motion.Zero(), own) @ x)).vector, dp)
+                dh += np.outer(pose.act(pin.Force(pin.bodyRegressor(pin.Motion.Zero(), V_local) @ x)).vector, dp)
     c = first / (mass or np.nan)
     dc = (dfirst - np.outer(c, dmass)) / (mass or np.nan)
     moved = np.cross(dc.T, h[:3]).T + np.cross(c, dh[:3].T).T

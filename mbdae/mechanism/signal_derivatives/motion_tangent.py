@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class TangentDirections(NamedTuple):
-    """Variations of the arguments of signals, in m directions.
+    """Tangents of the arguments of signals, in m directions.
 
     Attributes:
         q, v: in the tangent, and of v, (nv, m) each.

@@ -7,8 +7,8 @@ alpha_m <= alpha_f <= 1/2 and beta >= 1/4 - offset/2 (Chung, Hulbert, J. Appl. M
 
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from typing import Any
 
+from ...data_types import JsonObject
 from ..alpha import GeneralizedAlpha
 
 
@@ -43,7 +43,7 @@ class AlphaReport:
             f"  alpha_m, alpha_f, gamma, beta = {', '.join(self.numbers)}"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the report as JSON data."""
         return asdict(self) | {"holds": self.holds}
 

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from math import factorial
-from typing import Any
 
+from ...data_types import JsonObject
 from ...tolerances import PUBLISHED_DECIMALS
 from ..exact_numbers import Number
 from ..variational import Composition
@@ -58,7 +58,7 @@ class CompositionReport:
             f"  weights             {'symmetric' if self.symmetric else 'NOT SYMMETRIC'}"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the report as JSON data."""
         return asdict(self) | {"holds": self.holds}
 
@@ -75,9 +75,7 @@ def check_composition(method: Composition) -> CompositionReport:
         for word, miss in misses.items():
             if abs(float(miss)) > PUBLISHED_DECIMALS:
                 text = f"the word {' '.join(map(str, word))} has {float(found[word]):.6g}, not {_exact(word)}"
-                return CompositionReport(
-                    method.name, method.order, order - 1, symmetric, conditions, residual, text
-                )
+                return CompositionReport(method.name, method.order, order - 1, symmetric, conditions, residual, text)
         conditions, residual = conditions + len(misses), max(residual, *(abs(float(x)) for x in misses.values()))
     return CompositionReport(method.name, method.order, highest, symmetric, conditions, residual, "")
 

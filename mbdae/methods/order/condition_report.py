@@ -1,8 +1,8 @@
 """Results of the order conditions of a tableau: small immutable results of `mbdae.methods.order.conditions`."""
 
 from dataclasses import asdict, dataclass
-from typing import Any
 
+from ...data_types import JsonObject
 from .assumptions import Assumptions
 
 
@@ -37,9 +37,7 @@ class Check:
     failure: Failure | None
 
     def __str__(self) -> str:
-        counted = f"{self.order} ({self.trees} conditions" + (
-            f", to {self.residual:.0e})" if self.residual else ")"
-        )
+        counted = f"{self.order} ({self.trees} conditions" + (f", to {self.residual:.0e})" if self.residual else ")")
         return f"{counted}; then {self.failure}" if self.failure else f"{counted}; nothing higher was tried"
 
 
@@ -134,8 +132,7 @@ class ConditionReport:
     def __str__(self) -> str:
         rounded = f" (rounded coefficients: residuals up to {self.tolerance:g} count as zero)"
         lines = [
-            f"{self.name}: its claims {'hold' if self.holds else 'DO NOT HOLD'}"
-            + rounded * (self.tolerance > 0),
+            f"{self.name}: its claims {'hold' if self.holds else 'DO NOT HOLD'}" + rounded * (self.tolerance > 0),
             f"  y, any f            claimed {self.claims['order']}, found {self.y}",
             f"  y, f linear in z    claimed {self.claims['order_linear']}, found {self.y_linear}",
             f"  own z               claimed {self.claims['order_own']}, found {self.own}",
@@ -162,7 +159,7 @@ class ConditionReport:
     def _claim(self, formula: Embedded) -> int:
         return self.claims["order_embedded"] - (formula.name == "b_companion")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return the report as JSON data."""
         orders = ("order_y", "order_y_linear", "order_own", "order_embedded", "stable", "holds")
         return asdict(self) | {name: getattr(self, name) for name in orders}

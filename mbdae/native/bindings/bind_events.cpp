@@ -6,9 +6,9 @@ namespace mbdae {
 
 namespace {
 
-using Nodes = std::vector<std::tuple<double, double, double>>;  // time, value and rate
+using ValueNodes = std::vector<std::tuple<double, double, double>>;  // time, value and rate
 
-void set_nodes(Events& e, const Nodes& nodes) {
+void set_nodes(Events& e, const ValueNodes& nodes) {
   if (nodes.size() != e.events.size()) reject("as many nodes as events");
   for (size_t i = 0; i < nodes.size(); ++i)
     e.nodes[i] = {std::get<0>(nodes[i]), std::get<1>(nodes[i]), std::get<2>(nodes[i])};
@@ -34,7 +34,7 @@ void bind_events(nb::module_& m) {
       .def("set_nodes", set_nodes, nb::arg("nodes"), "Set the current time, value and rate of each event.")
       .def_prop_ro("nodes",
                    [](const Events& e) {
-                     Nodes out;
+                     ValueNodes out;
                      for (const Node& n : e.nodes) out.emplace_back(n.t, n.f, n.w);
                      return out;
                    })

@@ -16,6 +16,11 @@ inline bool is_zero(const Six& x) {
 inline void add_cross(const double* a, const double* b, double* out) {
   out[0] += a[1] * b[2] - a[2] * b[1], out[1] += a[2] * b[0] - a[0] * b[2], out[2] += a[0] * b[1] - a[1] * b[0];
 }
+inline void symmetric(const double* S, const double* x, double* out) {  // S x; xx, xy, yy, xz, yz, zz
+  out[0] = S[0] * x[0] + S[1] * x[1] + S[3] * x[2];
+  out[1] = S[1] * x[0] + S[2] * x[1] + S[4] * x[2];
+  out[2] = S[3] * x[0] + S[4] * x[1] + S[5] * x[2];
+}
 
 inline void motion_cross(const double* a, const double* b, double* out) {  // a x b of motions
   cross(a + 3, b, out), add_cross(a, b + 3, out), cross(a + 3, b + 3, out + 3);

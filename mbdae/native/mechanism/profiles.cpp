@@ -40,8 +40,8 @@ Profile::Point Profile::nearest(const double* x) const {
   size_t best = 0;
   double least = INFINITY;
   for (size_t i = 0; i < samples.size(); ++i) {
-    const double a = points[2 * i] - x[0], b = points[2 * i + 1] - x[1], far = a * a + b * b;
-    if (far < least) least = far, best = i;
+    const double a = points[2 * i] - x[0], b = points[2 * i + 1] - x[1], square = a * a + b * b;
+    if (square < least) least = square, best = i;
   }
   const double length = starts.back() - starts[0];
   double s = samples[best], size = 0, derivative = 0, off[2];
@@ -58,8 +58,8 @@ Profile::Point Profile::nearest(const double* x) const {
   }
   const Point out = at(s);
   if (!is_regular(out)) throw FallBackToPython();
-  const double share = (out.s - starts[0]) / length;
-  if (!closed && !(-tolerance <= share && share <= 1 + tolerance)) throw FallBackToPython();
+  const double fraction = (out.s - starts[0]) / length;
+  if (!closed && !(-tolerance <= fraction && fraction <= 1 + tolerance)) throw FallBackToPython();
   return out;
 }
 
@@ -67,14 +67,14 @@ Profile::Point Profile::support(const double* n) const {
   size_t best = 0;
   double most = -INFINITY;
   for (size_t i = 0; i < samples.size(); ++i) {
-    const double far = dot(&points[2 * i], n, 2);
-    if (far > most) most = far, best = i;
+    const double distance = dot(&points[2 * i], n, 2);
+    if (distance > most) most = distance, best = i;
   }
   const double length = starts.back() - starts[0];
   double s = samples[best];
   for (int k = 0; k < iterations; ++k) {
     const Point p = at(s);
-    const double bend = dot(p.dd, n, 2), step = bend < 0 ? dot(p.d, n, 2) / bend : 0.0;
+    const double second = dot(p.dd, n, 2), step = second < 0 ? dot(p.d, n, 2) / second : 0.0;
     s -= step;
     if (std::fabs(step) <= rounding * length) break;
   }

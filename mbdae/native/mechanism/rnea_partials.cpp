@@ -4,16 +4,6 @@
 
 namespace mbdae {
 
-namespace {
-
-inline void symmetric(const double* S, const double* x, double* out) {  // S x; xx, xy, yy, xz, yz, zz
-  out[0] = S[0] * x[0] + S[1] * x[1] + S[3] * x[2];
-  out[1] = S[1] * x[0] + S[2] * x[1] + S[4] * x[2];
-  out[2] = S[3] * x[0] + S[4] * x[1] + S[5] * x[2];
-}
-
-}  // namespace
-
 RneaPartials::RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> dofs)
     : parents_(std::move(parents)), dofs_(std::move(dofs)), ancestor_dofs_(parents_.size()) {
   size_t nv = 0;
@@ -73,13 +63,13 @@ void RneaPartials::update_motion(int joint, const double* J, const double* v) {
   const int parent = parents_[joint];
   static const Six zero{};
   Six &V = V_[joint], &A = A_[joint];
-  const Six& before = parent < 0 ? zero : V_[parent];
-  V = before;
+  const Six& Vp = parent < 0 ? zero : V_[parent];
+  V = Vp;
   A = parent < 0 ? base_ : A_[parent];
   for (int k : dofs_[joint]) {
     Column& c = columns_[k];
     std::copy_n(J + 6 * k, 6, c.J.begin());
-    motion_cross(before.data(), c.J.data(), c.psi_dot.data());
+    motion_cross(Vp.data(), c.J.data(), c.psi_dot.data());
     for (int i = 0; i < 6; ++i) V[i] += c.J[i] * v[k];
   }
   for (int k : dofs_[joint]) {
@@ -123,16 +113,16 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool al
   for (int p = 0; p < joints; ++p) {
     const int parent = parents_[p];
     const Six &V = parent < 0 ? zero : V_[parent], &A = alone ? zero : parent < 0 ? base_ : A_[parent];
-    Six more = parent < 0 ? zero : Aa_[parent], before;
-    for (int i = 0; i < 6; ++i) before[i] = A[i] + more[i];
+    Six Aa = parent < 0 ? zero : Aa_[parent], Ap;
+    for (int i = 0; i < 6; ++i) Ap[i] = A[i] + Aa[i];
     for (int k : dofs_[p]) {
       Column& c = columns_[k];
       double product[6];
-      motion_cross(before.data(), c.J.data(), c.psi_ddot.data()), motion_cross(V.data(), c.psi_dot.data(), product);
-      for (int i = 0; i < 6; ++i) c.psi_ddot[i] += product[i], more[i] += c.J[i] * a[k];
+      motion_cross(Ap.data(), c.J.data(), c.psi_ddot.data()), motion_cross(V.data(), c.psi_dot.data(), product);
+      for (int i = 0; i < 6; ++i) c.psi_ddot[i] += product[i], Aa[i] += c.J[i] * a[k];
     }
-    Aa_[p] = more, f_[p] = zero;
-    if (has_mass_[p]) bodies_[p].momentum(more.data(), f_[p].data());
+    Aa_[p] = Aa, f_[p] = zero;
+    if (has_mass_[p]) bodies_[p].momentum(Aa.data(), f_[p].data());
   }
   for (double* out : {by_q, by_v}) std::fill(out, out + nv * nv, 0.0);
   for (int p = joints - 1; p >= 0; --p) {
@@ -141,12 +131,12 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool al
     for (int i = 0; i < 6; ++i) F[i] = f_[p][i] + (alone ? 0 : c.f[i]);
     for (int k : dofs_[p]) {
       const Column& x = columns_[k];
-      const auto by_those_before = [&](int j) {
+      const auto set_ancestor_entries = [&](int j) {
         const Column& y = columns_[j];
         by_q[k * nv + j] = dot(x.DJ, y.psi_dot.data() + 3) + dot6(x.IJ.data(), y.psi_ddot.data());
         by_v[k * nv + j] = dot(x.DJ, y.J.data() + 3) + dot6(x.IJ.data(), y.psi_dot_plus_S_dot.data());
       };
-      for (int j : dofs_[p]) by_those_before(j);
+      for (int j : dofs_[p]) set_ancestor_entries(j);
       if (ancestor_dofs_[p].empty()) continue;
       double by_x[6], by_rate[6], product[6];  // of F
       c.momentum(x.psi_ddot.data(), by_x), c.add_D(x.psi_dot.data() + 3, by_x);
@@ -154,7 +144,7 @@ void RneaPartials::complete(const double* a, double* by_q, double* by_v, bool al
       for (int i = 0; i < 6; ++i) by_x[i] += product[i];
       c.momentum(x.psi_dot_plus_S_dot.data(), by_rate), c.add_D(x.J.data() + 3, by_rate);
       for (int j : ancestor_dofs_[p]) {
-        by_those_before(j);
+        set_ancestor_entries(j);
         by_q[j * nv + k] = dot6(by_x, columns_[j].J.data()), by_v[j * nv + k] = dot6(by_rate, columns_[j].J.data());
       }
     }

@@ -4,7 +4,6 @@
 #include <string>
 
 #include <pinocchio/multibody.hpp>
-#include <pinocchio/algorithm/joint-configuration.hpp>
 
 namespace mbdae {
 
@@ -15,28 +14,67 @@ using pinocchio::SE3;
 
 struct Kind {
   TreeJoint::RotationKind rotation;
-  int translations;
+  int translations, axis;
 };
+
+constexpr int unaligned = -1;
 
 const std::map<std::string, Kind>& kinds() {
   static const std::map<std::string, Kind> all = [] {
-    std::map<std::string, Kind> out{{"Spherical", {TreeJoint::quaternion, 0}},
-                                    {"FreeFlyer", {TreeJoint::quaternion, 3}},
-                                    {"Planar", {TreeJoint::circle, 2}},
-                                    {"Translation", {TreeJoint::none, 3}}};
-    for (const char* name : {"RX", "RY", "RZ", "RevoluteUnaligned", "HX", "HY", "HZ", "HelicalUnaligned"})
-      out[name] = {TreeJoint::angle, 0};
-    for (const char* name : {"RUBX", "RUBY", "RUBZ", "RevoluteUnboundedUnaligned"}) out[name] = {TreeJoint::circle, 0};
-    for (const char* name : {"PX", "PY", "PZ", "PrismaticUnaligned"}) out[name] = {TreeJoint::none, 1};
+    std::map<std::string, Kind> out{{"Spherical", {TreeJoint::quaternion, 0, 2}},
+                                    {"FreeFlyer", {TreeJoint::quaternion, 3, 2}},
+                                    {"Planar", {TreeJoint::circle, 2, 2}},
+                                    {"Translation", {TreeJoint::none, 3, 0}},
+                                    {"RevoluteUnaligned", {TreeJoint::angle, 0, unaligned}},
+                                    {"HelicalUnaligned", {TreeJoint::angle, 0, unaligned}},
+                                    {"RevoluteUnboundedUnaligned", {TreeJoint::circle, 0, unaligned}},
+                                    {"PrismaticUnaligned", {TreeJoint::none, 1, unaligned}}};
+    for (int i = 0; i < 3; ++i) {
+      const std::string letter(1, "XYZ"[i]);
+      out["R" + letter] = out["H" + letter] = {TreeJoint::angle, 0, i};
+      out["RUB" + letter] = {TreeJoint::circle, 0, i};
+      out["P" + letter] = {TreeJoint::none, 1, i};
+    }
     return out;
   }();
   return all;
 }
 
+// A joint as one of its types, or null. `calc` would tell axis and pitch too, but takes half a minute to compile.
+template <class Joint>
+const Joint* as(const JointModel& joint) {
+  return boost::get<Joint>(&joint.toVariant());
+}
+
+template <class Joint>
+bool axis_of(const JointModel& joint, Eigen::Vector3d& axis) {
+  const auto* own = as<Joint>(joint);
+  if (own) axis = own->axis;
+  return own;
+}
+
+Eigen::Vector3d unaligned_axis(const JointModel& joint) {
+  using namespace pinocchio;
+  Eigen::Vector3d axis;
+  axis_of<JointModelRevoluteUnaligned>(joint, axis) || axis_of<JointModelPrismaticUnaligned>(joint, axis) ||
+      axis_of<JointModelRevoluteUnboundedUnaligned>(joint, axis) || axis_of<JointModelHelicalUnaligned>(joint, axis);
+  return axis;
+}
+
+template <class Joint>
+double pitch_of(const JointModel& joint) {
+  const auto* screw = as<Joint>(joint);
+  return screw ? screw->m_pitch : 0;
+}
+
+double pitch(const JointModel& joint) {  // of a screw, otherwise 0
+  using namespace pinocchio;
+  return pitch_of<JointModelHX>(joint) + pitch_of<JointModelHY>(joint) + pitch_of<JointModelHZ>(joint) +
+         pitch_of<JointModelHelicalUnaligned>(joint);
+}
+
 class Chains {
  public:
-  explicit Chains(const pinocchio::Model& model) : neutral_(pinocchio::neutral(model)) {}
-
   std::vector<TreeJoint> joints{1};
 
   // Append the joints with fixed axes that make one of the model: the last becomes `end`. False for an unknown kind.
@@ -62,11 +100,8 @@ class Chains {
     TreeJoint x;
     x.rotation = kind->second.rotation, x.translations = kind->second.translations;
     x.q = joint.idx_q(), x.v = joint.idx_v(), x.nv = joint.nv();
-    auto data = joint.createData();
-    joint.calc(data, neutral_);  // its axes are the same everywhere
-    const Eigen::Matrix<double, 6, Eigen::Dynamic> S = data.S().matrix();
-    set_axis(x, x.rotation == TreeJoint::none ? S.col(0).head<3>() : S.rightCols<1>().tail<3>());
-    if (x.nv == 1 && x.rotation != TreeJoint::none) x.pitch = S.col(0).head<3>().dot(S.col(0).tail<3>());
+    const int axis = kind->second.axis;
+    set_axis(x, axis == unaligned ? unaligned_axis(joint) : Eigen::Vector3d::Unit(axis)), x.pitch = pitch(joint);
     return append(x, placement, end), true;
   }
 
@@ -91,7 +126,6 @@ class Chains {
     joints.push_back(x);
   }
 
-  const Eigen::VectorXd neutral_;
   static const SE3 one_;
 };
 
@@ -100,7 +134,7 @@ const SE3 Chains::one_ = SE3::Identity();
 }  // namespace
 
 std::vector<TreeJoint> tree_joints(const pinocchio::Model& model) {
-  Chains chains(model);
+  Chains chains;
   std::vector<int> carrier(model.njoints);
   for (int j = 1; j < model.njoints; ++j) {
     int end = carrier[model.parents[j]];

@@ -42,12 +42,6 @@ inline void rotation_of_quaternion(const double* q, double* R) {  // x, y, z, w
   R[6] = xz + wy, R[7] = yz - wx, R[8] = 1 - (xx + yy);
 }
 
-inline void symmetric(const double* S, const double* x, double* out) {  // S x; xx, xy, yy, xz, yz, zz
-  out[0] = S[0] * x[0] + S[1] * x[1] + S[3] * x[2];
-  out[1] = S[1] * x[0] + S[2] * x[1] + S[4] * x[2];
-  out[2] = S[3] * x[0] + S[4] * x[1] + S[5] * x[2];
-}
-
 inline void rotate_symmetric(const double* R, const double* S, double* out) {  // R S R^T
   double RS[9];  // by columns
   const double columns[9] = {S[0], S[1], S[3], S[1], S[2], S[4], S[3], S[4], S[5]};

@@ -1,4 +1,4 @@
-// Half-explicit steps that keep g = 0 too: x' = J (v + M^-1 G^T mu) (mbdae/mechanism/formulations/ggl.py).
+// Half-explicit steps that also satisfy g = 0: x' = J (v + M^-1 G^T mu) (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
 #include "system/position_rows.hpp"

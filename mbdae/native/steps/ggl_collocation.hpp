@@ -1,4 +1,4 @@
-// Steps of collocation methods that keep g = 0 too, by mu (mbdae/mechanism/formulations/ggl.py).
+// Steps of collocation methods that also satisfy g = 0, by mu (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
 #include "steps/collocation.hpp"

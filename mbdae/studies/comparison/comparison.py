@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ...backend import describe_backend
+from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
@@ -151,7 +152,7 @@ class Comparison(Tabular):
 
         return comparison_table(self)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "title": self.title,
@@ -178,7 +179,9 @@ class Comparison(Tabular):
 
     def tabulated(self) -> Columns:
         """Return a row for each run; further data are JSON in the first row of the last column, ``about``."""
-        rows = [{**p.row(self.quantities), "known": self.known(p), "about": ""} for p in self.points]
+        rows: list[dict[str, Any]] = [
+            {**p.row(self.quantities), "known": self.known(p), "about": ""} for p in self.points
+        ]
         rest = {k: v for k, v in self.to_dict().items() if k not in ("points", "ranking")}
         rows = rows or [dict.fromkeys([*RunResult("", None, None, "").row(self.quantities), "known", "about"])]
         rows[0]["about"] = json.dumps(rest)

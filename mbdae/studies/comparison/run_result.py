@@ -6,6 +6,8 @@ from math import inf
 from statistics import median
 from typing import Any
 
+from ...data_types import JsonObject
+
 COUNTS = ("steps", "rejected", "f", "M", "G", "solves", "factorizations")
 INTEGERS = {"n", *COUNTS}
 
@@ -69,9 +71,9 @@ class RunResult:
         """Whether the run is complete and has errors."""
         return bool(self.errors)
 
-    def row(self, quantities: Sequence[str]) -> dict[str, Any]:
+    def row(self, quantities: Sequence[str]) -> JsonObject:
         """Return JSON and CSV data, with ``error_q`` and ``end_q`` for each quantity."""
-        out: dict[str, Any] = {}
+        out: JsonObject = {}
         for f in fields(self):
             if f.name in ("errors", "ends"):
                 found = getattr(self, f.name)

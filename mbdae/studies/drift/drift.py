@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import require
 from ...solution.columns import energy_balance, residuals
 from ...solution.solution import Solution
@@ -96,7 +97,7 @@ class Drift(Tabular):
         """The largest of |g|, |G v| and the relative error of the energy balance."""
         return float(np.max([self.g_max, self.Gv_max, *([] if (e := self.energy_relative) is None else [e])]))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
         return {**values, "energy_relative": self.energy_relative}

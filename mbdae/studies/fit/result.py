@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...file_io import write_page
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -18,7 +19,6 @@ __all__: list[str] = []
 
 IMPROBABLE = VISIBLE  # probability of chi-squared below which residuals are not noise
 MAX_CORRELATION = 0.999  # correlation above which only a combination of two parameters is identifiable
-
 
 
 class Attempt(NamedTuple):
@@ -96,7 +96,7 @@ class Fit(Tabular):
         """Whether the search converged, residuals may be noise, and all parameters are identifiable."""
         return self.converged and not self.refuted and not self.untold
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         scalars = ("model", "values", "deviations", "chi2", "dof", "probability", "at_bounds", "runs", "gradients",
                  "converged", "message")  # fmt: skip

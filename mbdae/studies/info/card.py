@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ... import backend
+from ...data_types import JsonObject
 from ...integrate.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
@@ -105,7 +106,7 @@ class Card(Tabular):
         """Return the facts as a table of two columns."""
         return [["", self.title], *([name, text.replace("\n", "; ")] for name, text in self.facts().items())]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return asdict(self)
 

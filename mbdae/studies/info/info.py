@@ -3,9 +3,9 @@
 from dataclasses import asdict, dataclass
 from inspect import getdoc
 from pathlib import Path
-from typing import Any
 
 from ... import backend
+from ...data_types import JsonObject
 from ...mechanism import Mechanism
 from ...solution.archive import versions
 from ...solution.problem import problem_of
@@ -29,7 +29,7 @@ class Installation:
     versions: dict[str, str]
     backend: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return asdict(self)
 
@@ -57,7 +57,7 @@ class TextbookCard:
     exact: bool
     equations: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data, without the equations."""
         data = asdict(self)
         del data["equations"]

@@ -20,6 +20,8 @@ from ..kinematics.driven_mechanism import start_pose
 from ..kinematics.result import Kinematics
 
 if TYPE_CHECKING:
+    import pinocchio as pin
+
     from ...mechanism.formulations.index2 import Index2System
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
@@ -197,7 +199,7 @@ def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
         raise InputError(f"the times of a motion must increase, got {first:.9g} and then {then:.9g}{impact}")
 
 
-def _close_motion(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array, Array, Array]:
+def _close_motion(mech: Mechanism, joints: list["pin.JointModel"], targets: Array) -> tuple[Array, Array, Array]:
     """Return q, v and v' that satisfy the closures, and fit joint values u, u', u'' (3, n, k) by least squares."""
     free = Mechanism(mech.model, mech.closures, start=mech.start_values)
     system, n = free.system(), targets.shape[1]
@@ -228,7 +230,7 @@ class _TargetPose(NamedTuple):
     miss: float
 
 
-def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Array) -> _TargetPose:
+def _at_targets(system: "Index2System", q: Array, joints: list["pin.JointModel"], target: Array) -> _TargetPose:
     """Return the configuration with g = 0 and joints closest to their targets (k,), by Gauss-Newton steps from q."""
     at, circles = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
     scales = system.mechanism.coordinate_scales
@@ -244,7 +246,7 @@ def _at_targets(system: "Index2System", q: Array, joints: list[Any], target: Arr
     return _TargetPose(q, g, G, float(np.abs(miss / scales[at]).max()))
 
 
-def _coordinate(q: Array, joint: Any) -> float:
+def _coordinate(q: Array, joint: "pin.JointModel") -> float:
     """Return the coordinate of a joint: the angle if it is stored as cosine and sine."""
     k = joint.idx_q
     return float(q[k] if joint.nq == 1 else np.arctan2(q[k + 1], q[k]))

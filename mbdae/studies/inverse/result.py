@@ -3,12 +3,13 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
 from scipy.interpolate import PchipInterpolator
 
+from ...data_types import JsonObject
 from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
@@ -209,7 +210,7 @@ class InverseDynamics(Tabular):
         units = coordinate_units(self.mechanism)
         return [(name, x, effort_unit(units, name)) for name, x in self.held.items()]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "title": self.mechanism.title,

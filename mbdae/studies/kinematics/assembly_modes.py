@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import PARTS
+from ...mechanism.coordinate_units import COORDINATE_NAMES
 from ...mechanism.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
@@ -68,11 +68,12 @@ class AssemblyModes(Tabular):
     closed: int
     warnings: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         modes = [{**vars(m), "q": m.q.tolist()} for m in self.modes]
-        found = {"starts": self.starts, "closed": self.closed, "warnings": list(self.warnings), "modes": modes}
-        return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, **found}
+        found = {"starts": self.starts, "closed": self.closed}
+        title = {"title": self.mechanism.title, "drive": self.drive, "u": self.u}
+        return {**title, **found, "warnings": list(self.warnings), "modes": modes}
 
     def __str__(self) -> str:
         n, circuits = len(self.modes), len({m.circuit for m in self.modes})
@@ -162,6 +163,6 @@ def _coordinates_text(mech: Mechanism, q: Array) -> str:
         values = q[joint.idx_q : joint.idx_q + joint.nq]
         if (joint.nq, joint.nv) == (2, 1):
             values = np.array([np.arctan2(values[1], values[0])])
-        parts = PARTS.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
+        parts = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
         out += [f"{name}{'.' if p else ''}{p} {x:.4g}" for p, x in zip(parts, values, strict=False)]
     return ", ".join(out)

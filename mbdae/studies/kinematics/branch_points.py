@@ -5,11 +5,12 @@ have. A vector N y is tangent to a branch if y^T N^T K_u N y = 0 with K_u = d(G^
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import null_space
 
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDING, VISIBLE
@@ -36,7 +37,7 @@ class BranchPoint:
     q: Array
     directions: Array
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {"u": self.u, "q": self.q.tolist(), "directions": self.directions.tolist()}
 

@@ -107,7 +107,7 @@ def _is_above(curve: PoseCurve, p: CurvePoint, w: float) -> bool:
     if not (first or last) or abs(p.u - w) > SAME_POSE * curve.unit:
         return p.u >= w
     sign = _rate_sign(p, curve)
-    return (p.bend if not sign else sign if first else -sign) > 0
+    return (p.input_curvature if not sign else sign if first else -sign) > 0
 
 
 def _rate_sign(p: CurvePoint, curve: PoseCurve) -> int:

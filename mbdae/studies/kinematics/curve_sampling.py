@@ -144,7 +144,7 @@ def branch_point_on_curve(
     distance = float(np.linalg.norm(curve.difference(neighbour.q, point.q)))
     s, unknown = neighbour.s + (-distance if before else distance), np.full_like(tau, np.nan)
     return neighbour._replace(
-        s=s, q=point.q, u=point.u, tau=tau, kappa=unknown, speed=float(e @ tau), bend=np.nan, sigma=0.0
+        s=s, q=point.q, u=point.u, tau=tau, kappa=unknown, speed=float(e @ tau), input_curvature=np.nan, sigma=0.0
     )
 
 

@@ -175,8 +175,9 @@ def _result(
 ) -> Kinematics:
     points, stretches = _sampled(found, n)
     curve = found[0].curve
-    tau, q, u, s, kappa, speed, bend = (
-        np.array([getattr(p, name) for p in points]) for name in ("tau", "q", "u", "s", "kappa", "speed", "bend")
+    tau, q, u, s, kappa, speed, input_curvature = (
+        np.array([getattr(p, name) for p in points])
+        for name in ("tau", "q", "u", "s", "kappa", "speed", "input_curvature")
     )
     tau *= curve.columns
     angles = np.full(len(q), np.nan)
@@ -195,7 +196,7 @@ def _result(
         tangent=tau,
         curvature=kappa * curve.columns,
         speed=speed,
-        bend=bend,
+        input_curvature=input_curvature,
         transmission=angles,
         dead_points=tuple((d.point.u, d.point.q) for f in found for d in f.events.dead_points),
         branch_points=_branch_points(found),

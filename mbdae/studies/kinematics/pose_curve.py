@@ -46,7 +46,7 @@ class CurvePoint(NamedTuple):
         tau: the tangent, (nv,), in rad and characteristic lengths.
         kappa: the curvature dtau/ds, (nv,).
         speed: tau_in = du/ds, in rad or m.
-        bend: d2u/ds2 = e_in . kappa + gamma_in.
+        input_curvature: d2u/ds2 = e_in . kappa + gamma_in.
         sigma: the smallest singular value of G, with a sign.
         left_null: the left null space of G, (ng - 1, k).
         orientation: +1, or -1 if ``left_null`` is reversed relative to its continuation from the start.
@@ -58,7 +58,7 @@ class CurvePoint(NamedTuple):
     tau: Array
     kappa: Array
     speed: float
-    bend: float
+    input_curvature: float
     sigma: float
     left_null: Array
     orientation: float

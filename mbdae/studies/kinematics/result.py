@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
@@ -57,7 +58,7 @@ class Kinematics(Tabular):
         tangent: tangents dq/ds, (n, nv), in rad and m, also finite at dead points.
         curvature: d2q/ds2, (n, nv); nan at branch points.
         speed: du/ds, (n,): zero at dead points.
-        bend: d2u/ds2 = gamma_in + e_in . curvature, (n,).
+        input_curvature: d2u/ds2 = gamma_in + e_in . curvature, (n,).
         transmission: angle at the output in rad, 0 to pi/2, (n,).
         dead_points: input and configuration where the drive reverses.
         branch_points: poses in which several branches intersect.
@@ -77,7 +78,7 @@ class Kinematics(Tabular):
     tangent: Array
     curvature: Array
     speed: Array
-    bend: Array
+    input_curvature: Array
     transmission: Array
     dead_points: tuple[tuple[float, Array], ...]
     branch_points: tuple[BranchPoint, ...]
@@ -100,7 +101,7 @@ class Kinematics(Tabular):
     def accelerations(self) -> Array:
         """Accelerations at constant unit speed of the drive, d2q/du2, (n, nv); nan at dead points and branch points."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            along = self.curvature - (self.bend / self.speed)[:, None] * self.tangent
+            along = self.curvature - (self.input_curvature / self.speed)[:, None] * self.tangent
             return np.where(self.moving[:, None], along / (self.speed**2)[:, None], np.nan)
 
     def ratio(self, joint: str) -> Array:
@@ -191,7 +192,7 @@ class Kinematics(Tabular):
         found = {name: (known | rates).get(name, heads.get(name.partition(".")[0], "")) for name in columns}
         return Columns(columns, {name: unit for name, unit in found.items() if unit}, "u")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "title": self.mechanism.title,
@@ -218,7 +219,7 @@ class Kinematics(Tabular):
 
         return figures.save_if_path(curves(self), path)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> JsonObject:
         """Return `to_dict` without the table."""
         return {key: value for key, value in self.to_dict().items() if key != "table"}
 

@@ -42,7 +42,7 @@ const live = (() => {
     aim(event);
     viewer.scene.updateMatrixWorld();
     const bodies = viewer.scene_tree.find(["mechanism"]).object;
-    const hit = caster.intersectObject(bodies, true)[0];
+    const hit = caster.intersectObject(bodies, true).find(({object}) => nameOf(object) !== "pull");  // hidden, or a line
     if (event.button || !hit) return;
     pulling = true;
     viewer.controls.enabled = false;

@@ -1,5 +1,6 @@
 """A simulated mechanism in a browser, in real time: sliders for its inputs and joints, and points that are pulled."""
 
+import atexit
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -11,6 +12,8 @@ from ...errors import InputError, MbdaeError
 from ...integrate.options import require_positive
 from ...integrate.simulator import Simulator
 from ...solution.problem import mechanism_of
+from ...system import Array
+from ...tolerances import INPUT_DIGITS
 from .live_scene import LiveScene
 from .pulls import Pulls
 
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["live"]
 
 LATE = 0.25  # s behind real time, after which the view is slower than real time
+RTOL = INPUT_DIGITS
 NOTICED = 0.1  # deviation from real time that is shown
 
 
@@ -62,6 +66,7 @@ class LiveView:
         self.url = self._server.url
         self._thread = Thread(target=self._run, name="simulator", daemon=True)
         self._thread.start()
+        atexit.register(self.stop)  # the thread must not outlive the interpreter
 
     def __repr__(self) -> str:
         return f"<live view of {self.mechanism.title} at t = {self.t:.4g} s, {self.state}: {self.url}>"
@@ -75,12 +80,15 @@ class LiveView:
     def __exit__(self, *problem: object) -> None:
         self.stop()
 
-    # -- what a caller does ----------------------------------------------------------------------------------------
-
     @property
     def t(self) -> float:
         """Simulated time in s."""
         return self._simulator.t
+
+    @property
+    def q(self) -> Array:
+        """Configuration (nq,) of the last frame."""
+        return self._q
 
     @property
     def playing(self) -> bool:
@@ -118,13 +126,9 @@ class LiveView:
         """Release the pulled point."""
         self._do({"drop": True})
 
-    def pause(self) -> None:
-        """Let no time pass."""
-        self._do({"play": False})
-
-    def play(self) -> None:
-        """Let time pass."""
-        self._do({"play": True})
+    def play(self, on: bool = True) -> None:
+        """Let time pass, or pause."""
+        self._do({"play": on})
 
     def reset(self) -> None:
         """Return to the start; what was recorded so far is added to ``runs``."""
@@ -140,6 +144,7 @@ class LiveView:
     def stop(self) -> "Solution":
         """End the view; return the recorded run. The page says that it has ended."""
         self._stopping.set()
+        atexit.unregister(self.stop)
         self._thread.join()
         self._server.close()
         return self._simulator.solution()
@@ -171,7 +176,7 @@ class LiveView:
             if self.playing:
                 self._advance(speed / fps)
             self._q = self._simulator.q
-            self._server.show(self._frame(), self._described())
+            self._server.show(self._scene.frame(self._q, self._pulls.line), self._described())
             due += 1 / fps
             now = perf_counter()
             if now - due > LATE:
@@ -190,8 +195,9 @@ class LiveView:
                 if self._simulator.advance(dt / count) == "event":
                     self.state, self.message = "paused", "an event has ended the advance"
                     return
-        except MbdaeError as e:
-            self.state, self.message = "stopped", str(e)
+        except Exception as e:  # the page reports it, and what was recorded remains
+            kind = "" if isinstance(e, MbdaeError) else f"{type(e).__name__}: "
+            self.state, self.message = "stopped", f"{kind}{e}"
 
     def _obey(self) -> None:
         """Do what pages and callers have ordered since the last frame."""
@@ -236,11 +242,8 @@ class LiveView:
     def _commands(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the scene and the controls for a new page."""
         yield from self._scene.commands()
-        yield from self._frame()
+        yield from self._scene.frame(self._q, self._pulls.line)
         yield from self._pulls.controls(self._simulator)
-
-    def _frame(self) -> Iterator[dict[str, Any]]:
-        return self._scene.frame(self._q, self._pulls.line)
 
 
 def live(
@@ -268,7 +271,7 @@ def live(
         model: a mechanism, or the name or path of one.
         method: name of a method; the model's own if omitted.
         step: fixed step in s; controlled if omitted.
-        rtol: relative tolerance of controlled steps; the model's own if omitted.
+        rtol: relative tolerance of controlled steps; 1e-6 if omitted.
         speed: seconds of motion per second.
         fps: frames per second at most.
         ranges: (low, high) of sliders, by the name of an input or joint; limits of joints, or wide ones if omitted.
@@ -291,5 +294,6 @@ def live(
     require_positive(speed=speed, fps=fps)
     mech = mechanism_of(model, "live")
     pulls = Pulls(mech, mech.start[0], ranges or {})
+    rtol = RTOL if rtol is None and step is None else rtol
     simulator = Simulator(pulls.mechanism, record=record, method=method, step=step, rtol=rtol)
     return LiveView(pulls.mechanism, pulls, simulator, _ViewSettings(speed, fps, port, not paused, record, shadows))

@@ -36,6 +36,9 @@ class LiveScene:
         self.scene, self.shadows = scene.travelled(q[None]), shadows
         self.drawables = drawables(self.scene)
         self.box, self.extent = bounds(self.scene, q[None]), Sight(self.scene, q[None]).visible().extent
+        joints = self.scene.carriers
+        self._resting = {d.name for d, on in zip(self.drawables, joints, strict=False) if on == (0,)}
+        self._start = motions(self.scene, q[None])
         carriers = zip(self.drawables, self.scene.carriers, strict=False)
         self.bodies = {d.name: joints[0] for d, joints in carriers if len(joints) == 1 and joints[0]}
         middle = self.box.mean(axis=0)
@@ -50,12 +53,14 @@ class LiveScene:
         level = levels(self.box, self.extent, self.scene.ground)["top"]
         yield set_property(GROUND, "position", [*self.box.mean(axis=0)[:2].tolist(), level])
         yield from drawn([*(d for d in self.drawables if d.style != "closure"), PULL])
+        resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
+        yield from placed([d for d, _ in resting], [motion for _, motion in resting])
 
     def frame(self, q: Array, line: Array | None) -> Iterator[dict[str, Any]]:
         """Yield the commands that move the scene to q (nq,), and a line (2, 3) if a point is pulled."""
-        for d, motion in zip(self.drawables, motions(self.scene, q[None]), strict=True):
-            if d.style != "closure":
-                yield from placed([d], [motion])
+        moved = zip(self.drawables, motions(self.scene, q[None]), strict=True)
+        shown = [(d, motion) for d, motion in moved if d.style != "closure" and d.name not in self._resting]
+        yield from placed([d for d, _ in shown], [motion for _, motion in shown])
         yield set_property("/mechanism/pull", "visible", line is not None)
         if line is not None:
             way, width = line[1] - line[0], 0.5 * self.scene.width

@@ -17,7 +17,6 @@ from ...integrate.simulator import Simulator
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.forces.joint_torque import JointTorque
-from ...mechanism.forces.wrench import Wrench
 from ...mechanism.frames import find_frame, find_joint, frame_names
 from ...mechanism.input_functions import Input
 from ...mechanism.inputs import Inputs
@@ -41,8 +40,7 @@ class Pulls:
         ranges: (low, high) of the sliders of inputs and joints, by name.
 
     Attributes:
-        mechanism: a copy with inputs ``move JOINT`` for torques and forces on joints, and ``pull BODY fx``, ... for
-            those on bodies.
+        mechanism: a copy with inputs ``hand JOINT`` for torques and forces on joints, those of points included.
         line: the pulled point and its target (2, 3), or None.
 
     Raises:
@@ -53,10 +51,12 @@ class Pulls:
     def __init__(self, mechanism: Mechanism, q: Array, ranges: Mapping[str, Sequence[float]]) -> None:
         self.inputs = dict(Inputs(mechanism).named)
         self.joints = independent(mechanism, mechanism.system(), q)[:MAX_SLIDERS]
-        self.bodies = _bodies(mechanism)
-        forces = [JointTorque(name=f"move {j}", joint=j, torque=Input(name=f"move {j}")) for j in self.joints]
-        wrenches = [_wrench(frame) for frame in self.bodies.values()]
-        self.mechanism = variant(mechanism, forces=[*mechanism.forces, *forces, *wrenches], source=None)
+        self._hands = [name for joint in mechanism.joint_names for name in _hand(mechanism, joint)]
+        hands = [
+            JointTorque(name=f"hand {j}", joint=j, torque=tuple(Input(name=name) for name in _hand(mechanism, j)))
+            for j in mechanism.joint_names
+        ]
+        self.mechanism = variant(mechanism, forces=[*mechanism.forces, *hands], source=None)
         self._ranges = {**_default_ranges(mechanism, self.inputs, self.joints, q), **_checked(ranges)}
         for name in ranges:
             if name not in self.inputs and name not in self.joints:
@@ -64,8 +64,7 @@ class Pulls:
         self._starts = {name: value_of(q, find_joint(mechanism.model, name)) for name in self.joints}
         self._targets: dict[str, float] = {}
         self._point: PulledPoint | None = None
-        self._body, self._to = "", np.zeros(3)
-        self._acting: set[str] = set()
+        self._to, self._acting = np.zeros(3), False
         self.line: Array | None = None
 
     # -- orders ----------------------------------------------------------------------------------------------------
@@ -86,8 +85,8 @@ class Pulls:
         self._check_points(order)
 
     def _check_points(self, order: Mapping[str, Any]) -> None:
-        if "frame" in order and self._joint_of(order["frame"]) not in self.bodies:
-            movable = [n for n in frame_names(self.mechanism.model) if self._joint_of(n) in self.bodies]
+        if "frame" in order and not self._joint_of(order["frame"]):
+            movable = [n for n in frame_names(self.mechanism.model) if self._joint_of(n)]
             raise InputError(f"frame {order['frame']!r} is fixed and cannot be pulled; valid: {', '.join(movable)}")
         for point in (order[key] for key in ("point", "to") if key in order):
             if not isinstance(point, Sequence) or len(point) != len(AXES):
@@ -104,8 +103,7 @@ class Pulls:
             if order["value"] is not None:
                 self._targets[order["joint"]] = float(order["value"])
         elif "pull" in order:
-            joint = drawables.get(order["pull"], 0)
-            if joint in self.bodies:
+            if joint := drawables.get(order["pull"], 0):
                 self._take(joint, np.array(order["point"], float), simulator.q)
         elif "frame" in order:
             q = simulator.q
@@ -122,7 +120,7 @@ class Pulls:
             raise InputError(f"unknown order {json.dumps(order)[:60]}")
 
     def _take(self, joint: int, point: Array, q: Array) -> None:
-        self._point, self._body, self._to = PulledPoint(self.mechanism, joint, point, q), self.bodies[joint], point
+        self._point, self._to = PulledPoint(self.mechanism, joint, point, q), point
 
     def _joint_of(self, frame: str) -> int:
         return find_frame(self.mechanism.model, frame).parentJoint
@@ -141,37 +139,29 @@ class Pulls:
 
     def apply(self, simulator: Simulator) -> None:
         """Set the inputs by the springs at the state now."""
-        forces: dict[str, float] = {}
-        if self._targets or self._point:
-            q, v = simulator.q, simulator.v
-            forces = {**self._joint_forces(q, v), **self._point_forces(q, v)}
-        for name in self._acting - set(forces):
-            simulator[name] = 0.0
-        for name, value in forces.items():
-            simulator[name] = value
-        self._acting = set(forces)
+        acting = bool(self._targets or self._point)
+        if acting or self._acting:
+            tau = self._tau(simulator.q, simulator.v) if acting else np.zeros(self.mechanism.nv)
+            for name, value in zip(self._hands, tau.tolist(), strict=True):
+                simulator[name] = value
+        self._acting = acting
 
-    def _joint_forces(self, q: Array, v: Array) -> dict[str, float]:
-        """Return torques and forces m (w^2 (target - q) - 2 w v)."""
-        if not self._targets:
-            return {}
-        inertias, out = joint_inertias(self.mechanism, q), {}
+    def _tau(self, q: Array, v: Array) -> Array:
+        """Return the forces of springs on joints, m (w^2 (target - q) - 2 w v), and of that on the point, (nv,)."""
+        out = np.zeros(self.mechanism.nv)
+        inertias = joint_inertias(self.mechanism, q) if self._targets else out
         for name, target in self._targets.items():
             joint = find_joint(self.mechanism.model, name)
             off = target - value_of(q, joint)
             if joint.nq > 1:  # an angle without limits
                 off = (off + np.pi) % (2 * np.pi) - np.pi
-            rate = FREQUENCY**2 * off - 2 * FREQUENCY * v[joint.idx_v]
-            out[f"move {name}"] = float(inertias[joint.idx_v] * rate)
+            i = joint.idx_v
+            out[i] += inertias[i] * (FREQUENCY**2 * off - 2 * FREQUENCY * v[i])
+        if self._point is not None:
+            found = self._point.pull(q, v, self._to, FREQUENCY)
+            self.line = np.array([found.point, self._to])
+            out += found.tau
         return out
-
-    def _point_forces(self, q: Array, v: Array) -> dict[str, float]:
-        if self._point is None:
-            return {}
-        found = self._point.pull(q, v, self._to, FREQUENCY)
-        self.line = np.array([found.point, self._to])
-        values = zip(_components(self._body), [*found.force, *found.torque], strict=True)
-        return {name: float(x) for name, x in values}
 
     # -- controls of the page --------------------------------------------------------------------------------------
 
@@ -212,24 +202,10 @@ class Pulls:
         return f"{name} ({unit})" if unit else name
 
 
-def _bodies(mechanism: Mechanism) -> dict[int, str]:
-    """Return the bodies that can be pulled: a frame for each joint, at the joint."""
-    model, out = mechanism.model, {}
-    for name in mechanism.joint_names:
-        joint = find_joint(model, name).id
-        frame = find_frame(model, name) if name in frame_names(model) else None
-        if frame is not None and frame.parentJoint == joint and frame.placement.isIdentity():
-            out[joint] = name
-    return out
-
-
-def _components(body: str) -> list[str]:
-    return [f"pull {body} {kind}{axis}" for kind in "fm" for axis in AXES]
-
-
-def _wrench(frame: str) -> Wrench:
-    inputs = [Input(name=name, unit="N" if k < len(AXES) else "N m") for k, name in enumerate(_components(frame))]
-    return Wrench(name=f"pull {frame}", frame=frame, force=tuple(inputs[:3]), torque=tuple(inputs[3:]))
+def _hand(mechanism: Mechanism, joint: str) -> list[str]:
+    """Return the names of the inputs of a joint, one for each of its velocities."""
+    count = find_joint(mechanism.model, joint).nv
+    return [f"hand {joint}"] if count == 1 else [f"hand {joint} {k + 1}" for k in range(count)]
 
 
 def _unit(mechanism: Mechanism, joint: str) -> str:

@@ -63,7 +63,7 @@ class Server:
             (r"/static/(.*)", tornado.web.StaticFileHandler, {"path": str(viewer_folder())}),
             (r"/", _Scene, {"server": self}),
             (r"/live", _Controls, {"server": self}),
-        ])  # fmt: skip
+        ], log_function=lambda handler: None)  # fmt: skip
         try:
             self._http, self.port = self._loop.run_until_complete(_listen(app, port))
         except OSError as e:

@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import matrix_balance
 
+from ...data_types import JsonObject
 from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.effort_signals import named_laws
@@ -99,7 +100,7 @@ class LinearSystem(Tabular):
                 columns[f"phase {output} / {name}"] = np.unwrap(np.angle(H[:, i, j]))
         return Columns(columns, {n: "rad" for n in columns if n[0] == "p"} | {"frequency": "Hz"}, "frequency")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         matrices = {name: X.tolist() for name, X in zip("ABCD", self.matrices, strict=True)}
         return {"title": self.title, **matrices, "inputs": list(self.inputs), "outputs": list(self.outputs)}

@@ -4,10 +4,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.linearization import LinearMotion
@@ -157,7 +158,7 @@ class Modes(Tabular):
             return f"{self.frequencies[i]:.4g} Hz, damping {self.damping[i]:.3g}"
         return f"{'grows' if root.real > 0 else 'decays'}, {abs(root.real):.4g} 1/s"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data; eigenvalues as pairs [re, im]."""
         names = velocity_labels(self.mechanism, np.arange(self.mechanism.nv))
         rows = zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)

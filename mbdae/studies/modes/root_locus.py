@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq, linear_sum_assignment
 
+from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.spectrum import CERTAIN, Spectrum
@@ -69,7 +70,7 @@ class RootLocus(Tabular):
         columns = {f"{part}.{k + 1}": x[:, k] for k in range(self.eigenvalues.shape[1]) for part, x in parts.items()}
         return Columns({self.name: self.values, **columns}, dict.fromkeys(columns, "1/s"), self.name)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data; eigenvalues as pairs [re, im]."""
         pairs = [[[z.real, z.imag] for z in row] for row in self.eigenvalues.tolist()]
         return {

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...mechanism import Mechanism
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
@@ -72,7 +73,7 @@ class Optimum(Tabular):
         """Parameters at a bound."""
         return [name for name, x in self.values.items() if _is_at_limit(x, *self.bounds[name])]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         scalars = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message", "bound")
         return {

@@ -80,7 +80,7 @@ def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
             "embedded": m.order_embedded or None,
             "solves": m.solves,
             "assumptions": assumptions(m).implicit if isinstance(m, CoupledMethod) else None,
-            "R(inf)": float(m.growth) if isinstance(m, CoupledMethod) else None,
+            "R(inf)": float(m.R_infinity) if isinstance(m, CoupledMethod) else None,
             "title": m.title,
         }
         for m in chosen

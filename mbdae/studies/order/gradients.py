@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...finite_differences import STENCIL, central_difference
 from ...integrate.binding import common_backend
@@ -69,7 +70,7 @@ class GradientStudy(OrderStudy):
         """Whether some tangent is refuted, or some observed order is below its claim."""
         return super().refuted or any(map(self.wrong, self.differences))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         more = {"differences": self.differences, "uncertainties": self.uncertainties}
         return {**super().to_dict(), "of": self.of, **more}
@@ -209,7 +210,7 @@ class GradientMeasurement(Measurement):
             differences[k] = np.hstack([np.array(dq), other.y[:, nq : nq + self.mech.nv] - sol.v])
         return np.asarray(central_difference(differences, h))
 
-    def claims(self, tableau: Any) -> tuple[list[int], int]:
+    def claims(self, tableau: Method) -> tuple[list[int], int]:
         """Return the claimed orders, and the number of judged quantities."""
         return [self.system.order_of(tableau)] * 2, 2
 
@@ -226,6 +227,6 @@ class GradientMeasurement(Measurement):
         """Return the quantities to which errors refer: the derivatives themselves."""
         return best
 
-    def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
+    def rounding(self, tableau: Method, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity."""
         return EPS * (1 + sizes)

@@ -9,7 +9,7 @@ uncertainty. For fewer than four halvings coarser steps are added, down to ten.
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -150,7 +150,7 @@ class Measurement:
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
         return ABOVE * (uncertainty + self.rounding(tableau, self.T / n, sizes))
 
-    def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
+    def rounding(self, tableau: Method, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity, of these sizes, with steps of h."""
         rounding = EPS * (1 + sizes) * np.sqrt(1 + tableau.roundings * self.T / h)
         rate = sizes[1] if self.mechanical else sizes[0]
@@ -163,7 +163,7 @@ class Measurement:
         start = self.problem.point(*self.start)
         return self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
 
-    def claims(self, tableau: Any) -> tuple[list[int], int]:
+    def claims(self, tableau: Method) -> tuple[list[int], int]:
         """Return the claimed order of each quantity, and the number judged: without closures there is no lam."""
         order = self.system.order_of(tableau)
         found = [order] * (len(self.names) - 2) + [tableau.order_own, order]

@@ -2,11 +2,12 @@
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...backend import describe_backend, machine_description
+from ...data_types import JsonObject
 from ...errors import UnknownNameError
 from ...tabular import Columns, Tabular, align_columns, latex
 
@@ -93,7 +94,7 @@ class OrderStudy(Tabular):
         """Whether some observed order is below its claim."""
         return any(s.verdict == "misses" for row in self.orders.values() for s in row)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         slopes = {name: [asdict(s) for s in row] for name, row in self.orders.items()}
         return {

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...backend import machine_description
+from ...data_types import JsonObject
 from ...errors import InputError
 from ...file_io import write_page
 from ...integrate.solve import solve
@@ -75,9 +76,9 @@ class Report:
         stopped = [f"stopped by the user {self.without}"] if self.missing else []
         return "\n\n".join([*map(str, self.results), *stopped])
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data, without the run's states."""
-        run = {"status": self.sol.status, "message": self.sol.message, "stats": self.sol.stats}
+        run: JsonObject = {"status": self.sol.status, "message": self.sol.message, "stats": self.sol.stats}
         return {
             "card": self.card.to_dict(),
             "run": {**run, "settings": self.sol.settings},
@@ -165,7 +166,11 @@ class _Study:
     """Finished results of a report: runs, observed orders and a comparison of methods."""
 
     def __init__(
-        self, mech: Mechanism, span: tuple[float, float], chosen: list[Variant], run_variants: list[Variant],
+        self,
+        mech: Mechanism,
+        span: tuple[float, float],
+        chosen: list[Variant],
+        run_variants: list[Variant],
         report_progress: Progress,
     ) -> None:
         self.mech, self.span, self.chosen, self.run_variants = mech, span, chosen, run_variants

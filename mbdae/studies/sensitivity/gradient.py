@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import require
 from ...integrate.events.event import Event
 from ...integrate.trajectory import Trajectory
@@ -40,7 +40,7 @@ class Gradient(Tabular):
         """Return names and derivatives."""
         return [["parameter", "derivative"], *([name, f"{x:.6e}"] for name, x in self.gradient.items())]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {"value": self.value, "gradient": self.gradient}
 

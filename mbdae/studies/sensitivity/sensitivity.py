@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events.event import Event
 from ...integrate.trajectory import Trajectory
@@ -104,7 +105,7 @@ class Sensitivity(Tabular):
             columns |= {f"d({letter}.{names[i]})/d({self.columns[k]})": x[:, i, k] for i, k in pairs}
         return Columns(columns, {"t": "s"}, "t")
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "parameters": self.parameters,

@@ -1,7 +1,7 @@
 """Figure of the motion of a run over time."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     heights = [max(1.35, 0.16 * len(group)) for group in groups.values()] + ([] if names else [1.0, 1.0])
     columns = signals(sol, [*shown, *(() if names else ("g", "Gv", "energy", "work"))])
     figure = empty_figure(WIDTH, sum(heights) + 0.6)
-    axes: Any = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
+    axes: list[Axes] = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)).tolist()
     for ax, (u, group) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(group):
             ax.plot(sol.t, columns[name], label=escaped(name), **curve_style(i))
@@ -75,7 +75,7 @@ def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
     groups = {k: [n for n in columns if n[0] == k and (n in requested or k in requested)] for k in ("y", "z")}
     shown = {k: group for k, group in groups.items() if group}
     figure = empty_figure(WIDTH, 2.2 * len(shown) + 0.6)
-    axes: Any = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
+    axes: list[Axes] = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True)).tolist()
     for ax, (k, group) in zip(axes, shown.items(), strict=True):
         for i, name in enumerate(group):
             ax.plot(sol.t, columns[name], label=escaped(name), **curve_style(i))

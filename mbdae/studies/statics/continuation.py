@@ -12,10 +12,11 @@ Source: Keller, Numerical solution of bifurcation and nonlinear eigenvalue probl
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, StepError
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
@@ -50,7 +51,7 @@ class CriticalPoint(NamedTuple):
         """Number of zero eigenvalues of the stiffness."""
         return max(1, len(self.shapes))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {"kind": self.kind, "factor": self.factor, "q": self.q.tolist(), "shapes": self.shapes.tolist()}
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import EquilibriumError, StepError, UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
@@ -108,7 +109,7 @@ class Equilibrium(Tabular):
         rows = [[n, x if isinstance(x, str) else f"{_shown(x):.8g}"] for n, (x,) in found.values.items()]
         return [["quantity", "value", "unit"], *([*row, found.units.get(row[0], "")] for row in rows)]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         names = [c.name for c in self.mechanism.constraints if c.frames]
         forces = {name: self.reaction(name) for name in names}

@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
@@ -85,7 +86,7 @@ class LoadPath(Tabular):
         columns = {"factor": self.factor, **found, "unstable": self.unstable}
         return Columns(columns, {name: known[name] for name in found if name in known})
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "title": self.mechanism.title,

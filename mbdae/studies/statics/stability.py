@@ -1,10 +1,10 @@
 """Stability of an equilibrium or a steady motion, and the criterion that decides it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import StepError
 from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at
@@ -35,7 +35,7 @@ class Verdict:
     squares: Array
     by: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         return {
             "stability": self.stability,
@@ -68,13 +68,13 @@ def verdict(statics: Statics, here: ForceBalance) -> Verdict:
         return Verdict("rigid", 0, 0, w, "stiffness")
     if loses_rank(statics, here):
         return Verdict("singular", 0, 0, w, "stiffness")
-    motion, bent = linearize_at(statics, here), curvature(here.H, here.noise)
+    motion, stiffness = linearize_at(statics, here), curvature(here.H, here.noise)
     (k, m), C = (motion.positions.shape[1], motion.speeds.shape[1]), motion.damping
     bound = motion.noise[k : k + m, k : k + m]
     potential = symmetric(here.H, here.noise) and not len(here.s)
     gyroscopic, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
-    if potential and dissipates and (not gyroscopic or (bent.signs > 0).all()):
-        return _classified(bent.negative, bent.flat, w, "stiffness")
+    if potential and dissipates and (not gyroscopic or (stiffness.signs > 0).all()):
+        return _classified(stiffness.negative, stiffness.flat, w, "stiffness")
     growing = spectrum(motion.A, motion.noise).growing
     return _classified(int(growing.sum()), _zero_modes(motion), w, "eigenvalues")
 

@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ...errors import InputError
@@ -17,7 +18,7 @@ from ...file_io import atomic_write
 PART, SUFFIX = ".part", ".parquet"
 META = b"mbdae.sweep"
 MORE = "more"  # results of functions, whose names are unknown until all runs are finished
-Row = dict[str, Any]
+Row = dict[str, Any]  # numbers, texts, arrays and lists, by column: `Kinds` has their types
 Kinds = Mapping[str, str]  # name of a column: int, float, text, bool or floats
 
 
@@ -192,7 +193,7 @@ def _schema(kinds: Kinds, meta: Mapping[str, Any]) -> Any:
     return pa.schema([(name, types[kind]) for name, kind in kinds.items()], {META: json.dumps(meta).encode()})
 
 
-def arrow() -> Any:
+def arrow() -> ModuleType:
     """Return the module pyarrow.
 
     Raises:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...errors import STATUS, InputError, UnknownNameError
 from ...tabular import Columns, Tabular, align_columns
 from .plan import Task, names
@@ -102,7 +103,7 @@ class Sweep(Tabular):
             return np.array([np.nan if x is None else x for x in values], float)
         return np.array(values, object if kind in ("text", "floats") else None)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return JSON data."""
         names = self.names
         rows = [{name: _json_value(_value(row, name)) for name in names} for row in self.rows]

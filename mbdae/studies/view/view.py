@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...data_types import JsonObject
 from ...file_io import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
@@ -48,7 +49,7 @@ class View:
         rows = [f"  {s.joint}: {s.u.min():.6g} to {s.u.max():.6g} {s.unit}{_range_text(s)}" for s in self.sliders]
         return "\n".join([head, *rows])
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> JsonObject:
         """Return ranges and dead points, without the poses."""
         return {
             "title": self.mechanism.title,

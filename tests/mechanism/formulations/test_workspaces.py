@@ -58,6 +58,21 @@ def test_a_workspace_serves_the_next_run():
     assert {id(x) for x in idle} == {id(x) for x in again}
 
 
+def test_evaluations_at_points_bind_the_mechanism_once(monkeypatch):
+    mech, bound = mbdae.load("four_bar"), []
+    system = mbdae.Mechanism.system
+    monkeypatch.setattr(mbdae.Mechanism, "system", lambda self, *args: bound.append(self) or system(self, *args))
+    q, v = mech.start
+    expected = mbdae.load("four_bar").system()
+    for shift in (0.0, 0.1, 0.2):
+        moved = mech.manifold.integrate(q, np.full(mech.nv, shift))
+        for found, direct in zip(mech.residual(moved, v), expected.residual(0.0, moved, v), strict=True):
+            np.testing.assert_array_equal(found, direct)
+        np.testing.assert_array_equal(mech.jacobian(moved), expected.jacobian(moved))
+        assert mech.energy(moved, v) == expected.energy(moved, v)
+    assert [m is mech for m in bound].count(True) == 1
+
+
 def test_threads_do_not_share_a_workspace():
     mech = mbdae.load("four_bar")
     spans = np.linspace(0.1, 0.5, 24).tolist()

@@ -1,10 +1,11 @@
 """The bevel closure."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import field_validator
 
+from ....data_types import CoreData
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import PARALLEL, THREE_DIGITS
@@ -84,7 +85,7 @@ class Bevel(LineRows):
     def __init__(self, a: Array, b: Array, radii: tuple[float, float]) -> None:
         self.a, self.b, self.radii = a[:, None], b[:, None], radii
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         a, b = self.a[:, 0].tolist(), self.b[:, 0].tolist()
         return [{"kind": "bevel", "a": a, "b": b, "length": self.radii[0], "other_length": self.radii[1]}]
 

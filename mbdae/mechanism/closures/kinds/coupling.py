@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
+from ....data_types import CoreData
 from ....errors import InputError
 from ....system import Array
 from ....tolerances import COINCIDENT
@@ -119,7 +120,7 @@ class BoundMotionLawRow(BoundCoordinateRow):
             periods += [abs(rise * round(n))] if rise else []
         self.period = common_period(periods, name)
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         return {**super().core_data(), "law": self.law.core_data(), "fold": list(period_of(self.law))}
 
     def value(self) -> tuple[float, list[float]]:

@@ -1,10 +1,11 @@
 """The gear closure."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import field_validator
 
+from ....data_types import CoreData
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import THREE_DIGITS
@@ -69,7 +70,7 @@ class Gear(LineRows):
     def __init__(self, axis: Array, fraction: float) -> None:
         self.axis, self.fraction = axis[:, None], fraction
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.fraction}]
 
     def lines(self, pair: Pair) -> Lines:

@@ -1,7 +1,8 @@
 """The knife_edge closure."""
 
-from typing import Any, Literal
+from typing import Literal
 
+from ....data_types import CoreData
 from ....system import Array
 from ...frames import Pair
 from ..closure import Axis, BetweenFrames
@@ -37,7 +38,7 @@ class KnifeEdge(LineRows):
     def __init__(self, axis: Array) -> None:
         self.axis = axis[:, None]
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "knife_edge", "b": self.axis[:, 0].tolist()}]
 
     def lines(self, pair: Pair) -> Lines:

@@ -1,10 +1,11 @@
 """The screw closure."""
 
 from math import pi
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import field_validator
 
+from ....data_types import CoreData
 from ....system import Array
 from ...frames import Pair
 from ..closure import Axis, Z
@@ -55,7 +56,7 @@ class Screw(LineRows):
     def __init__(self, axis: Array, lead: float) -> None:
         self.axis, self.lead = axis[:, None], lead
 
-    def core_data(self) -> list[dict[str, Any]]:
+    def core_data(self) -> list[CoreData]:
         return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.lead}]
 
     def lines(self, pair: Pair) -> Lines:

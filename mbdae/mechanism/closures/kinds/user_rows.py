@@ -6,9 +6,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticOmit
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticOmit
 
+from ....data_types import CoreData
 from ....errors import InputError, StepError
 from ....finite_differences import numerical_derivative
 from ....system import Array
@@ -54,7 +56,7 @@ class UserRows(BetweenJoints):
     velocity: bool = False
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         """Leave the kind out of the schema: a file cannot contain a function."""
         raise PydanticOmit
 
@@ -101,7 +103,7 @@ class BoundUserRow(BoundJointRow):
             self._joint_model.addJoint(0, j, pin.SE3.Identity(), name)
         self.what = f"rows {row.rows.name!r}"
 
-    def core_data(self) -> dict[str, Any]:
+    def core_data(self) -> CoreData:
         """See `BoundJointRow`; the core calls the functions."""
         coordinates = [i for j in self.joints for i in range(j.idx_q, j.idx_q + j.nq)]
         numbers = {"iq": coordinates, "iv": self.columns, "positional": not self.rows.velocity}

@@ -24,7 +24,7 @@ from ...checked_table import Table
 from ...closures.closure import Closure
 from ...forces.joint_spring import JointSpring
 from ...frames import WORLD
-from ...imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, name_list
+from ...imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, name_list
 from ...joints import subspace
 from ..reader import KEY, Reader
 from ..recorded import Recorded, unread_phrases
@@ -234,7 +234,7 @@ class SdfModel:
             ("friction where loops are closed", names(cut, friction)),
             ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
             ("damping and springs where loops are closed", [j.name for j in cut if j.has_force]),
-            (LOST, [j.name for j in self.joints if j.unsupported_leader or (j.mimic and j.name not in led)]),
+            (MIMICRY, [j.name for j in self.joints if j.unsupported_leader or (j.mimic and j.name not in led)]),
             ("kinematic motion of links", [n for n in self.of.links if self.of.is_set(links[n], "kinematic")]),
             ("shapes", shapeless),
         ]

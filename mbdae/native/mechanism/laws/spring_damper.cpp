@@ -1,4 +1,4 @@
-// Spring, damper and thrust between two points; a: stiffness, damping, length; signals: the thrust.
+// Spring, damper and actuator between two points; a: stiffness, damping, length; signals: the force of the actuator.
 #include <limits>
 
 #include "mechanism/frame_law.hpp"
@@ -23,8 +23,8 @@ struct SpringDamper {
   static Wrenches<S, Common<S, T>> wrenches(const Law& law, const Context<U>& at, const Frames<S>& x, const Velocity<T>& V) {
     Vec3<S> n;
     const S d = distance(x, n);
-    const Common<S, T> push = law.signals[0].at(at.t) - law.a[1] * dot(n, V.at(x.pb));
-    return {wrench_at(x.pb, -law.a[0] * (d - law.a[2]) * n), wrench_at(x.pb, push * n)};
+    const Common<S, T> force = law.signals[0].at(at.t) - law.a[1] * dot(n, V.at(x.pb));
+    return {wrench_at(x.pb, -law.a[0] * (d - law.a[2]) * n), wrench_at(x.pb, force * n)};
   }
 
   static double potential(const Law& law, const Frames<double>& x) {

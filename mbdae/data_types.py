@@ -1,0 +1,10 @@
+"""Types of data that leave Python: JSON documents, and what the compiled core reads."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
+JsonObject: TypeAlias = dict[str, Json]
+
+CoreData: TypeAlias = dict[str, Any]
+"""Fields of a C++ struct by name: numbers, lists, arrays, Python functions. The core checks names and types."""
