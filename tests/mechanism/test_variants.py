@@ -7,7 +7,7 @@ import pytest
 
 import mbdae
 from mbdae import backend
-from mbdae.errors import InputError, NotCompiled
+from mbdae.errors import InputError, NotCompiled, StepError
 from mbdae.mechanism.checked_table import Table
 from mbdae.mechanism.formats.load import make
 from mbdae.mechanism.formats.table_entries import with_entry
@@ -71,7 +71,7 @@ def terms(mech, native, fresh=False):
     out = [s.inertia(0.2, q).copy(), *s.force(0.2, q, v, s.element_states(y)), *(a.copy() for a in s.closures(q, 0.2))]
     out += [s.gamma(q, v, 0.2), s.g_t(0.2), *s.residuals(np.array([0.2]), y[None])]
     out += [*s.energy(q, v), mech.row_scales, mech.q_scales, mech.coordinate_scales]
-    with suppress(mbdae.StepError):  # singular there
+    with suppress(StepError):  # singular there
         out += s.derivative(0.2, y)
     at = s.partials(0.2, q, y[s.nq :], np.ones(s.nv), np.ones(s.ng), np.arange(s.ng))
     out += [at.K, at.D, at.G, at.B]
