@@ -170,8 +170,7 @@ class Index2System(PinocchioData, RunVariables, System):
             switch.enter(self, state)
         self.rank, self.rows, self.rows_frozen = None, None, False
         self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio = 1.0
-        self._last_q = np.full(self.nq, np.nan)
+        self.least_pivot_ratio, self._last_q = 1.0, np.full(self.nq, np.nan)
 
     def order_of(self, tableau: Any) -> int:
         return tableau.order if self.closure_friction.interfaces else tableau.order_linear
