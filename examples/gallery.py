@@ -42,6 +42,7 @@ SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.p
     "convergence.png": [PACKAGE / x.format("order") for x in FIGURE],
     "drift.png": [PACKAGE / x.format("drift") for x in FIGURE],
     "foot_path.png": [EXAMPLES / "foot_path.py"],
+    "optimal_control.png": [EXAMPLES / "optimal_control.py", *(PACKAGE / x.format("optimal_control") for x in FIGURE)],
 }
 
 
@@ -52,7 +53,8 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     work_precision(folder)
     convergence(folder)
     drift(folder)
-    foot_path(folder)
+    example("foot_path", folder)
+    example("optimal_control", folder)
     return {path.name: path.stat().st_size for path in sorted(folder.glob("*.png"))}
 
 
@@ -106,15 +108,15 @@ def drift(folder: Path, end: float = 10.0, methods: Sequence[str] = ("herk3", "h
     reduce(folder / "drift.png")
 
 
-def foot_path(folder: Path) -> None:
-    """The path of a walker's foot before and after the optimisation of its lengths."""
-    spec = spec_from_file_location("foot_path", EXAMPLES / "foot_path.py")
+def example(name: str, folder: Path) -> None:
+    """The picture of an example: a foot's path before and after optimisation, the torque of least effort."""
+    spec = spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.main(plot=folder / "foot_path.png")
-    reduce(folder / "foot_path.png")
+    module.main(plot=folder / f"{name}.png")
+    reduce(folder / f"{name}.png")
 
 
 def reduce(path: Path) -> None:

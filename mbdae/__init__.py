@@ -50,9 +50,11 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.inverse.inverse import inverse_dynamics as inverse_dynamics
     from .studies.kinematics.assembly_modes import assembly_modes as assembly_modes
     from .studies.kinematics.kinematics import kinematics as kinematics
+    from .studies.live.live import live as live
     from .studies.modes.linear_system import linearize as linearize
     from .studies.modes.modes import modes as modes
     from .studies.modes.root_locus import root_locus as root_locus
+    from .studies.optimal_control.optimal_control import optimal_control as optimal_control
     from .studies.optimize.optimize import optimize as optimize
     from .studies.order.gradients import check_gradients as check_gradients
     from .studies.order.order import order as order

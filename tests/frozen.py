@@ -73,10 +73,10 @@ def free_velocity(mech):
     return free / max(np.abs(free).max(), 1e-3)
 
 
-def retraced(trace, mech):
-    """Points of a mechanism recomputed with the steps of a run, (n, ...)."""
+def retraced(trace, mech, start=None):
+    """Points of a mechanism recomputed with the steps of a run, from its start or another point, (n, ...)."""
     system, tableau, t = mech.system(), trace.tableau, trace.ts
-    y = mech.point()
+    y = mech.point() if start is None else start
     if trace.project:
         y = system.restore(t[0], y)
     carry = system.carry(*system.derivative(t[0], y)) if trace.n_carry else None

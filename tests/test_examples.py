@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import mbdae
 
@@ -180,3 +181,33 @@ def test_foot_path(tmp_path, capsys):
     assert min(result["stride kept"], result["lift kept"]) > 1 - 1e-6
     assert (tmp_path / "path.png").stat().st_size > 10_000
     assert "mm after" in capsys.readouterr().out
+
+
+def test_optimal_control(tmp_path, capsys):
+    result = example("optimal_control").main(points=9, fast_points=7, plot=tmp_path / "torque.png")
+    assert 0 < result["excess"] < 1e-4
+    assert 0.3 < result["duration"] < 0.4
+    assert (tmp_path / "torque.png").stat().st_size > 10_000
+    assert "by collocation" in capsys.readouterr().out
+
+
+def test_generalised_alpha(capsys):
+    orders = example("generalised_alpha").main()
+    assert all(1.9 < order < 2.1 for found in orders.values() for order in found), orders
+    assert "orders" in capsys.readouterr().out
+
+
+def test_jax_provider(capsys):
+    pytest.importorskip("jax")
+    found = example("jax_provider").main(steps=8)
+    assert found["run"] < 1e-6
+    assert max(found["forward"], found["reverse"], found["acceleration"]) < 1e-9
+    assert "reverse" in capsys.readouterr().out
+
+
+def test_casadi_provider(capsys):
+    pytest.importorskip("casadi")
+    found = example("casadi_provider").main(steps=20)
+    assert found["jacobian"] < 1e-9
+    assert 1.9 < found["order"] < 2.1
+    assert "observed order" in capsys.readouterr().out

@@ -28,7 +28,8 @@ SECRETS = {  # heavy or special imports, and the only modules that may use them
     "mujoco": "mechanism/formats/mjcf/*.py",
     "matplotlib": "studies/figures.py studies/*/figure.py",
     "meshcat": "",  # its viewer is a file
-    "umsgpack": "studies/replay/*.py",
+    "tornado": "studies/live/server.py",
+    "umsgpack": "studies/replay/*.py studies/live/server.py",
     "click": "cli/*.py studies/*/command.py __main__.py",
     "rich": "cli/output.py progress.py",
     "jinja2": "studies/report/templates.py",

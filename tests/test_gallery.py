@@ -20,7 +20,8 @@ def test_the_gallery_is_drawn(tmp_path):
     gallery.work_precision(folder, 0.3, ("herk3", "pherk5"), (1e-3, 1e-4))
     gallery.drift(folder, 0.5, ("pherk5",))
     drawn = {path.name for path in folder.iterdir()}
-    elsewhere = {"convergence.png", "work_precision_peers.png", "foot_path.png"}  # other tests draw them
+    # other tests draw them
+    elsewhere = {"convergence.png", "work_precision_peers.png", "foot_path.png", "optimal_control.png"}
     assert drawn | elsewhere == {path.name for path in PICTURES}
     for name in drawn:
         with Image.open(folder / name) as image:

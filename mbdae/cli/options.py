@@ -19,6 +19,7 @@ PARSERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options that
     "Sequence[int]": lambda values, option: parsed_numbers(values, int, option),
     "Hold": locked_joints,
     "Mapping[str, float]": values_by_name,
+    "Mapping[str, Sequence[float]]": values_by_name,
     "Sequence[str]": lambda values, option: split_names(values),
     "Iterable[str]": lambda values, option: split_names(values),
 }

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ..solution.solution import Problem
 from ..system import Array
+from .defaults import DEFAULTS
 from .events.event import Event, as_events
 from .settings import complete_settings
 from .span import checked_span, checked_times, end_of_tables
@@ -57,13 +58,16 @@ class RunOptions:
         backend: str,
         **given: Any,
     ) -> "RunOptions":
-        """Return the options for the arguments of a run; None means not given.
+        """Return the options for the arguments of a run, by the names of `DEFAULTS`; None means not given.
 
         Raises:
             InputError: for invalid arguments.
-            UnknownNameError: for an unknown method.
+            UnknownNameError: for an unknown method or option.
         """
-        require_positive(**{name: given[name] for name in ("step", "first_step", "max_step", "max_steps")})
+        for name in given:
+            if name not in DEFAULTS:
+                raise UnknownNameError("option", name, DEFAULTS)
+        require_positive(**{name: given.get(name) for name in ("step", "first_step", "max_step", "max_steps")})
         c = complete_settings(problem, given)
         method = find_method(c["formulation"], c["method"])
         c |= {

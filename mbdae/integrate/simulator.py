@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import STATUS, InputError, StepError
+from ..errors import STATUS, InputError, StepError, is_number
 from ..mechanism import Mechanism
 from ..mechanism.input_functions import InputSetting
 from ..mechanism.inputs import Inputs
@@ -19,6 +19,8 @@ from ..solution.signal_value import find_signal, value
 from ..solution.solution import Solution
 from ..system import Array
 from ..tolerances import COINCIDENT
+from .advance_sensitivity import LastAdvance
+from .differentiable_advance import DifferentiableAdvance
 from .loop import time_loop
 from .options import RunOptions, require_positive
 from .result import joined, make_solution
@@ -32,7 +34,7 @@ ENDLESS = 2**31 - 1  # fixed steps
 FORGOTTEN = 4096  # nodes, after which a simulator without a record begins a new one
 
 
-class Simulator:
+class Simulator(DifferentiableAdvance):
     """A mechanism that is advanced step by step, with inputs that may change between the steps.
 
         q' = v,   M(q) v' = f(t, q, v, s, u) + G(q)^T lam,   0 = G(q) v + g_t,   u(t) = u_k or u_k + u_k' (t - t_k)
@@ -47,6 +49,8 @@ class Simulator:
         v: consistent start velocity (nv,); the model's start if omitted.
         s: start values (ns,) of states of actuators and controllers; their defaults if omitted.
         record: whether to keep all steps for `solution`; otherwise memory does not grow.
+        restart: whether each advance restarts a method that carries v' between steps, as after a jump. Then its end
+            depends on the state before, inputs and parameters alone, for `tangent` and `adjoint`.
         **options: as of `mbdae.solve`: method, formulation, project, baumgarte, step (fixed; controlled if omitted),
             rtol, atol, first_step, max_step, jumps, events, backend.
 
@@ -76,6 +80,7 @@ class Simulator:
         s: Array | None = None,
         *,
         record: bool = True,
+        restart: bool = False,
         jumps: Sequence[float] = (),
         events: Any = None,
         backend: str = "auto",
@@ -84,22 +89,20 @@ class Simulator:
         problem = problem_of(model, "Simulator")
         if not isinstance(problem, Mechanism):
             raise InputError("a simulator needs a mechanism; textbook problems run by mbdae.solve")
-        if "t_eval" in options or "t_span" in options:
-            raise InputError("a simulator has no t_span and no t_eval: give t, and call advance")
+        if of_runs := options.keys() & {"t_span", "t_eval", "max_steps", "progress"}:
+            raise InputError(f"a simulator has no {min(of_runs)}: it starts at t, and goes on by advance")
+        if not is_number(t):
+            raise InputError(f"t must be a finite number, got {t!r:.60}")
         self.inputs = Inputs(problem)
         self.mechanism = mechanism = self.inputs.mechanism
-        given = dict.fromkeys(("method", "formulation", "project", "baumgarte", "step", "rtol", "atol", "first_step"))
-        given |= dict.fromkeys(("max_step", "max_steps"))
-        if unknown := [name for name in options if name not in given]:
-            raise InputError(f"unknown option {unknown[0]!r} of a simulator; valid: {', '.join(sorted(given))}")
-        self.options = RunOptions.from_arguments(
-            mechanism, (t, np.nextafter(t, np.inf) + 1.0), None, jumps, events, backend, **given | options
-        )
-        self.recorded, self.start, self.seconds = record, float(t), 0.0
+        span = t, np.nextafter(t, np.inf) + 1.0
+        self.options = RunOptions.from_arguments(mechanism, span, None, jumps, events, backend, **options)
+        self.recorded, self.restart, self.start, self.seconds = record, restart, float(t), 0.0
         self.status, self.message = "running", STATUS["finished"]
         self._wanted: dict[str, float] = {}  # inputs that were set since the last advance
         self._history = {name: [setting] for name, setting in self.inputs.values.items()}
         self._earlier: list[Solution] = []  # recorded before the last save
+        self._fresh = True  # no step yet since a start at which the carry was computed
         self._run = self._counted(prepare(mechanism, self.options, (q, v, s)))
         with np.errstate(over="ignore", invalid="ignore"):
             self._run.begin()
@@ -204,12 +207,20 @@ class Simulator:
         require_positive(dt=dt)
         if not isfinite(dt):
             raise InputError(f"dt must be finite, got {dt}")
-        started, target = perf_counter(), self._on_grid(run.t + dt)
+        if not self.recorded and len(run.ts) > FORGOTTEN:
+            self.save()
+            run = self._run
+        self._last = self._differentiated = None
+        node, begin, restarted = len(run.ts) - 1, run.t, self._fresh
+        started, target = perf_counter(), self._on_grid(begin + dt)
         end = end_of_tables(self.mechanism.drivers, run.t, target)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                if self._apply(dt) | (run.interval.stop != run.interval.end):  # a jump just after the last node
-                    run.restart_after_jump(run.t)
+                jumps = self._apply(dt) | (run.interval.stop != run.interval.end)  # a jump just after the last node
+                if jumps or (self.restart and not self._fresh and getattr(run.tableau, "carries", False)):
+                    run.restart_after_jump(begin)
+                    restarted = True
+                self._fresh = False
                 run.continue_to(end)
                 stopped = time_loop(run)
         except StepError as e:
@@ -223,8 +234,7 @@ class Simulator:
             self.status = "driver"
             self.message = next(text for d in self.mechanism.drivers if (text := d.outside(target)))
             raise StepError(self.status, self.message)
-        if not self.recorded and len(run.ts) > FORGOTTEN:
-            self.save()
+        self._last = LastAdvance(node, begin, restarted, run.t - begin)
         self.status = "event" if stopped else "running"
         return self.status
 
@@ -270,6 +280,7 @@ class Simulator:
             self.inputs.cell(name).set(setting)
         self._history = {name: [setting] for name, setting in state.inputs.items()}
         self.status, self.message = "running", STATUS["finished"]
+        self._last, self._differentiated, self._fresh = None, None, False
         self._run.release()
         t = state.run.t
         options = replace(self.options, t0=t, t1=t + 1, end=t + 1)

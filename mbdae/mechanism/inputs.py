@@ -17,8 +17,10 @@ class Inputs:
         mechanism: with any number of inputs in its forces and drivers; one without inputs is not copied.
 
     Attributes:
+        original: the mechanism.
         mechanism: the copy.
         named: the inputs by name.
+        cells: those of the copy.
         by_rate: names of those whose rate enters the accelerations, so that they jump with it.
 
     Raises:
@@ -26,13 +28,13 @@ class Inputs:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._original, self.named = mechanism, dict[str, Input]()
+        self.original, self.named = mechanism, dict[str, Input]()
         for force in mechanism.forces:
             _mapped(force, self._collect)
         for driver in mechanism.drivers:
             _mapped(driver, lambda x, driver=driver: self._collect(_continuous(x, driver)))
         self.cells = {name: x.cell(i) for i, (name, x) in enumerate(self.named.items())}
-        self.mechanism = self._with(self.cells) if self.named else mechanism
+        self.mechanism = self.replaced(self.cells) if self.named else mechanism
         self.by_rate = {d.path.name for d in self.mechanism.drivers if isinstance(d.path, Input)}
         for law, _ in self.mechanism.bind_forces(self.mechanism.make_workspace()).bound:
             self.by_rate |= {u.name for u in law.differentiated if isinstance(u, Input)}
@@ -43,8 +45,9 @@ class Inputs:
             raise InputError(f"input {value.name!r} is given twice, with different settings")
         return value
 
-    def _with(self, replaced: Mapping[str, Any]) -> Mechanism:
-        m, change = self._original, lambda x: replaced[x.name]
+    def replaced(self, replaced: Mapping[str, Any], m: Mechanism | None = None) -> Mechanism:
+        """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
+        m, change = m or self.original, lambda x: replaced[x.name]
         drivers = [_mapped(d, change) for d in m.drivers]
         return variant(m, forces=[_mapped(f, change) for f in m.forces], drivers=drivers, source=None)
 
@@ -66,8 +69,9 @@ class Inputs:
     def recorded(self, history: Mapping[str, Sequence[InputSetting]]) -> Mechanism:
         """Return the mechanism with the inputs as functions of time."""
         if not self.named:
-            return self._original
-        return self._with({name: InputHistory(name=name, pieces=tuple(map(tuple, h))) for name, h in history.items()})
+            return self.original
+        pieces = {name: tuple(map(tuple, settings)) for name, settings in history.items()}
+        return self.replaced({name: InputHistory(name=name, pieces=x) for name, x in pieces.items()})
 
 
 def _continuous(value: Input, driver: Driver) -> Input:

@@ -137,8 +137,14 @@ class LocalODE:
         return np.column_stack([self.system.manifold.velocity(x, d) for d in dx.T]) if dx.size else dx
 
     def _point(self, t: float, x: Array) -> tuple[Array, Array, Array]:
-        """Return the displacement (nv,), and y and G there."""
-        xi, eta, s = self._split(np.asarray(x, float))
+        """Return the displacement (nv,), and y and G there.
+
+        Raises:
+            InputError: unless t and x are finite numbers of the right shape.
+        """
+        if not np.isfinite(t):
+            raise InputError(f"{self.mechanism.title}: t = {t} is not finite")
+        xi, eta, s = self._split(self.mechanism.vector("x", x, self.n))
         moved, q = self._position(t, xi)
         G = self.system.jacobian(q)
         v = self._velocity(G, np.concatenate([-self.system.g_t(t), eta]))

@@ -39,6 +39,7 @@ OWN = {  # command: its further options
     "animate": {"meshes"},  # of `Solution.load`
     "compare": {"quantity"},  # of `Comparison.plot`
     "drift": {"max", "method", "t-span", "rtol", "atol", "step", "formulation", "project"},  # of the runs: `solve`
+    "live": {"seconds"},  # until `LiveView.stop`
     "inverse-dynamics": {"drive", "hold", "points"},  # of the motion: `kinematics`
     "kinematics": {"speed"},  # of the replay
     "solve": {"until", "signal", *REPLAY},  # terminal events; `Solution.statistics`

@@ -20,6 +20,7 @@ SPANS = {
     "differential_drive": 1.0,
     "dual_arm": 0.02,  # states of controllers, dependent rows
 }
+SMOOTH = ("four_bar", "bricard", "heavy_top", "panda_handle", "rolling_disc", "dual_arm")
 DRIVEN = {"crane": crane, "platform": platform}
 
 
@@ -45,16 +46,20 @@ def run(mech, T, solver, **options):
         x, charts = ode.x0, charts + 1
 
 
-@pytest.mark.parametrize("solver", ["DOP853", "LSODA"])
+TOLERANCES = {"DOP853": (1e-11, 1e-9), "LSODA": (1e-9, 1e-6)}  # rtol, and bound of errors of (q, v)
+
+
+@pytest.mark.parametrize("solver", TOLERANCES)
 @pytest.mark.parametrize("name", SPANS)
 def test_solvers_of_odes_reach_the_end_without_drift(name, solver):
     mech, T = mbdae.load(name), SPANS[name]
-    expected = mbdae.solve(mech, (0.0, T), method="pherk6", rtol=1e-11, atol=1e-12)
-    (q, v, s), charts, worst = run(mech, T, solver, rtol=1e-9, atol=1e-11)
+    rtol, bound = TOLERANCES[solver]
+    expected = mbdae.solve(mech, (0.0, T), method="pherk6", rtol=1e-12, atol=1e-13)
+    (q, v, s), charts, worst = run(mech, T, solver, rtol=rtol, atol=0.01 * rtol)
     speed = 1 + np.abs(v).max()
     assert worst <= 1e-14 * max(speed, 1.0)
-    assert np.abs(mech.manifold.difference(expected.q[-1], q)).max() <= 1e-6
-    assert np.abs(expected.v[-1] - v).max() <= 1e-6 * speed
+    assert np.abs(mech.manifold.difference(expected.q[-1], q)).max() <= bound
+    assert np.abs(expected.v[-1] - v).max() <= bound * speed
     assert len(s) == len(mech.states)
     assert (charts > 1) == (name in ("heavy_top", "rolling_disc"))
 
@@ -66,16 +71,16 @@ def displaced(mech, backend="auto"):
 
 
 @pytest.mark.parametrize("backend", ["native", "python"])
-@pytest.mark.parametrize("name", ["four_bar", "bricard", "heavy_top", "differential_drive", "dual_arm", *DRIVEN])
+@pytest.mark.parametrize("name", [*SMOOTH, *DRIVEN])
 def test_jacobians_are_derivatives(name, backend):
     mech = DRIVEN[name]() if name in DRIVEN else mbdae.load(name)
     ode, x = displaced(mech, backend)
     T = 0.02 if name in DRIVEN else 0.1
     J, by_t = ode.jacobian(T, x)
-    quotient = numerical_jacobian(lambda dx: ode(T, x + dx), ode.n, 1e-3)
+    quotient = numerical_jacobian(lambda dx: ode(T, x + dx), ode.n, 2e-3)
     size = 1 + np.abs(quotient).max(initial=0.0)
-    assert pytest.approx(quotient, abs=1e-8 * size) == J
-    assert by_t == pytest.approx(numerical_derivative(lambda h: ode(T + h, x), 1e-4), abs=1e-8 * size)
+    assert pytest.approx(quotient, abs=1e-10 * size) == J
+    assert by_t == pytest.approx(numerical_derivative(lambda h: ode(T + h, x), 1e-3), abs=1e-10 * size)
 
 
 def test_other_coordinates_are_the_same_state():
@@ -103,6 +108,14 @@ def test_beyond_the_coordinates_is_said():
     with pytest.raises(mbdae.MbdaeError, match="restart"):
         ode.state(0.0, x)
     assert ode.state(0.0, ode.x0)[0] == pytest.approx(mech.start[0], abs=1e-12)
+
+
+def test_wrong_points_are_one_line():
+    ode = mbdae.load("four_bar").ode()
+    for t, x in [(np.nan, ode.x0), (0.0, ode.x0[:1]), (0.0, [*ode.x0, 1.0]), (0.0, np.nan * ode.x0)]:
+        for call in (ode, ode.state, ode.margin, ode.jacobian, ode.restart):
+            with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*four-bar[^\n]*$"):
+                call(t, x)
 
 
 def test_modes_are_refused():

@@ -82,9 +82,9 @@ def test_the_force_in_python_has_the_derivatives_of_its_formula():
 
 
 @compiler
-@pytest.mark.parametrize("kind", ["{fits, JointLaw<Drag>::add}", "{fits, JointLaw<Drag>::add, nullptr}"])
+@pytest.mark.parametrize("kind", ["{is_valid, JointLaw<Drag>::add}", "{is_valid, JointLaw<Drag>::add, nullptr}"])
 def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
-    law = LAW.replace("= joint_law<Drag>(fits)", kind)
+    law = LAW.replace("= joint_law<Drag>(is_valid)", kind)
     done = compiled(tmp_path, law)
     assert done.returncode
     assert re.search(r"(use of|call to) deleted", done.stderr), done.stderr

@@ -156,7 +156,9 @@ class Scene:
         return out
 
     def travelled(self, q: np.ndarray) -> "Scene":
-        """Return the scene for a motion, with rails of the length that their sliders travel.
+        """Return the scene for a motion: with lengths of rails that its sliders travel, and rest lengths of springs.
+
+        Springs of unknown length have the median of the motion; those whose length is always zero are omitted.
 
         Args:
             q: (m, nq) configurations of the motion.
@@ -171,7 +173,11 @@ class Scene:
             bounds = shapes[k].bounds * [1, 1, 2 * half / length]
             shapes[k] = replace(shapes[k], size=(radius, 2 * half), bounds=bounds)
             anchors[k] = ((ground, middle * pin.SE3(np.eye(3), np.array([0.0, 0.0, shift]))),)
-        return replace(self, shapes=tuple(shapes), anchors=tuple(anchors))
+        lengths = np.linalg.norm(np.diff(self.end_points(self.springs, q), axis=2)[:, :, 0], axis=2)
+        median = [float(np.median(x)) for x in lengths.T]
+        springs = [s._replace(length=s.length or x) for s, x in zip(self.springs, median, strict=True)]
+        springs = [s for s in springs if s.length > 0]
+        return replace(self, shapes=tuple(shapes), anchors=tuple(anchors), springs=tuple(springs))
 
 
 def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:

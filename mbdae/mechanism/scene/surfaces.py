@@ -1,57 +1,87 @@
-"""Triangles of meshes with their colours; normals and textures of files are ignored."""
+"""Triangles of meshes with their colours and textures, and the normals of smooth surfaces."""
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from ...tolerances import TINY
 from .mesh_points import TRIANGLE, Collada
 from .meshes import Mesh
 
 Colour = tuple[float, ...]  # red, green, blue, opacity
-CORNER = re.compile(rb"(-?\d+)\S*")
+CORNER = re.compile(rb"(-?\d+)(?:/(-?\d+))?\S*")
+EDGE = np.cos(0.6)  # cosine of the largest angle between triangles of a smooth surface
+WHITE = (1.0, 1.0, 1.0, 1.0)
+
+
+class Material(NamedTuple):
+    """Colour of a material, None if the mesh does not define it, and the name of its texture, empty for none."""
+
+    rgba: Colour | None = None
+    texture: str = ""
+
+
+class Piece(NamedTuple):
+    """Triangles of one material: corners (m, 3, 3), its material, and texture coordinates (m, 3, 2) or None."""
+
+    corners: np.ndarray
+    material: Material = Material()
+    uv: np.ndarray | None = None
 
 
 class Surface(NamedTuple):
-    """Triangles of one colour.
+    """Triangles of one colour or texture.
 
     Attributes:
         points: (n, 3), in the units and axes of the mesh.
         faces: (m, 3) indices into them.
         rgba: red, green, blue and opacity in [0, 1]; None if the mesh does not define it.
+        uv: texture coordinates of the corners, (m, 3, 2), from the lower left of the image; None without a texture.
+        image: bytes of the texture's file, empty for none.
     """
 
     points: np.ndarray
     faces: np.ndarray
     rgba: Colour | None
+    uv: np.ndarray | None = None
+    image: bytes = b""
 
 
-def surfaces(mesh: Mesh, *, pictures: bool = False) -> list[Surface] | None:
-    """Return the triangles of a mesh, one entry per colour; None for damaged or textured meshes.
+def surfaces(mesh: Mesh) -> list[Surface] | None:
+    """Return the triangles of a mesh, one entry per colour or texture; None for a damaged mesh.
 
     Coincident points are merged, triangles without area are omitted.
-
-    Args:
-        mesh: the mesh.
-        pictures: whether to accept a textured mesh, without its textures.
     """
-    if not pictures and any(not name.lower().endswith(".mtl") and data for name, data in mesh.companions.items()):
-        return None
     try:
         found = list(_read(mesh))
     except (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, ET.ParseError, RecursionError):
         return None
-    merged: dict[Colour | None, list[np.ndarray]] = {}
-    for corners, rgba in found:
-        merged.setdefault(rgba, []).append(corners)
-    found_surfaces = [welded(np.concatenate(corners), rgba) for rgba, corners in merged.items()]
-    return [s for s in found_surfaces if len(s.faces)] or None
+    merged: dict[Material, list[Piece]] = {}
+    for piece in found:
+        image = mesh.companions.get(piece.material.texture) if piece.uv is not None else None
+        material = piece.material if image else Material(WHITE if piece.material.texture else piece.material.rgba)
+        merged.setdefault(material, []).append(piece)
+    return [s for material, pieces in merged.items() if len((s := _surface(material, pieces, mesh)).faces)] or None
+
+
+def _surface(material: Material, pieces: list[Piece], mesh: Mesh) -> Surface:
+    out, kept = _welded(np.concatenate([piece.corners for piece in pieces]))
+    if not material.texture:
+        return out._replace(rgba=material.rgba)
+    uv = np.concatenate([piece.uv for piece in pieces if piece.uv is not None])
+    return out._replace(rgba=WHITE, uv=uv[kept], image=mesh.companions[material.texture])
 
 
 def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
     """Return triangles with corners (m, 3, 3) as a surface of distinct points, in the order of use."""
+    return _welded(corners)[0]._replace(rgba=rgba)
+
+
+def _welded(corners: np.ndarray) -> tuple[Surface, np.ndarray]:
+    """Return the surface, and whether each triangle has an area, (m,)."""
     all_points = corners.reshape(-1, 3).astype("float32") + 0.0
     order = np.lexsort(all_points.T)  # equal points are adjacent, in the order of use
     new = np.append(True, (all_points[order[1:]] != all_points[order[:-1]]).any(1))[: len(order)]
@@ -63,14 +93,33 @@ def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
     index[order] = rank[np.cumsum(new) - 1]
     faces = index.reshape(-1, 3)
     a, b, c = faces.T
-    return Surface(all_points[first[used]], faces[(a != b) & (b != c) & (c != a)], rgba)
+    kept = (a != b) & (b != c) & (c != a)
+    return Surface(all_points[first[used]], faces[kept], None), kept
 
 
-def _read(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
+def normals(surface: Surface) -> np.ndarray:
+    """Return unit normals (3 m, 3) at the corners of triangles: means over the smooth surface around each point."""
+    a, b, c = surface.points[surface.faces].astype(float).swapaxes(0, 1)
+    area = np.cross(b - a, c - a)
+    sizes = np.linalg.norm(area, axis=1)
+    unit = np.where(sizes[:, None] > 0, area / np.maximum(sizes, TINY)[:, None], [0.0, 0.0, 1.0])
+    point = surface.faces.ravel()
+    order, count = np.argsort(point, kind="stable"), np.bincount(point)
+    first = np.cumsum(count) - count
+    corner = np.repeat(np.arange(len(point)), count[point])  # with each of the corners at its point
+    within = np.arange(len(corner)) - np.repeat(np.cumsum(count[point]) - count[point], count[point])
+    current, other = corner // 3, order[first[point[corner]] + within] // 3
+    near = np.einsum("ij,ij->i", unit[current], unit[other]) > EDGE
+    sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
+    sizes = np.linalg.norm(sums, axis=1)
+    return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, TINY)[:, None], unit[np.arange(len(point)) // 3])
+
+
+def _read(mesh: Mesh) -> Iterator[Piece]:
     if mesh.format == "triangles":
-        yield np.asarray(mesh.vertices)[np.asarray(mesh.faces)], None
+        yield Piece(np.asarray(mesh.vertices)[np.asarray(mesh.faces)])
     elif mesh.format == "stl":
-        yield _stl(mesh.data), None
+        yield Piece(_stl(mesh.data))
     elif mesh.format == "obj":
         yield from _obj(mesh)
     else:
@@ -85,78 +134,123 @@ def _stl(data: bytes) -> np.ndarray:
     return np.array(re.findall(rb"vertex" + numbers, data), dtype="S").astype(float).reshape(-1, 3, 3)
 
 
-def _colours_of(libraries: Iterable[bytes]) -> dict[bytes, Colour]:
-    """Return the diffuse colours of the materials in .mtl files."""
-    colours: dict[bytes, Colour] = {}
-    for library in libraries:
+def _library_materials(libraries: Mapping[str, bytes]) -> dict[bytes, Material]:
+    """Return the diffuse colours and textures of the materials in .mtl files."""
+    materials: dict[bytes, Material] = {}
+    for file, library in libraries.items():
+        if not file.lower().endswith(".mtl"):
+            continue
         for name, text in re.findall(rb"newmtl[ \t]+(\S+)(.*?)(?=newmtl|\Z)", library, re.DOTALL):
+            rgba, image = None, re.search(rb"^\s*map_Kd[ \t]+(.+?)\s*$", text, re.MULTILINE)
             if kd := re.search(rb"\bKd[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", text):
                 opacity = re.search(rb"^[ \t]*d[ \t]+(\S+)", text, re.MULTILINE)
-                colours[name] = (*map(float, kd.groups()), float(opacity[1]) if opacity else 1.0)
-    return colours
+                rgba = (*map(float, kd.groups()), float(opacity[1]) if opacity else 1.0)
+            materials[name] = Material(rgba, image[1].decode("utf-8", errors="replace") if image else "")
+    return materials
 
 
-def _obj(mesh: Mesh) -> Iterator[tuple[np.ndarray, Colour | None]]:
-    colours = _colours_of(mesh.companions.values())
+def _obj(mesh: Mesh) -> Iterator[Piece]:
+    materials = _library_materials(mesh.companions)
     points: list[list[float]] = []
-    parts: dict[Colour | None, list[list[int]]] = {}
-    faces = parts.setdefault(None, [])
+    uv: list[list[float]] = []
+    groups: dict[Material, list[list[tuple[int, int | None]]]] = {}
+    faces = groups.setdefault(Material(), [])
     for line in mesh.data.splitlines():
         word, _, rest = line.strip().partition(b" ")
         if word == b"v":
             points.append([float(x) for x in rest.split()[:3]])
+        elif word == b"vt":
+            uv.append([float(x) for x in rest.split()[:2]])
         elif word == b"usemtl":
-            faces = parts.setdefault(colours.get(rest.strip()), [])
+            faces = groups.setdefault(materials.get(rest.strip(), Material()), [])
         elif word == b"f":
-            corners = [int(CORNER.match(text)[1]) for text in rest.split()]  # type: ignore[index]
-            used = [c - 1 if c > 0 else len(points) + c for c in corners]
+            corners = [CORNER.match(text).groups() for text in rest.split()]  # type: ignore[union-attr]
+            used = [(_index(p, points), None if t is None else _index(t, uv)) for p, t in corners]
             faces += [[used[0], used[k], used[k + 1]] for k in range(1, len(used) - 1)]
-    for rgba, found in parts.items():
+    for material, found in groups.items():
         if found:
-            yield np.array(points)[np.array(found)], rgba
+            yield _textured(material, np.array(found, float), np.array(points), np.array(uv))
+
+
+def _textured(material: Material, index: np.ndarray, points: np.ndarray, uv: np.ndarray) -> Piece:
+    """Return triangles with indices (m, 3, 2) of points and of texture coordinates, NaN without them."""
+    corners = points[index[:, :, 0].astype(int)]
+    if not material.texture or np.isnan(index).any():
+        return Piece(corners, material)
+    return Piece(corners, material, uv[index[:, :, 1].astype(int)])
+
+
+def _index(text: bytes, listed: list[list[float]]) -> int:
+    """Return an index of a .obj file from zero; negative ones count from the last entry so far."""
+    return int(text) - 1 if int(text) > 0 else len(listed) + int(text)
 
 
 class _ColouredCollada(Collada):
-    """A .dae file with the colours of its materials."""
+    """A .dae file with the colours and textures of its materials."""
 
-    def triangles(self) -> Iterator[tuple[np.ndarray, Colour | None]]:
-        """Yield corners (m, 3, 3) and colour of each group of triangles, as placed by the scene."""
-        for geometry, placement, materials in self.instances():
-            for corners, symbol in _groups(self, geometry):
-                rgba = self._colour(materials.get(symbol, symbol))
-                yield corners @ placement[:3, :3].T + placement[:3, 3], rgba
+    def triangles(self) -> Iterator[Piece]:
+        """Yield each group of triangles, as placed by the scene."""
+        for geometry, place, materials in self.instances():
+            for corners, uv, symbol in self._groups(geometry):
+                material = self._material_of(materials.get(symbol, symbol))
+                yield Piece(corners @ place[:3, :3].T + place[:3, 3], material, uv)
 
-    def _colour(self, name: str) -> Colour | None:
+    def _material_of(self, name: str) -> Material:
         material = self.named.get(name)
         effect = self.named.get(material.find("instance_effect").get("url", "")[1:]) if material is not None else None  # type: ignore[union-attr]
         if effect is None:
-            return None
+            return Material()
+        if (texture := effect.find(".//diffuse/texture")) is not None:
+            return Material(WHITE, self._image(effect, texture.get("texture", "")))
         found = {kind: effect.find(f".//{kind}/color") for kind in ("diffuse", "emission")}
         rgb = np.zeros(3)
         for colour in found.values():
             if colour is not None:
                 rgb = rgb + np.array((colour.text or "").split(), float)[:3]
         if all(colour is None for colour in found.values()):
-            return None
-        return (*(float(x) for x in np.clip(rgb, 0, 1)), 1.0)
+            return Material()
+        return Material((*(float(x) for x in np.clip(rgb, 0, 1)), 1.0))
+
+    def _image(self, effect: ET.Element, name: str) -> str:
+        """Return the file of a texture, which is an image, or a sampler of a surface of an image."""
+        parameters = {x.get("sid", ""): x for x in effect.iter("newparam")}
+        for key in ("sampler2D/source", "surface/init_from"):
+            if name in parameters:
+                name = (parameters[name].findtext(key) or name).strip()
+        image = self.named.get(name)
+        return (image.findtext("init_from") or "").strip() if image is not None else ""
+
+    def _groups(self, geometry: ET.Element) -> Iterator[tuple[np.ndarray, np.ndarray | None, str]]:
+        """Yield triangles (m, 3, 3), texture coordinates (m, 3, 2) and symbol of the material of each group."""
+        points = self.points_of(geometry)
+        for group in geometry.iterfind("mesh/*"):
+            if group.tag not in ("triangles", "polylist", "polygons"):
+                continue
+            inputs = {x.get("semantic"): x for x in reversed(group.findall("input"))}
+            offsets = [int(x.get("offset", "0")) for x in group.iterfind("input")]
+            texture = inputs.get("TEXCOORD")
+            used = [inputs["VERTEX"], *([] if texture is None else [texture])]
+            corners = _fans(group, max(offsets) + 1, [int(x.get("offset", "0")) for x in used])
+            if len(corners):
+                uv = None if texture is None else self._values(texture)[corners[:, :, 1]]
+                yield points[corners[:, :, 0]], uv, group.get("material", "")
+
+    def _values(self, source: ET.Element) -> np.ndarray:
+        """Return texture coordinates, (n, 2)."""
+        found = self._target(source, "source")
+        accessor = found.find("technique_common/accessor")
+        stride = int(accessor.get("stride", "2")) if accessor is not None else 2
+        values = np.array((found.findtext("float_array") or "").split(), float)
+        return values[: len(values) // stride * stride].reshape(-1, stride)[:, :2]
 
 
-def _groups(file: Collada, geometry: ET.Element) -> Iterator[tuple[np.ndarray, str]]:
-    """Yield triangles (m, 3, 3) of a geometry, and the symbol of their material; polygons become triangle fans."""
-    points = file.points_of(geometry)
-    for group in geometry.iterfind("mesh/*"):
-        if group.tag not in ("triangles", "polylist", "polygons"):
-            continue
-        inputs = {x.get("semantic"): int(x.get("offset", "0")) for x in group.iterfind("input")}
-        stride, at = max(inputs.values()) + 1, inputs["VERTEX"]
-        lists = [np.array((p.text or "").split(), int)[at::stride] for p in group.iterfind("p")]
+def _fans(group: ET.Element, stride: int, offsets: list[int]) -> np.ndarray:
+    """Return indices (m, 3, len(offsets)) of the triangles of a group; polygons become triangle fans."""
+    lists = [np.array((p.text or "").split(), int).reshape(-1, stride)[:, offsets] for p in group.iterfind("p")]
+    if group.tag == "triangles":
+        return np.concatenate(lists).reshape(-1, 3, len(offsets)) if lists else np.empty((0, 3, len(offsets)), int)
+    if group.tag == "polylist":
         counts = (group.findtext("vcount") or "").split()
-        if group.tag == "polylist":
-            lists = np.split(lists[0], np.cumsum(np.array(counts, int))[:-1])
-        if group.tag == "triangles":
-            corners = np.concatenate(lists).reshape(-1, 3) if lists else np.empty((0, 3), int)
-        else:
-            fans = [[p[0], p[k], p[k + 1]] for p in lists for k in range(1, len(p) - 1)]
-            corners = np.array(fans, int).reshape(-1, 3)
-        if len(corners):
-            yield points[corners], group.get("material", "")
+        lists = np.split(lists[0], np.cumsum(np.array(counts, int))[:-1])
+    fans = [[p[0], p[k], p[k + 1]] for p in lists for k in range(1, len(p) - 1)]
+    return np.array(fans, int).reshape(-1, 3, len(offsets))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc
 
 from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
@@ -250,7 +250,7 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
     computed = [{name: computed_signals(sol, [name])[name] for name in record.columns} for sol, record in runs]
     residuals = [{name: (c[name] - record.columns[name]) / problem.sigma[name] for name in c}
                  for c, record in zip(computed, problem.recordings, strict=True)]  # fmt: skip
-    probability = float(chi2_distribution.sf(chi2, dof)) if problem.noise_known and dof > 0 else np.nan
+    probability = float(chdtrc(dof, chi2)) if problem.noise_known and dof > 0 else np.nan
     mech = sols[0].mechanism
     all_units = units(mech)
     return Fit(

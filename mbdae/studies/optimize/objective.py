@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -121,7 +121,17 @@ class CurveMotion:
         )
 
 
-Motion = RunMotion | CurveMotion
+class Motion(Protocol):
+    """A computed motion, of which costs and constraints are functions."""
+
+    @property
+    def result(self) -> Solution | Kinematics:
+        """The run or the curve."""
+
+    def evaluate(self, cost: Any, what: str = "") -> CostEvaluation:
+        """Evaluate a cost and its gradient; ``what`` is its name in messages."""
+
+
 ComputeMotion = Callable[[dict[str, float]], Motion]
 
 

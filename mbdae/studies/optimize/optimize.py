@@ -112,8 +112,8 @@ class Problem:
     def __init__(
         self,
         compute_motion: ComputeMotion,
-        cost: Cost,
-        functions: Mapping[str, Cost],
+        cost: Any,
+        functions: Mapping[str, Any],
         start: dict[str, float],
         limits: dict[str, tuple[float, float]],
         progress: Callable[[str], None],

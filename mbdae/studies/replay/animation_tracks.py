@@ -1,17 +1,18 @@
-"""Animation tracks of a replay for the page: bodies, ghosts, paths of points, and forces."""
+"""Other parts of a replay and their motion: ghosts, choices, paths of points, and forces."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError, as_list
 from ...mechanism.contacts import contact_path, rolling_closures
 from ...mechanism.frames import frame_paths, joint_paths
+from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
 from ...system import Array
-from ...tolerances import COINCIDENT
+from ...tolerances import COINCIDENT, TINY
 from ..figures import COLOURS
-from .threejs import node, typed
+from .threejs import attribute, buffers, node, set_object, set_property, typed
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -19,74 +20,88 @@ if TYPE_CHECKING:
     from ...solution.solution import Solution
 
 GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
+GHOST_OPACITY = 0.45
 ARROW = "#c2185b"
+LONGEST, SHAFT = 0.3, 0.004  # of an arrow, in extents of the mechanism: largest length, radius of the shaft
+TRACE, PIECES = 0.0027, 1500  # radius in extents; pieces of a path
 CONTACT_PREFIX = "contact."
 
 
-def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
-    """Yield the poses of each shape: x, y, z and a quaternion for each frame, or once if it does not move."""
-    for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
-        moves = np.ptp(track, axis=0).any()  # NaN does, too
-        values = np.hstack([track[:, :3], continuous(track[:, 3:])]) if moves else track[:1]
-        yield {"path": node(shape), "values": typed(values, "float32"), "box": shape.bounds.tolist()}
+class Moving(NamedTuple):
+    """Parts and their motions, below a path of the viewer."""
+
+    parts: list[Drawable]
+    motions: list[Motion]
+    root: str
 
 
-def springs(scene: "Scene", q: Array) -> list[dict[str, Any]]:
-    """Return springs and dampers, and their end points at configurations q (m, nq)."""
-    ends = scene.end_points(scene.springs, q).swapaxes(0, 1).reshape(len(scene.springs), len(q), 6)
-    out = []
-    for s, track in zip(scene.springs, ends, strict=True):
-        moves = np.ptp(track, axis=0).any()
-        length = s.length or float(np.median(np.linalg.norm(track[:, 3:] - track[:, :3], axis=1)))
-        if length > 0:
-            points = typed(track if moves else track[:1], "float32")
-            out.append({"name": s.name, "coil": s.coil, "tube": s.tube, "length": length, "ends": points})
-    return out
+def rgba_of(colour: str, opacity: float = 1.0) -> tuple[float, ...]:
+    """Return red, green, blue and opacity of ``"#rrggbb"``."""
+    return (*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)), opacity)
 
 
 def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     """Return closures with the largest visible gap in m over configurations q (m, nq), None if it is not visible."""
     sample = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
     distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sample), axis=2)[:, :, 0], axis=2)
+    marks = [node(part.name) for part in drawables(scene) if part.style == "closure"]
     return [
-        {"name": m.name, "open": float(np.abs(distances[:, k] - m.rod).max()) if m.coincide or m.rod else None}
+        {
+            "name": m.name,
+            "open": float(np.abs(distances[:, k] - m.rod).max()) if m.coincide or m.rod else None,
+            "paths": [path for path in marks if path[:-2].endswith(f"/{m.name.replace('/', '|')}")],
+        }
         for k, m in enumerate(scene.marks)
     ]
 
 
-def bodies(scene: "Scene", model: Any) -> list[dict[str, str]]:
-    """Return bodies that the camera can follow, the heaviest first, each with the path of one of its shapes."""
+def bodies(scene: "Scene", model: Any) -> dict[str, int]:
+    """Return bodies that the camera can follow, the heaviest first, each with one of its shapes."""
     weight = {name: model.inertias[i].mass for i, name in enumerate(model.names) if i}
-    out: dict[str, str] = {}
-    for shape, carriers in zip(scene.shapes, scene.carriers, strict=True):
+    out: dict[str, int] = {}
+    for k, (shape, carriers) in enumerate(zip(scene.shapes, scene.carriers, strict=True)):
         if len(carriers) == 1 and carriers[0] and shape.role in ("visual", "link", "joint"):
-            out.setdefault(model.names[carriers[0]], node(shape))
-    return [{"name": n, "path": out[n]} for n in sorted(out, key=lambda n: -weight[n])]
+            out.setdefault(model.names[carriers[0]], k)
+    return {n: out[n] for n in sorted(out, key=lambda n: -weight[n])}
 
 
-def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
-    """Return other solutions at the same times (m,), each in its colour.
-
-    Raises:
-        InputError: for a solution of another mechanism.
-    """
-    return [
-        {"name": name, "colour": GHOSTS[i % len(GHOSTS)], **_ghost(sol, name, other, times)}
-        for i, (name, other) in enumerate(others.items())
-    ]
-
-
-def choices(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
-    """Return solutions at the same times (m,), of which one is shown at a time.
+def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[tuple[str, str, Moving]]:
+    """Return other solutions at the same times (m,): names, colours, and what moves.
 
     Raises:
         InputError: for a solution of another mechanism.
     """
-    return [{"name": name, **_ghost(sol, name, other, times)} for name, other in others.items()]
+    out = []
+    for i, (name, other) in enumerate(others.items()):
+        colour = GHOSTS[i % len(GHOSTS)]
+        q, inside = _configurations(sol, name, other, times)
+        scene = sol.mechanism.scene.travelled(q[inside])
+        found = zip(drawables(scene), motions(scene, q), strict=True)
+        shown = Track(inside[:, None].astype(float))
+        moving = [
+            (p._replace(rgba=rgba_of(colour, GHOST_OPACITY), style="ghost"), {**m, "visible": shown})
+            for p, m in found
+            if p.style == "body" and any(np.ptp(t.values[inside], axis=0).any() for t in m.values())
+        ]
+        out.append((name, colour, Moving([p for p, _ in moving], [m for _, m in moving], f"/mechanism/ghost {i + 1}")))
+    return out
 
 
-def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> dict[str, Any]:
-    """Return poses of the moving bodies and springs of another solution, NaN outside its time span."""
+def choices(
+    sol: "Solution", scene: "Scene", others: Mapping[str, "Solution"], times: Array
+) -> Iterator[tuple[str, tuple[list[Motion], Array]]]:
+    """Yield solutions at the same times (m,), of which one is shown at a time: names, motions of the parts, and q.
+
+    Raises:
+        InputError: for a solution of another mechanism.
+    """
+    for name, other in others.items():
+        q, _ = _configurations(sol, name, other, times)
+        yield name, (motions(scene, q), q)
+
+
+def _configurations(sol: "Solution", name: str, ghost: "Solution", times: Array) -> tuple[Array, Array]:
+    """Return configurations (m, nq) of another solution at times (m,), and whether they are within its time span."""
     mech, other = sol.mechanism, ghost.mechanism
     if not _same_joints(mech, other):
         raise InputError(f"ghost {name!r} is of {other.title!r}, whose joints are not those of {mech.title!r}")
@@ -95,16 +110,7 @@ def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> dict[
     inside = (times >= low - slack) & (times <= high + slack)
     if not inside.any():
         raise InputError(f"ghost {name!r} has no time in common with {times[0]:g} to {times[-1]:g} s")
-    q = np.array([ghost(t)[0] for t in np.clip(times[inside], low, high)])
-    placements = np.full((len(times), len(mech.scene.shapes), 7), np.nan)
-    placements[inside] = mech.scene.placements(q)
-    moving = np.ptp(placements[inside], axis=0).any(axis=1)
-    bodies = [shape.role != "closure" for shape in mech.scene.shapes]
-    found = poses(mech.scene, placements)
-    return {
-        "poses": [pose for pose, m, b in zip(found, moving, bodies, strict=True) if m and b],
-        "springs": springs(mech.scene, q) if inside.all() else [],
-    }
+    return np.array([ghost(t)[0] for t in np.clip(times, low, high)]), inside
 
 
 def _same_joints(a: "Mechanism", b: "Mechanism") -> bool:
@@ -127,9 +133,52 @@ def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list
         for name in listed
     ]
     return [
-        {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": typed(track, "float32")}
+        {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": track}
         for i, (name, track) in enumerate(zip(listed, found, strict=True))
     ]
+
+
+def drawn_path(path: str, points: Array, colour: str, radius: float) -> Iterator[dict[str, Any]]:
+    """Yield the commands that draw a path (m, 3): a thin line, and cylinders of which those so far are shown."""
+    rgba, mark = int(colour[1:], 16), {"transparent": True, "depthTest": False}
+    line = {"uuid": "line", "type": "LineBasicMaterial", "color": rgba, "opacity": 0.5, **mark}
+    data = {"attributes": {"position": attribute(points)}}
+    yield set_object(f"{path} line", {
+        "geometries": [{"uuid": "g", "type": "BufferGeometry", "data": data}],
+        "materials": [line],
+        "object": {"uuid": "o", "type": "Line", "geometry": "g", "material": "line", "renderOrder": 499},
+    })  # fmt: skip
+    ends = points[np.unique(np.linspace(0, len(points) - 1, min(len(points), PIECES + 1)).astype(int))]
+    steps = np.diff(ends, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    z = np.where(lengths[:, None] > 0, steps / np.maximum(lengths, TINY)[:, None], [0.0, 0.0, 1.0])
+    x = np.cross(z, np.eye(3)[np.abs(z).argmin(axis=1)])
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    matrices = np.zeros((len(steps), 4, 4))  # columns of the matrices are rows here
+    matrices[:, :, :3] = np.stack(
+        [radius * x, radius * np.cross(z, x), (lengths + radius)[:, None] * z, (ends[1:] + ends[:-1]) / 2], axis=1
+    )
+    matrices[:, 3, 3] = 1
+    solid = {"uuid": "g", "type": "BufferGeometry", "data": buffers(primitive("box", (1.6, 1.6, 1.0)))}
+    yield set_object(path, {
+        "geometries": [solid],
+        "materials": [{"uuid": "m", "type": "MeshBasicMaterial", "color": rgba, **mark}],
+        "object": {
+            "uuid": "o", "type": "InstancedMesh", "geometry": "g", "material": "m", "renderOrder": 500,
+            "frustumCulled": False, "count": len(steps), "instanceMatrix": {"array": typed(matrices, "float32")},
+        },
+    })  # fmt: skip
+    for name in (path, f"{path} line"):
+        yield set_property(f"{name}/<object>", "castShadow", False)
+
+
+def drawn_so_far(path: str, points: Array, times: Array) -> list[dict[str, Any]]:
+    """Return the animation of a path (m, 3) of `drawn_path` over times (m,) in s."""
+    if len(points) < 2:
+        return []
+    pieces = min(len(points) - 1, PIECES)
+    track = {"name": ".count", "type": "number", "values": [0, pieces], "times": [0.0, float(times[-1])]}
+    return [{"path": f"{path}/<object>", "clip": {"fps": 1, "tracks": [track]}}]
 
 
 def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> dict[str, Any]:
@@ -150,18 +199,39 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     sample = sol.resampled(times)
     chosen = joined if names is True else as_list(names, "arrows is True, or a list of closures and joints")
     found = [sample.reaction(name) for name in chosen]
-    at = [_application_points(mech, r.name, sample.q) for r in found]
     forces = [
         {
             "name": r.name + ("" if all(r.unique[:3]) else " (minimum norm)"),
             "colour": ARROW,
-            "points": typed(points, "float32"),
-            "values": typed(r.force_world, "float32"),
+            "points": _application_points(mech, r.name, sample.q),
+            "values": r.force_world,
         }
-        for r, points in zip(found, at, strict=True)
+        for r in found
     ]
     lengths = [np.linalg.norm(r.force_world, axis=1) for r in found]
     return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
+
+
+def drawn_arrows(forces: Mapping[str, Any], extent: float) -> Moving:
+    """Return shafts and heads of the forces of `arrows`, each from its point of application."""
+    out, width = Moving([], [], "/mechanism/force"), SHAFT * extent
+    for force in forces["forces"]:
+        length = np.linalg.norm(force["values"], axis=1) * LONGEST * extent / (forces["largest"] or 1.0)
+        turn = aligned_quaternions(force["values"])
+        unit = force["values"] / np.maximum(np.linalg.norm(force["values"], axis=1), TINY)[:, None]
+        tip, shown = np.minimum(9 * width, 0.6 * length), Track((length > 0.1 * width)[:, None].astype(float))
+        for name, kind, low, high, radius in (
+            ("shaft", "cylinder", 0 * tip, length - tip, np.full_like(tip, width)),
+            ("head", "cone", length - tip, length, tip / 3),
+        ):
+            size = np.maximum(np.column_stack([radius, radius, high - low]), COINCIDENT * extent)
+            middle = force["points"] + unit * ((low + high) / 2)[:, None]
+            name = f"{force['name'].replace('/', '|')} {name}"
+            out.parts.append(Drawable(name, primitive(kind, (1.0, 1.0)), rgba=rgba_of(force["colour"]), style="mark"))
+            out.motions.append({
+                "position": Track(middle), "rotation": Track(turn), "scale": Track(size), "visible": shown,
+            })  # fmt: skip
+    return out
 
 
 def _application_points(mech: "Mechanism", name: str, q: Array) -> Array:
@@ -172,10 +242,3 @@ def _application_points(mech: "Mechanism", name: str, q: Array) -> Array:
     if frames:
         return frame_paths(mech.model, [frames[1]], q)[0]
     return joint_paths(mech.model, [name], q)[0]
-
-
-def continuous(quaternions: Array) -> Array:
-    """Return unit quaternions (m, 4) with signs such that successive ones are close."""
-    dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
-    signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))
-    return quaternions * signs[:, None]

@@ -1,26 +1,23 @@
 """Picture of a mechanism: triangles with one light source, drawn from back to front."""
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from ...mechanism.scene.drawables import GREY, drawables, motions
+from ...mechanism.scene.visible import Sight, sampled
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import TINY
 from ..figures import WIDTH, empty_figure, fixed_layout
-from .glb import GREY, SPRING, aligned_quaternions
-from .solids import coil, coloured_surfaces, solid
+from .threejs import transform
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...mechanism.scene.scene import Scene
 
-FRAMES = 60  # of a motion, from which the view is chosen
-FLAT = 0.3  # of the widest extent: thinner scenes are drawn in orthographic projection along their thinnest axis
 MAX_HEIGHT = 3.6  # inches
 LIGHT = np.array([-0.35, 0.5, 0.79])  # direction to the light: right, up, towards the viewer
 
@@ -30,9 +27,9 @@ def posture(sol: Solution) -> "Figure":
     """Draw a mechanism at the start of a run, in the best view of its motion; with axes for a planar one."""
     from matplotlib.collections import PolyCollection
 
-    sample = np.unique(np.linspace(0, len(sol.t) - 1, min(len(sol.t), FRAMES)).astype(int))
-    scene = sol.mechanism.scene.travelled(sol.q[sample])
-    thin = _plane(scene, sol.q[sample])
+    q = sampled(sol.q)
+    scene = sol.mechanism.scene.travelled(q)
+    thin = Sight(scene, q).visible().thin
     view = _view(thin)
     found = list(_triangles(scene, sol.q[0]))
     corners = np.concatenate([c for c, _ in found]) @ view.T
@@ -66,37 +63,12 @@ def _view(thin: int) -> Array:
     return np.array([right, np.cross(back, right), back])
 
 
-def _plane(scene: "Scene", q: Array) -> int:
-    """Return the normal axis of a planar motion q (m, nq); -1 for a spatial one."""
-    placements = scene.placements(q)
-    moving = [k for k, s in enumerate(scene.shapes) if np.ptp(placements[:, k], axis=0).any() and s.role != "closure"]
-    points = np.concatenate([
-        _transformed(np.array(list(product(*scene.shapes[k].bounds.T))), placement)
-        for k in moving or range(len(scene.shapes))
-        for placement in placements[:, k]
-    ])  # fmt: skip
-    size = np.ptp(points, axis=0)
-    return int(size.argmin()) if size.min() < FLAT * size.max() else -1
-
-
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Yield corners (n, 3, 3) in the world [m] and colours of all surfaces at q (nq,)."""
-    for shape, placement in zip(scene.shapes, scene.placements(q), strict=True):
-        for surface in coloured_surfaces(shape) if shape.role != "closure" else ():
-            yield (
-                _transformed(surface.points * shape.scale, placement)[surface.faces],
-                shape.rgba or surface.rgba or GREY,
-            )
-    for spring, (begin, end) in zip(scene.springs, scene.end_points(scene.springs, q[None])[0], strict=True):
-        length, (rotation,) = float(np.linalg.norm(end - begin)), aligned_quaternions((end - begin)[None])
-        if spring.coil and length > 0:
-            surface = coil(2.4 * scene.width, 0.5 * scene.width, length)
-            yield _transformed(surface.points, [*begin, *rotation])[surface.faces], SPRING
-        if spring.tube and length > 0:
-            surface = solid("cylinder", (scene.width, length))
-            yield _transformed(surface.points, [*(begin + end) / 2, *rotation])[surface.faces], GREY
-
-
-def _transformed(points: Array, placement: Sequence[float] | Array) -> Array:
-    """Return points (n, 3) of a frame with pose x, y, z and quaternion x, y, z, w, in the world."""
-    return Rotation.from_quat(placement[3:]).apply(points) + placement[:3]
+    for part, motion in zip(drawables(scene), motions(scene, q[None]), strict=True):
+        now = {key: track.values[0] for key, track in motion.items()}
+        pose = transform(now["position"], now["rotation"], part.scale * now.get("scale", np.ones(3)))
+        stretch = now.get("stretch", 0.0)
+        for surface in part.solid.surfaces if part.style == "body" else ():
+            points = surface.points if part.solid.stretch is None else surface.points + stretch * part.solid.stretch
+            yield (points @ pose[:3, :3].T + pose[:3, 3])[surface.faces], part.rgba or surface.rgba or GREY

@@ -7,37 +7,85 @@ import base64
 import gzip
 import html
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import umsgpack
 
 from ...errors import InputError
-from .threejs import mesh_data, node, scene_object
+from ...mechanism.scene.drawables import Motion, Solid, drawables
+from ...mechanism.scene.visible import FAR, Sight, bounds, sampled
+from ...system import Array
+from . import animation_tracks as tracks
+from .animation_tracks import Moving, drawn_path, drawn_so_far
+from .stage import cell, levels, stage
+from .threejs import ROOT, animations, drawn, node, packed, placed, typed
 
 if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Scene, Shape
+    from ...mechanism.scene.scene import Scene
 
 LEVEL = 6  # of compression: 9 takes nine times as long for 3 % of a page with meshes
-SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "linkage", "sliders", "print")
+SCRIPTS = ("scene", "camera", "plots", "controls", "linkage", "sliders", "print")
 
 
-def scene_data(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """Return the data of a scene for the page, each mesh once, and the bodies that its camera can follow."""
-    meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
+class Extra(NamedTuple):
+    """Contents of a page besides the drawables of its scene."""
+
+    moving: Sequence[Moving] = ()
+    traces: Sequence[Mapping[str, Any]] = ()
+    forces: Mapping[str, Any] = {"largest": 0.0, "forces": ()}
+    legend: Sequence[Mapping[str, str]] = ()
+
+
+NOTHING = Extra()
+
+
+def scene_data(
+    scene: "Scene", model: Any, shown: Sequence[Motion], times: Array, seen: Array, extra: Extra = NOTHING
+) -> dict[str, Any]:
+    """Return the data of a scene for the page.
+
+    Args:
+        scene: the scene, with lengths of rails and springs.
+        model: the tree.
+        shown: motions of its parts.
+        times: of their frames, from 0 in s, (m,).
+        seen: configurations that should be visible, (n, nq).
+        extra: other moving parts, paths and forces.
+    """
+    sight, bodies = Sight(scene, sampled(seen)), tracks.bodies(scene, model)
+    whole = sight.visible()
+    near = {name: sight.visible(k) for name, k in bodies.items()}
+    first = next(iter(near), "")
+    far = bool(first) and whole.moves and whole.extent > FAR * near[first].extent
+    solids: list[Solid] = []
+    own = tracks.Moving(drawables(scene), list(shown), ROOT)
+    all_moving = [own, *extra.moving, tracks.drawn_arrows(extra.forces, whole.extent)]
+    commands = list(stage(whole.extent))
+    for moving in all_moving:
+        commands += [*drawn(moving.parts, solids, moving.root), *placed(*moving[:2], root=moving.root)]
+    clips = [x for moving in all_moving for x in animations(*moving[:2], moving.root)]
+    for trace in extra.traces:
+        path = f"{ROOT}/trace/{trace['name'].replace('/', '|')}"
+        commands += drawn_path(path, trace["points"], trace["colour"], tracks.TRACE * whole.extent)
+        clips += drawn_so_far(path, trace["points"], times)
     return {
-        "meshes": [mesh_data(mesh) for mesh in meshes],
-        "objects": [
-            {"type": "set_object", "path": node(shape), "object": scene_object(shape, meshes, layer)}
-            for shape, layer in _layers(scene)
-        ],
-        "width": scene.width,
-        "ground": scene.ground,
-        "bodies": list(bodies),
+        "geometries": [packed(solid) for solid in solids],
+        "commands": commands,
+        "animations": clips,
+        "times": typed(times, "float32"),
+        "extent": whole.extent,
+        "flat": ("side", "front", "top", "3d")[whole.thin],
+        "far": first if far else "",
+        "cell": cell(whole.extent),
+        "levels": levels(bounds(scene, sampled(seen)), whole.extent, scene.ground),
+        "visible": {name: typed(x.points, "float32") for name, x in {"": whole, **near}.items()},
+        "bodies": [{"name": name, "path": node(own.parts[k].name)} for name, k in bodies.items()],
+        "legend": list(extra.legend),
     }
 
 
@@ -61,20 +109,23 @@ def frame(text: str, height: int = 520) -> str:
     return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
 
 
-def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
-    """Yield shapes and their layers; closures are drawn over everything else."""
-    for k, shape in enumerate(scene.shapes):
-        yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
+def viewer_folder() -> Path:
+    """Return the folder with meshcat's page and script.
 
-
-@cache
-def _viewer() -> str:
+    Raises:
+        InputError: if meshcat is not installed.
+    """
     found = find_spec("meshcat")  # not imported: its server parts take a second
     if found is None or not found.submodule_search_locations:
         raise InputError(
             "a replay needs the viewer of the package 'meshcat', which is not installed: pip install meshcat"
         )
-    return _compressed(Path(found.submodule_search_locations[0], "viewer", "dist", "main.min.js").read_bytes())
+    return Path(found.submodule_search_locations[0], "viewer", "dist")
+
+
+@cache
+def _viewer() -> str:
+    return _compressed((viewer_folder() / "main.min.js").read_bytes())
 
 
 @cache

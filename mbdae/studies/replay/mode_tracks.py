@@ -1,13 +1,16 @@
 """Marks of a replay of a run with modes: stuck joints, closed contacts, engaged clutches, and impacts."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...mechanism.contacts import contact_path, rolling_closures
 from ...mechanism.frames import frame_paths, joint_paths
+from ...mechanism.scene.drawables import Drawable, Track, primitive
 from ...system import Array
-from .threejs import typed
+from ...tolerances import INPUT_DIGITS
+from .animation_tracks import Moving, rgba_of
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -15,6 +18,9 @@ if TYPE_CHECKING:
     from ...solution.solution import Solution
 
 ACTIVE_COLOUR, IMPACT_COLOUR = "#6741d9", "#f59f00"
+FLASH, SUDDEN = 0.25, 0.001  # s of viewing: duration and rise time of the mark of an impact
+MANY = 3  # names in a legend
+IMPACT_SIZE = 2.5  # of the mark of the strongest impact, in sizes of the others
 
 
 class ModeTrack(NamedTuple):
@@ -36,11 +42,65 @@ class ModeTrack(NamedTuple):
     impacts: list[float]
     strength: list[float]
 
-    def core_data(self) -> dict[str, Any]:
-        """Return the data of the page."""
-        data = self._asdict()
-        positions = data.pop("positions")
-        return {**data, "positions": [typed(track, "float32") for track in positions]}
+
+def drawn_marks(marks: Sequence[ModeTrack], times: Array, speed: float, width: float) -> Moving:
+    """Return balls at active contacts, and for a quarter of a second of viewing at impacts.
+
+    Args:
+        marks: of a run.
+        times: of the frames of their positions in s, (m,).
+        speed: seconds of motion per second of viewing.
+        width: of links in m; balls have three times this radius.
+    """
+    out = Moving([], [], "/mechanism/mode")
+    for mark in marks:
+        for kind, colour, scales in (
+            ("active", ACTIVE_COLOUR, _active_scales(mark, times)),
+            ("impact", IMPACT_COLOUR, _impact_scales(mark, times, speed)),
+        ):
+            if not scales.values.any():
+                continue
+            scales = scales._replace(values=np.maximum(scales.values, INPUT_DIGITS))  # a scale of 0 leaves no normals
+            for k, points in enumerate(mark.positions):
+                name = f"{mark.name.replace('/', '|')} {kind}" + (f" {k + 1}" if k else "")
+                ball = primitive("ellipsoid", (1.0, 1.0, 1.0))
+                out.parts.append(Drawable(name, ball, (3 * width,) * 3, rgba_of(colour, 0.6), "mark"))
+                still = Track(np.tile([0.0, 0.0, 0.0, 1.0], (len(points), 1)))
+                out.motions.append({"position": Track(points), "rotation": still, "scale": scales})
+    return out
+
+
+def mode_legend(marks: Sequence[ModeTrack]) -> list[dict[str, str]]:
+    """Return colours and texts of marks."""
+    holding = [x for x in marks if x.active]
+    out = []
+    for word in dict.fromkeys(x.word for x in holding):
+        names = [x.name for x in holding if x.word == word]
+        listed = f"{len(names)} joints and contacts" if len(names) > MANY else ", ".join(names)
+        out.append({"colour": ACTIVE_COLOUR, "text": f"{listed}: {word}"})
+    return out + [{"colour": IMPACT_COLOUR, "text": "impact"}] * any(x.impacts for x in marks)
+
+
+def _active_scales(mark: ModeTrack, times: Array) -> Track:
+    """Return the sizes of a mark from the times on at which it appears or disappears."""
+    ends = np.abs(np.reshape(mark.active, (-1, 2)) - times[0])
+    at = np.unique(np.append(ends.ravel(), 0.0).astype("f4"))
+    low, high = ends.astype("f4").T
+    shown = ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
+    return Track(np.tile(shown[:, None], 3), at, sudden=True)
+
+
+def _impact_scales(mark: ModeTrack, times: Array, speed: float) -> Track:
+    """Return the sizes of a mark, which jump at impacts and decay to 0."""
+    if not mark.impacts:
+        return Track(np.zeros((1, 3)), np.zeros(1))
+    impacts = np.abs(np.array(mark.impacts) - times[0])
+    at = np.concatenate([[0.0], impacts, impacts - SUDDEN * speed, impacts + FLASH * speed])
+    at = np.unique(at[(at >= 0) & (at <= abs(times[-1] - times[0]))].astype("f4"))
+    last = np.searchsorted(impacts.astype("f4"), at, side="right") - 1
+    age = (at - impacts[last]) / (FLASH * speed)
+    strength = IMPACT_SIZE * np.array(mark.strength)[last] * (1 - np.maximum(age, 0))
+    return Track(np.tile(np.where((last < 0) | (age > 1), 0.0, strength)[:, None], 3), at)
 
 
 def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:

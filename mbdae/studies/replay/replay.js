@@ -7,11 +7,11 @@ const covered = () => Math.min(0.4, byId("caption").offsetHeight / byId("pane").
 function player(viewer, scene) {
   const {start, end, frames} = scene, direction = end < start ? -1 : 1, duration = Math.abs(end - start);
   const digits = duration > 0 ? Math.min(9, Math.max(2, Math.ceil(2.5 - Math.log10(duration)))) : 2;
-  const view = cameras(viewer, scene, byId("pane"), covered), {place, wound} = stage(viewer, scene, view.state.extent);
+  const view = cameras(viewer, scene, byId("pane"), covered), place = stage(viewer, scene);
   const plots = plot(scene, t => { page.seek(t); });
-  let offset = 0, shown = NaN, playing = false, before = null;
+  let offset = 0, shown = NaN, moved = false, playing = false, before = null;
   const page = {
-    viewer, start, duration, plots, view, wound, show, speed: scene.speed, loop: true, choice: 0,
+    viewer, start, duration, plots, view, show, speed: scene.speed, loop: true, choice: 0,
     get t() { return start + direction * offset; },
     get playing() { return playing; },
     play() {
@@ -28,9 +28,9 @@ function player(viewer, scene) {
       offset = Math.min(duration, Math.max(0, direction * (t - start)));
       show();
     },
-    // Jump to a time of another choice, which may be the same time.
+    // Jump to a time, also if something else has moved the scene.
     jump(t) {
-      shown = NaN;
+      [shown, moved] = [NaN, true];
       page.pauseAt(t);
     },
     seek(t) {
@@ -47,11 +47,10 @@ function player(viewer, scene) {
   function show() {
     const chosen = scene.choices[page.choice];
     if (offset !== shown) {
-      const count = chosen && chosen.frames || frames;
-      place(duration > 0 ? offset / duration * (count - 1) : 0, page.choice);
+      place(offset, page.choice, moved);
       view.tick();
     }
-    shown = offset;
+    [shown, moved] = [offset, false];
     plots.draw(page.t);
     const pace = page.speed === 1 ? "" : ` (${+page.speed.toPrecision(3)} × real time)`;
     const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${pace}${chosen ? `, ${chosen.name}` : ""}`;
@@ -128,6 +127,7 @@ async function main() {
   const pane = byId("pane"), viewer = new MeshCat.Viewer(pane, false);
   viewer.set_3d_pane_size = () => {};
   viewer.scene.rotation.set(0, 0, 0);  // z is up
+  viewer.renderer.shadowMap.type = MeshCat.THREE.PCFShadowMap;
   const shooting = location.hash.match(/^#film=(\d+),(\d+),(\d+),(\d+)x(\d+)$/);
   if (shooting) {
     const main = document.querySelector("main");
@@ -140,9 +140,9 @@ async function main() {
   if (scene.sliders) sliders(page, scene);
   await null;  // plots are laid out
   page.show();
-  view.look(scene.camera || view.flat);
+  view.look(scene.camera || scene.flat);
   page.mark(scene.marked);
-  page.follow(scene.follow === null ? view.far : scene.follow);
+  page.follow(scene.follow === null ? scene.far : scene.follow);
   let known = "";
   const arrange = () => {
     const size = `${pane.clientWidth} ${pane.clientHeight} ${byId("plots").clientHeight}`;

@@ -9,12 +9,14 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError, require
 from ...file_io import atomic_write, write_page
+from ...mechanism.scene.drawables import drawables, motions
+from ...mechanism.scene.visible import sampled
 from ..figures import COLOURS
 from . import animation_tracks as tracks
-from .html_page import document, frame, scene_data
-from .mode_tracks import ACTIVE_COLOUR, IMPACT_COLOUR, mode_tracks_of
+from .html_page import Extra, document, frame, scene_data
+from .mode_tracks import drawn_marks, mode_legend, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
-from .threejs import typed
+from .threejs import chosen, typed
 from .video import VIDEO, film
 
 __all__ = ["animate"]
@@ -139,34 +141,48 @@ def page(
         _check_known("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
     scene = mechanism.scene.travelled(q)
-    placements = scene.placements(q)
-    bodies = tracks.bodies(scene, mechanism.model)
     if follow:
-        _check_known("body", follow, [body["name"] for body in bodies])
+        _check_known("body", follow, list(tracks.bodies(scene, mechanism.model)))
+    own, offsets = motions(scene, q), np.abs(times - times[0])
+    others = dict(tracks.choices(sol, scene, choices, times))
+    drawn_ghosts = tracks.ghosts(sol, ghosts, times)
+    marks = [] if choices else mode_tracks_of(sol, q)
+    forces, paths = tracks.arrows(sol, arrows, times), tracks.traces(mechanism, traces, q)
+    extra = Extra(
+        [*(moving for _, _, moving in drawn_ghosts), drawn_marks(marks, times, speed, scene.width)],
+        paths,
+        forces,
+        [*_legend(drawn_ghosts, paths, forces), *mode_legend(marks)],
+    )
+    shown = {name: found for name, (found, _) in others.items()}
+    seen = np.concatenate([sampled(q), *(sampled(x) for _, x in others.values())])
     payload = {
-        **scene_data(scene, bodies),
-        "poses": list(tracks.poses(scene, placements)),
+        **scene_data(scene, mechanism.model, own, offsets, seen, extra),
+        "choices": chosen(drawables(scene), own, shown, offsets),
         "frames": len(times),
         "start": float(times[0]),
         "end": float(times[-1]),
         "speed": float(speed),
-        "springs": tracks.springs(scene, q),
         "gaps": tracks.gaps(scene, q),
         "camera": camera,
         "follow": follow,
         "marked": closures,
-        "ghosts": tracks.ghosts(sol, ghosts, times),
-        "choices": tracks.choices(sol, choices, times),
-        "traces": tracks.traces(mechanism, traces, q),
-        "arrows": tracks.arrows(sol, arrows, times),
-        "switched": {
-            "active": ACTIVE_COLOUR,
-            "impacts": IMPACT_COLOUR,
-            "each": [] if choices else [x.core_data() for x in mode_tracks_of(sol, q)],
-        },
+        "ghosts": [{"name": name, "colour": colour} for name, colour, _ in drawn_ghosts],
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
     return document(mechanism.title, payload)
+
+
+def _legend(
+    ghosts: Sequence[tuple[str, str, Any]], paths: Sequence[Mapping[str, Any]], forces: Mapping[str, Any]
+) -> list[dict[str, str]]:
+    """Return colours and texts of ghosts, paths and forces."""
+    out = [{"colour": colour, "text": name} for name, colour, _ in ghosts]
+    out += [{"colour": path["colour"], "text": f"path of {path['name']}"} for path in paths]
+    for k, force in enumerate(forces["forces"]):
+        longest = "" if k else f", longest {forces['largest']:.3g} N"
+        out.append({"colour": force["colour"], "text": f"force of {force['name']}{longest}"})
+    return out
 
 
 def _checked(sol: Any, fps: float | None, speed: float | None) -> None:

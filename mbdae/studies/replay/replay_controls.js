@@ -42,10 +42,10 @@ function controls(page, scene) {
   const camera = menu("camera", Object.keys(VIEWS).map(name => [name, name]), view.state.view, view.look);
   byId("pane").addEventListener("looked", () => camera(view.state.view));
   const follow = menu("follow", [["", "fixed camera"], ...scene.bodies.map(({name}) => [name, `follow ${name}`])], "", view.follow);
-  const {show} = marks(page.viewer, scene, view.state.extent);
+  const show = marks(page.viewer, scene);
   page.mark = all => {
     page.marked = all;
-    legend(scene, show(all));
+    legend(scene.legend, show(all));
     view.arrange();
   };
   page.follow = name => {
@@ -75,28 +75,16 @@ function controls(page, scene) {
   document.addEventListener("keyup", event => { if (event.key === " ") event.preventDefault(); });  // no second click
 }
 
-function legend(scene, closures) {
-  byId("legend").replaceChildren();
-  const entry = (colour, text) => {
+function legend(entries, closures) {
+  const names = closures.length > 4 ? [`${closures.length} closures: the balls coincide if a loop is closed`] : closures;
+  const balls = names.map(text => ({colour: "linear-gradient(90deg, #f28e2b 50%, #e0263c 50%)", text}));
+  byId("legend").replaceChildren(...[...entries, ...balls].map(({colour, text}) => {
     const [item, line, name] = ["li", "i", "span"].map(tag => document.createElement(tag));
     line.style.background = colour;
     name.append(text);
     item.append(line, name);
-    byId("legend").append(item);
-  };
-  for (const ghost of scene.ghosts) entry(ghost.colour, ghost.name);
-  for (const trace of scene.traces) entry(trace.colour, `path of ${trace.name}`);
-  scene.arrows.forces.forEach(({colour, name}, i) => {
-    entry(colour, `force of ${name}${i ? "" : `, longest ${scene.arrows.largest.toPrecision(3)} N`}`);
-  });
-  const {each, active, impacts} = scene.switched, shown = each.filter(one => one.active.length);
-  for (const word of new Set(shown.map(one => one.word))) {
-    const names = shown.filter(one => one.word === word).map(({name}) => name);
-    entry(active, `${names.length > 3 ? `${names.length} joints and contacts` : names.join(", ")}: ${word}`);
-  }
-  if (each.some(one => one.impacts.length)) entry(impacts, "impact");
-  const many = closures.length > 4 ? [`${closures.length} closures: the balls coincide if a loop is closed`] : closures;
-  for (const name of many) entry("linear-gradient(90deg, #f28e2b 50%, #e0263c 50%)", name);
+    return item;
+  }));
 }
 
 // Settings in the address: #t=1.5&speed=0.1&camera=front&follow=BODY&plots=0&closures=1&autoplay=0&loop=0&shadows=0
@@ -109,7 +97,7 @@ function applyAddress(page, scene) {
   if (given("follow")) page.follow(settings.get("follow"));
   if (given("closures")) page.mark(!off("closures"));
   if (given("loop")) [page.loop, byId("loop").ariaPressed] = [!off("loop"), String(!off("loop"))];
-  if (given("shadows")) nodeOf(page.viewer, "mechanism").sun.castShadow = !off("shadows");
+  if (given("shadows")) nodeOf(page.viewer, "Lights/Sun/<object>").castShadow = !off("shadows");
   const timed = !scene.sliders && given("t") && Number.isFinite(count("t"));
   if (timed) page.pauseAt(count("t"));
   return given("autoplay") ? !off("autoplay") : !timed;

@@ -131,18 +131,24 @@ function linkage({joints, values, pairs, rows, held}) {
   return {start, close, stepped, world, open: state => Math.max(0, ...residual(state).g.map(Math.abs))};
 }
 
-// Moves shapes and springs with the joints that carry them.
-function hang(viewer, {shapes, springs}, wound, poses) {
+// Moves parts with the joints that carry them.
+function hang(viewer, {parts}, poses) {
   const {Matrix4, Vector3} = MeshCat.THREE, size = new Vector3(), z = new Vector3(0, 0, 1);
-  const ends = on => on.map(({joint, place}) => poses[joint].clone().multiply(new Matrix4().fromArray(place)));
-  for (const {path, on, length} of shapes) {
-    const object = nodeOf(viewer, path), [first, second] = ends(on);
+  for (const {path, on, kind, length} of parts) {
+    const object = nodeOf(viewer, path);
+    const [first, second] = on.map(({joint, place}) => poses[joint].clone().multiply(new Matrix4().fromArray(place)));
     first.decompose(object.position, object.quaternion, size);
     if (!second) continue;
-    const way = new Vector3().setFromMatrixPosition(second).sub(object.position).normalize();
-    object.quaternion.setFromUnitVectors(z, way);
-    object.position.addScaledVector(way, length / 2);
+    const way = new Vector3().setFromMatrixPosition(second).sub(object.position), to = way.length();
+    object.quaternion.setFromUnitVectors(z, way.normalize());
+    if (kind === "coil") {
+      nodeOf(viewer, `${path}/<object>`).morphTargetInfluences[0] = to / length - 1;
+      continue;
+    }
+    const body = Math.min(0.5 * length, 0.8 * to);
+    const [low, high] = {rod: [0.9 * body, to], tube: [0, body], link: [0, length]}[kind];
+    object.position.addScaledVector(way, (low + high) / 2);
+    if (kind !== "link") object.scale.z = high - low;
   }
-  springs.forEach(({on}, k) => wound[k].follow(0, ends(on).flatMap(({elements}) => elements.slice(12, 15))));
   viewer.set_dirty();
 }

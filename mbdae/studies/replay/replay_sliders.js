@@ -71,7 +71,7 @@ function sliders(page, scene) {
     if (back) for (const wrap of wraps) wrap.at = wrap.share;
     if (linked && !back && wraps.some(({at, share}, j) => j !== k && at !== share)) {
       show(k, along(k, to));
-      if (state) hang(page.viewer, scene.linkage, page.wound, linked.world(state));
+      if (state) hang(page.viewer, scene.linkage, linked.world(state));
       page.open = state ? linked.open(state) : NaN;
       page.show();
       return;

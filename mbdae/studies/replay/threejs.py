@@ -1,25 +1,30 @@
-"""Shapes as the objects of three.js that meshcat's viewer reads."""
+"""Scenes and motions as the commands of meshcat, whose objects and animations are three.js' JSON."""
 
 import base64
-from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import umsgpack
 
-from ...mechanism.scene.surfaces import surfaces
+from ...mechanism.scene.drawables import GREY, Drawable, Motion, Solid, Track, Vertices
+from ...system import Array
 
-if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Mesh, Shape
-
-Y_TO_Z = np.array(
-    [[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
-)  # three.js has y as the axis of revolution
-MIME = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}  # all others: png
-WHITE = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs="  # for missing textures
+ROOT = "/mechanism"
 EXTENSION = {  # msgpack types of the arrays of JavaScript
-    "uint8": 0x12, "uint16": 0x14, "int32": 0x15, "uint32": 0x16, "float32": 0x17, "float64": 0x18,
+    "int8": 0x11, "uint8": 0x12, "uint16": 0x14, "int32": 0x15, "uint32": 0x16, "float32": 0x17, "float64": 0x18,
 }  # fmt: skip
+NAMES = {"int8": "Int8Array", "uint16": "Uint16Array", "uint32": "Uint32Array", "float32": "Float32Array"}
+TRACKS = {  # of a motion: object below the path, property, type
+    "position": ("", ".position", "vector"),
+    "rotation": ("", ".quaternion", "quaternion"),
+    "scale": ("", ".scale", "vector"),
+    "visible": ("", ".visible", "bool"),
+    "stretch": ("/<object>", ".morphTargetInfluences[0]", "number"),
+}
+DISCRETE = 2300  # three.js' InterpolateDiscrete
+MARK = 10**6  # layer over all closures
+MIME = {b"\xff\xd8\xff": "image/jpeg", b"GIF8": "image/gif"}  # by the first bytes; all others: png
 
 
 def typed(values: Any, dtype: str) -> umsgpack.Ext:
@@ -27,105 +32,230 @@ def typed(values: Any, dtype: str) -> umsgpack.Ext:
     return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
 
 
-def node(shape: "Shape") -> str:
-    """Return the path of a shape in the viewer's tree."""
-    return f"/mechanism/{shape.role}/{shape.name.replace('/', '|')}"
+def node(part: str, root: str = ROOT) -> str:
+    """Return the path of a part in the viewer's tree."""
+    return f"{root}/{part}"
 
 
-def mesh_data(mesh: "Mesh") -> dict[str, Any]:
-    """Return the data of a mesh for the page: triangles, by colour, or its file if it has textures.
-
-    Points are 16 bits for each axis, in fractions of their bounding box: 1e-5 of its edges. Corners of triangles
-    are indices of points, each as the difference to the one before.
-    """
-    if found := surfaces(mesh):
-        low, high = (f([f(s.points, axis=0) for s in found], axis=0) for f in (np.min, np.max))
-        span = np.where(high > low, high - low, 1.0)
-        points = np.concatenate([np.rint((s.points - low) / span * 65535) for s in found])
-        starts = np.cumsum([0, *(len(s.points) for s in found)])
-        faces = [s.faces.ravel() + start for s, start in zip(found, starts[:-1], strict=True)]
-        ends = np.cumsum([0, *map(len, faces)]).tolist()
-        return {
-            "low": low.tolist(),
-            "high": (low + span).tolist(),
-            "points": typed(points, "uint16"),
-            "corners": typed(np.diff(np.concatenate(faces), prepend=0), "int32"),
-            "parts": [
-                {"start": start, "count": end - start, "rgba": s.rgba and list(s.rgba)}
-                for s, start, end in zip(found, ends[:-1], ends[1:], strict=True)
-            ],
-        }
-    if mesh.format == "stl":
-        return {"data": typed(np.frombuffer(mesh.data, dtype="uint8"), "uint8")}
-    images, more = {}, {}
-    for name, data in mesh.companions.items():
-        suffix = PurePath(name).suffix.lower()
-        if suffix == ".mtl":
-            more["mtl_library"] = _text(data)
-        else:
-            image = base64.b64encode(data).decode("ascii")
-            images[name] = f"data:{MIME.get(suffix, 'image/png')};base64,{image}" if data else WHITE
-    return {"data": _text(mesh.data), "resources": images, **more}
+def set_object(path: str, contents: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the command that draws an object."""
+    metadata = {"metadata": {"version": 4.5, "type": "Object"}}
+    return {"type": "set_object", "path": path, "object": {**metadata, **contents}}
 
 
-def scene_object(shape: "Shape", meshes: list["Mesh"], layer: int = 0) -> dict[str, Any]:
-    """Return a shape in three.js' JSON; ``mesh`` is an index of ``meshes``, for `mesh_data`.
+def set_property(path: str, name: str, value: Any) -> dict[str, Any]:
+    """Return the command that sets a property of an object."""
+    return {"type": "set_property", "path": path, "property": name, "value": value}
+
+
+def drawn(parts: Sequence[Drawable], solids: list[Solid] | None = None, root: str = ROOT) -> Iterator[dict[str, Any]]:
+    """Yield the commands that draw parts.
 
     Args:
-        shape: the shape to draw.
-        meshes: the meshes of the scene.
-        layer: closures are drawn over everything else, in the order of layers.
-
-    Returns:
-        The object with its geometry and material, all strings, numbers and lists.
+        parts: the parts.
+        solids: filled with the solids of the parts, which a page stores once; a geometry is an index of them. Without
+            a list each object contains its geometry.
+        root: path above the names of the parts.
     """
-    matrix = np.diag([*shape.scale, 1.0])
-    body: dict[str, Any] = {"uuid": shape.name, "type": "Mesh"}
-    parts: dict[str, Any] = {"metadata": {"version": 4.5, "type": "Object"}, "object": body}
-    if shape.mesh is not None and shape.rgba is None:
-        body |= {"type": "_meshfile_object", "format": shape.mesh.format, "mesh": meshes.index(shape.mesh)}
+    for k, part in enumerate(parts):
+        if not part.solid.surfaces:
+            continue
+        path = node(part.name, root)
+        yield set_object(path, _object(part, k, len(parts) - k, solids))
+        if part.style != "body":
+            yield set_property(f"{path}/<object>", "castShadow", False)
+            yield set_property(f"{path}/<object>", "receiveShadow", False)
+
+
+def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> dict[str, Any]:
+    """Return an object; closures are over everything else, those of higher layers over the others."""
+    colours = [part.rgba] if part.rgba else [surface.rgba or GREY for surface in part.solid.surfaces]
+    colours *= len(part.solid.surfaces) // len(colours)
+    images = [b"" if part.rgba else surface.image for surface in part.solid.surfaces]
+    if solids is None:
+        geometry: dict[str, Any] = {"data": buffers(part.solid)}
     else:
-        geometry, turned = _geometry(shape, meshes)
-        matrix = turned @ matrix
-        body |= {"geometry": "geometry", "material": "material", "renderOrder": layer}
-        if shape.mesh is not None:
-            body["rgba"] = list(shape.rgba or ())
-        parts["geometries"] = [{"uuid": "geometry", **geometry}]
-        parts["materials"] = [{"uuid": "material", **_material(shape)}]
-    body["matrix"] = matrix.T.ravel().tolist()
-    return parts
+        if part.solid not in solids:
+            solids.append(part.solid)
+        geometry = {"shared": solids.index(part.solid)}
+    return {
+        "geometries": [{"uuid": "geometry", "type": "BufferGeometry", **geometry}],
+        "materials": [
+            {"uuid": f"material {i}", **material(rgba, part.style, k), **({"map": f"texture {i}"} if images[i] else {})}
+            for i, rgba in enumerate(colours)
+        ],
+        "images": [{"uuid": f"image {i}", "url": _url(data)} for i, data in enumerate(images) if data],
+        "textures": [
+            {"uuid": f"texture {i}", "image": f"image {i}", "wrap": [1000, 1000]} for i, x in enumerate(images) if x
+        ],
+        "object": {
+            "uuid": part.name,
+            "type": "Mesh",
+            "geometry": "geometry",
+            "material": [f"material {i}" for i in range(len(colours))],
+            "matrix": np.diag([*part.scale, 1.0]).ravel().tolist(),
+            "renderOrder": {"closure": layer, "mark": MARK}.get(part.style, 0),
+            "frustumCulled": part.solid.stretch is None,
+        },
+    }
 
 
-def _geometry(shape: "Shape", meshes: list["Mesh"]) -> tuple[dict[str, Any], np.ndarray]:
-    """Return the geometry, and the (4, 4) transform to the shape's frame."""
-    size = [float(s) for s in shape.size]
-    if shape.mesh is not None:
-        kind = {"type": "_meshfile_geometry", "format": shape.mesh.format}
-        return {**kind, "mesh": meshes.index(shape.mesh)}, np.eye(4)
-    if shape.kind == "box":
-        return {"type": "BoxGeometry", "width": size[0], "height": size[1], "depth": size[2]}, np.eye(4)
-    if shape.kind in ("sphere", "ellipsoid"):
-        ball = {"type": "SphereGeometry", "radius": 1.0, "widthSegments": 40, "heightSegments": 28}
-        return ball, np.diag([*(size * 3 if shape.kind == "sphere" else size), 1.0])
-    radius, length = size
-    if shape.kind == "capsule":
-        angle = np.linspace(-np.pi / 2, np.pi / 2, 24)
-        x, y = radius * np.cos(angle), radius * np.sin(angle) + np.sign(angle) * length / 2
-        profile = [{"x": float(a), "y": float(b)} for a, b in zip(x, y, strict=True)]
-        return {"type": "LatheGeometry", "points": profile, "segments": 40}, Y_TO_Z
-    top = 0.0 if shape.kind == "cone" else radius
-    round_ = {"type": "CylinderGeometry", "radiusTop": top, "radiusBottom": radius, "height": length}
-    return {**round_, "radialSegments": 72}, Y_TO_Z
+def material(rgba: Sequence[float], style: str, k: int = 0) -> dict[str, Any]:
+    """Return a material; of coplanar faces that of the part with the larger number is visible."""
+    colour = int.from_bytes(bytes(round(255 * c) for c in rgba[:3]), "big")
+    out = {"color": colour, "opacity": float(rgba[3]), "transparent": rgba[3] < 1, "side": 2}
+    phong = {"type": "MeshPhongMaterial", "shininess": 40, "specular": 0x1C1C1C}
+    if style == "body":
+        return {**out, **phong, **_offset(0, -4 * (k % 12))}
+    if style == "ghost":  # where both coincide, the body is visible
+        return {**out, **phong, **_offset(2, 8), "depthWrite": False}
+    over = {"depthTest": False, "transparent": True, "side": 0}
+    return {**out, **(phong if style == "closure" else {"type": "MeshBasicMaterial"}), **over}
 
 
-def _material(shape: "Shape") -> dict[str, Any]:
-    red, green, blue, alpha = shape.rgba or (0.7, 0.7, 0.7, 1.0)
-    colour = int.from_bytes(bytes(round(255 * c) for c in (red, green, blue)), "big")
-    material = {"type": "MeshPhongMaterial", "color": colour, "opacity": alpha, "transparent": alpha < 1}
-    if shape.role == "closure":  # drawn over the bodies that hide it
-        return {**material, "depthTest": False, "transparent": True}
-    return {**material, "side": 2, "shininess": 40, "specular": 0x1C1C1C}
+def _offset(factor: float, units: float) -> dict[str, Any]:
+    return {"polygonOffset": True, "polygonOffsetFactor": factor, "polygonOffsetUnits": units}
 
 
-def _text(data: bytes) -> str:
-    return data.decode("utf-8", errors="replace")
+def _url(image: bytes) -> str:
+    kind = next((kind for start, kind in MIME.items() if image.startswith(start)), "image/png")
+    return f"data:{kind};base64,{base64.b64encode(image).decode('ascii')}"
+
+
+def attribute(values: Array, dtype: str = "float32", **more: Any) -> dict[str, Any]:
+    """Return an attribute of a geometry, (n, k) numbers."""
+    return {"itemSize": values.shape[1], "type": NAMES[dtype], "array": typed(values, dtype), **more}
+
+
+def buffers(solid: Solid) -> dict[str, Any]:
+    """Return the data of a geometry, with a group of triangles for each surface."""
+    found = solid.vertices
+    points = np.concatenate([v.points for v in found])
+    directions = np.rint(127 * np.concatenate([v.normals for v in found]))
+    out: dict[str, Any] = {
+        "attributes": {
+            "position": attribute(points),
+            "normal": attribute(directions, "int8", normalized=True),
+        },
+        "index": {"type": "Uint32Array", "array": typed(_index(found), "uint32")},
+        "groups": [
+            {"start": int(start), "count": len(v.corners), "materialIndex": k}
+            for k, (v, start) in enumerate(zip(found, np.cumsum([0, *(len(v.corners) for v in found)]), strict=False))
+        ],
+    }
+    if any(v.uv is not None for v in found):
+        uv = [np.zeros((len(v.points), 2)) if v.uv is None else v.uv for v in found]
+        out["attributes"]["uv"] = attribute(np.concatenate(uv))
+    if solid.stretch is not None and found[0].stretch is not None:
+        out |= {"morphAttributes": {"position": [attribute(found[0].stretch)]}, "morphTargetsRelative": True}
+    return out
+
+
+def _index(found: Sequence[Vertices]) -> Array:
+    starts = np.cumsum([0, *(len(v.points) for v in found)])
+    return np.concatenate([v.corners + start for v, start in zip(found, starts, strict=False)])
+
+
+def packed(solid: Solid) -> dict[str, Any]:
+    """Return the data of a geometry for a page, a third of the size.
+
+    Points are 16 bits for each axis, in fractions of their bounding box: 1e-5 of its edges. The index of a corner is
+    the difference to the one before.
+    """
+    points = np.concatenate([v.points for v in solid.vertices])
+    low, high = points.min(axis=0).astype(float), points.max(axis=0).astype(float)
+    span = np.where(high > low, high - low, 1.0)
+    data = buffers(solid)
+    data["attributes"]["position"]["array"] = typed(np.rint((points - low) / span * 65535), "uint16")
+    data["index"]["array"] = typed(np.diff(_index(solid.vertices), prepend=0), "int32")
+    return {"low": low.tolist(), "span": span.tolist(), "data": data}
+
+
+def animations(
+    parts: Sequence[Drawable], motions: Sequence[Motion], root: str = ROOT, moving: Sequence[bool] | None = None
+) -> list[dict[str, Any]]:
+    """Return the animations of the parts that move, over seconds; the page adds the times of frames.
+
+    Args:
+        parts: the parts.
+        motions: of the parts.
+        root: path above their names.
+        moving: which of them to animate; those that move if omitted.
+    """
+    out = []
+    for k, (part, motion) in enumerate(zip(parts, motions, strict=True)):
+        tracks = {key: t for key, t in motion.items() if (t.moves if moving is None else moving[k])}
+        for below in ("", "/<object>") if part.solid.surfaces else ():
+            found = [_track(key, track) for key, track in tracks.items() if TRACKS[key][0] == below]
+            if found:
+                out.append({"path": node(part.name, root) + below, "clip": {"fps": 1, "tracks": found}})
+    return out
+
+
+def chosen(
+    parts: Sequence[Drawable],
+    shown: Sequence[Motion],
+    others: Mapping[str, Sequence[Motion]],
+    times: Array | None = None,
+) -> list[dict[str, Any]]:
+    """Return animations of which one is chosen at a time, each with all parts that move in one of them.
+
+    Args:
+        parts: the parts.
+        shown: their motions outside of the choice.
+        others: their motions by name of the choice.
+        times: of the frames in s, (m,); uniform from 0 to 1 if omitted.
+    """
+    every = [shown, *others.values()]
+    moving = [_differ(found) for found in zip(*every, strict=True)]
+    out = []
+    for name, found in others.items():
+        count = len(next(iter(found[0].values())).values) if found else 1
+        at = np.linspace(0, 1, count) if times is None else times
+        clips = animations(parts, found, moving=moving)
+        out.append({"name": name, "times": typed(at, "float32"), "animations": clips})
+    return out
+
+
+def _differ(found: Sequence[Motion]) -> bool:
+    """Return whether a part moves in one of its motions, or rests at different places."""
+    tracks = [(key, track) for motion in found for key, track in motion.items()]
+    return any(t.moves or not np.array_equal(t.values[0], found[0][key].values[0]) for key, t in tracks)
+
+
+def _track(key: str, track: Track) -> dict[str, Any]:
+    _, name, kind = TRACKS[key]
+    values = [bool(x) for x in track.values.ravel()] if kind == "bool" else typed(track.values, "float32")
+    out = {"name": name, "type": kind, "values": values}
+    out |= {"interpolation": DISCRETE} if track.sudden or kind == "bool" else {}
+    return out if track.times is None else out | {"times": typed(track.times, "float32")}
+
+
+def placed(
+    parts: Sequence[Drawable], motions: Sequence[Motion], k: int = 0, root: str = ROOT
+) -> Iterator[dict[str, Any]]:
+    """Yield the commands that move parts to frame k of their motions, by the tracks over frames."""
+    for part, motion in zip(parts, motions, strict=True):
+        if not part.solid.surfaces:
+            continue
+        path = node(part.name, root)
+        if "position" in motion:
+            scale = motion["scale"].values[k] if "scale" in motion and motion["scale"].times is None else np.ones(3)
+            matrix = transform(motion["position"].values[k], motion["rotation"].values[k], scale)
+            yield {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
+        if "stretch" in motion:
+            values = motion["stretch"].values[k].tolist()
+            yield set_property(f"{path}/<object>", "morphTargetInfluences", values)
+
+
+def transform(position: Array, rotation: Array, scale: Array) -> Array:
+    """Return the matrix (4, 4) of a position, a unit quaternion x, y, z, w and three scales."""
+    x, y, z, w = rotation
+    out = np.eye(4)
+    out[:3, :3] = scale * np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    out[:3, 3] = position
+    return out

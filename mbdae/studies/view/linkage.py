@@ -11,7 +11,8 @@ from ...mechanism.expanded_tree import expand, factor_joints
 from ...mechanism.formulations.core_description import constraints_of
 from ...mechanism.frames import find_joint
 from ...mechanism.joints import joint_transform, subspace
-from ...mechanism.scene.scene import Anchor, Scene
+from ...mechanism.scene.drawables import drawables
+from ...mechanism.scene.scene import Scene
 from ...system import Array
 from ..replay.threejs import node, typed
 from .sliders import Slider, limits_of, value_of
@@ -19,7 +20,7 @@ from .sliders import Slider, limits_of, value_of
 ROWS = ("dot_product_1", "dot_product_2", "distance", "coordinate", "sum")  # kinds that the page supports
 
 
-def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, Any] | None:
+def linkage(mech: Mechanism, scene: Scene, q: Array, sliders: Sequence[Slider]) -> dict[str, Any] | None:
     """Return data of a mechanism at q (nq,) for a page that closes its loops; None if some kind is unsupported.
 
     A joint is given by its parent, its placement there, its transform at q and its motion subspace S: after a step x of
@@ -43,7 +44,7 @@ def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, A
         "held": [find_joint(mech.model, s.joint).idx_v for s in sliders],
         "curves": [typed(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],
         "limits": _limits(mech),
-        **_attachments(mech.scene, last),
+        "parts": _attachments(scene, last),
     }
 
 
@@ -81,19 +82,22 @@ def _limits(mech: Mechanism) -> list[dict[str, Any]]:
     ]
 
 
-def _attachments(scene: Scene, last: Sequence[int]) -> dict[str, Any]:
-    """Return shapes fixed to joints or between two joints, and springs: joints and placements."""
-
-    def attached(anchors: Sequence[Anchor]) -> list[dict[str, Any]]:
-        return [{"joint": last[joint], "place": _matrix(place)} for joint, place in anchors]
-
-    both = [(s, on) for s, on in zip(scene.shapes, scene.anchors, strict=True) if len(on) == 2 or on[0][0]]
-    return {
-        "shapes": [
-            {"path": node(s), "on": attached(on), "length": s.size[1] if len(on) == 2 else 0.0} for s, on in both
-        ],
-        "springs": [{"name": s.name, "on": attached([s.first, s.second])} for s in scene.springs],
-    }
+def _attachments(scene: Scene, last: Sequence[int]) -> list[dict[str, Any]]:
+    """Return parts fixed to joints or between two joints: joints, placements, and lengths at which they are drawn."""
+    both = zip(scene.shapes, scene.anchors, strict=True)
+    on = [(anchors, shape.size[1] if len(anchors) == 2 else 0.0) for shape, anchors in both]
+    for s in scene.springs:
+        on += [((s.first, s.second), s.length)] * (s.coil + 2 * s.tube)
+    return [
+        {
+            "path": node(part.name),
+            "on": [{"joint": last[joint], "place": _matrix(place)} for joint, place in anchors],
+            "kind": part.name.rpartition(" ")[2] if part.name.startswith("spring/") else "link",
+            "length": length,
+        }
+        for part, (anchors, length) in zip(drawables(scene), on, strict=True)
+        if len(anchors) == 2 or anchors[0][0]
+    ]
 
 
 def _matrix(place: Any) -> list[float]:

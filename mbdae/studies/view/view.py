@@ -1,24 +1,22 @@
 """A page with sliders over the poses of a mechanism, for inspection before a run."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...file_io import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
+from ...mechanism.scene.drawables import drawables, motions
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..replay import animation_tracks as tracks
 from ..replay.html_page import document, frame, scene_data
+from ..replay.threejs import chosen
 from .linkage import linkage
 from .sliders import MAX_SLIDERS, Slider, sliders
-
-if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Scene
 
 __all__ = ["view"]
 
@@ -44,11 +42,6 @@ class View:
     mechanism: Mechanism
     q: Array
     sliders: tuple[Slider, ...]
-
-    @cached_property
-    def _linkage(self) -> dict[str, Any] | None:
-        """Data to move several coordinates at once."""
-        return linkage(self.mechanism, self.q, self.sliders) if len(self.sliders) > 1 else None
 
     def __str__(self) -> str:
         head = f"{self.mechanism.title}, free coordinates: {len(self.sliders)}"
@@ -78,39 +71,29 @@ class View:
         start = self.q[None]
         reached = np.concatenate([start, *(s.q for s in self.sliders)])
         scene = self.mechanism.scene.travelled(reached)
-        springs = tracks.springs(scene, start)
+        linked = linkage(self.mechanism, scene, self.q, self.sliders) if len(self.sliders) > 1 else None
+        own, moved = motions(scene, start), {s.joint: motions(scene, s.q) for s in self.sliders}
         payload = {
-            **scene_data(scene, tracks.bodies(scene, self.mechanism.model)),
-            "poses": list(tracks.poses(scene, scene.placements(start))),
+            **scene_data(scene, self.mechanism.model, own, np.zeros(1), reached),
+            "choices": chosen(drawables(scene), own, moved),
             "frames": 1,
             **{"start": 0.0, "end": 1.0, "speed": 1.0},
-            "springs": springs,
             "gaps": tracks.gaps(scene, reached),
-            **{"camera": None, "follow": "", "marked": False, "ghosts": [], "traces": [], "panes": []},
-            "arrows": {"largest": 0.0, "forces": []},
-            "switched": {"each": []},
-            "choices": [self._choice(scene, s) for s in self.sliders],
+            **{"camera": None, "follow": "", "marked": False, "ghosts": [], "panes": []},
             "sliders": [_slider_data(s) for s in self.sliders],
-            "linkage": self._linkage,
-            "note": self._note(),
+            "linkage": linked,
+            "note": self._note(linked is not None),
         }
         return document(self.mechanism.title, payload)
 
-    def _choice(self, scene: "Scene", slider: Slider) -> dict[str, Any]:
-        placements = scene.placements(slider.q)
-        moving = [p for p in tracks.poses(scene, placements) if len(p["values"].data) > 28]
-        known = {s["name"] for s in tracks.springs(scene, self.q[None])}
-        springs = [s for s in tracks.springs(scene, slider.q) if s["name"] in known]
-        return {"name": slider.joint, "poses": moving, "springs": springs, "frames": len(slider.u)}
-
-    def _note(self) -> str:
+    def _note(self, linked: bool) -> str:
         mech = self.mechanism
         several = [n for n in mech.joint_names if find_joint(mech.model, n).nv > 1]
         parts = []
         if len(self.sliders) > 1:
             single = "One coordinate moves at a time, the others are at the model's start."
             together = "Coordinates keep their values; the page closes the loops."
-            parts = [together if self._linkage else single]
+            parts = [together if linked else single]
         parts += [f"Shown are {MAX_SLIDERS} coordinates."] if len(self.sliders) == MAX_SLIDERS else []
         parts += [f"Not moved, joints of several coordinates: {', '.join(several)}."] if several else []
         parts += ["Nothing can be moved."] if not self.sliders else []

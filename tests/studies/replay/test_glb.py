@@ -7,10 +7,9 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.mechanism.scene.surfaces import Surface
-from mbdae.studies.replay.glb import normals
+from mbdae.mechanism.scene.solids import solid
+from mbdae.mechanism.scene.surfaces import Surface, normals
 from mbdae.studies.replay.replay import animate
-from mbdae.studies.replay.solids import solid
 
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 KIND = {5126: "<f4", 5125: "<u4"}
@@ -68,7 +67,7 @@ def test_every_part_refers_to_what_is_there(shown):
             assert len(points) == len(turned) == index.max() + 1
             assert len(index) % 3 == 0
             np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-5)
-            used |= {*p["attributes"].values(), p["indices"]}
+            used |= {*p["attributes"].values(), p["indices"], *(t["POSITION"] for t in p.get("targets", ()))}
             assert p["material"] < len(parts["materials"])
     for s in parts["animations"][0]["samplers"]:
         times, values = file.array(s["input"])[:, 0], file.array(s["output"])
@@ -106,30 +105,35 @@ def test_springs_reach_from_end_to_end(shown):
     scene, names = sol.mechanism.scene, {n["name"]: k for k, n in enumerate(file.parts["nodes"])}
     for s, spring in enumerate(scene.springs):
         node = file.parts["nodes"][names[f"{spring.name} coil"]]
-        points = file.array(file.parts["meshes"][node["mesh"]]["primitives"][0]["attributes"]["POSITION"])
+        (drawn,) = file.parts["meshes"][node["mesh"]]["primitives"]
+        points, longer = (file.array(x["POSITION"]) for x in (drawn["attributes"], *drawn["targets"]))
         tracks = file.tracks(names[f"{spring.name} coil"])
         for i in (0, -1):
             _, b = scene.end_points(scene.springs, sol(0.5 * tracks["rotation"][0][i, 0]).q[None])[0, s]
             turn = pin.Quaternion(tracks["rotation"][1][i].astype(float)).matrix()
             far = tracks.get("translation", [0, [node["translation"]] * 2])[1][i] + turn @ (
-                tracks["scale"][1][i] * [0, 0, spring.length]
+                [0, 0, spring.length * (1 + tracks["weights"][1][i, 0])]
             )
             np.testing.assert_allclose(far, b, atol=1e-5)
             assert np.ptp(points[:, 2]) == pytest.approx(spring.length, rel=0.05)
+            assert np.ptp(longer, axis=0) == pytest.approx([0, 0, spring.length], rel=1e-6)
 
 
 def test_closed_contacts_and_impacts_are_marked(tmp_path):
     sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 6))
     file = File(animate(sol, tmp_path / "run.glb", fps=20, speed=0.5).read_bytes())
     names = {n["name"]: k for k, n in enumerate(file.parts["nodes"])}
-    assert file.parts["nodes"][names["rod stop active"]]["translation"] == [0, 0, 0]
+    ball = file.parts["nodes"][names["rod stop active"]]
+    assert ball["translation"] == [0, 0, 0]
+    radius = 3 * sol.mechanism.scene.width
     at, size = file.tracks(names["rod stop active"])["scale"]
     *_, (first, mode) = sol.modes
     assert mode == (1,)
-    assert at[size[:, 0] > 0.5, 0] == pytest.approx([2 * sol.t[first]], rel=1e-6), "at half the speed"
+    assert at[size[:, 0] > 0.5 * radius, 0] == pytest.approx([2 * sol.t[first]], rel=1e-6), "at half the speed"
     at, size = file.tracks(names["rod stop impact"])["scale"]
     first, second = (2 * impact.t for impact in sol.impacts[:2])
-    seen = np.interp([first - 0.01, first + 1e-5, first + 0.2, first + 0.3, second + 1e-5], at[:, 0], size[:, 0])
+    times = [first - 0.01, first + 1e-5, first + 0.2, first + 0.3, second + 1e-5]
+    seen = np.interp(times, at[:, 0], size[:, 0] / radius)
     assert seen[1] == pytest.approx(2.5, rel=1e-3)
     assert seen[[0, 3]] == pytest.approx([0, 0], abs=1e-4)
     assert seen[2] == pytest.approx(0.5, rel=1e-2)

@@ -32,6 +32,13 @@ def payload(page):
     return umsgpack.unpackb(unpacked(page, "scene"))
 
 
+def track(data, path, name, width):
+    """The values of a property of a part over the frames, (m, width)."""
+    (clip,) = [x["clip"] for x in data["animations"] if x["path"].endswith(path)]
+    (found,) = [t["values"] for t in clip["tracks"] if t["name"] == name]
+    return np.array(found, float).reshape(-1, width) if isinstance(found, list) else floats(found, width)
+
+
 def floats(ext, width):
     return np.frombuffer(ext.data, dtype="float32").reshape(-1, width)
 
@@ -60,11 +67,11 @@ def test_motion_is_in_the_solution_s_own_time(fourbar, tmp_path):
     sol = motion(fourbar.scene, fourbar.q, start=1.0, end=5.0)
     data = payload(animate(sol, tmp_path / "run.html", fps=50, **PLAIN))
     assert (data["start"], data["end"], data["speed"], data["frames"]) == (1.0, 5.0, 1.0, 201)
-    values = next(floats(p["values"], 7) for p in data["poses"] if p["path"].endswith("link/crank link"))
+    moved, turns = (track(data, "link/crank link", *what) for what in ((".position", 3), (".quaternion", 4)))
     k = [s.name for s in fourbar.scene.shapes].index("crank link")
     expected = np.array([fourbar.scene.placements(fourbar.q(1 + t))[k] for t in np.arange(201) / 50])
-    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=1e-6)
-    turns = values[:, 3:]
+    np.testing.assert_allclose(moved, expected[:, :3], atol=1e-6)
+    np.testing.assert_allclose(floats(data["times"], 1)[:, 0], np.arange(201) / 50, atol=1e-6)
     np.testing.assert_allclose(np.abs(np.sum(turns * expected[:, 3:], axis=1)), 1, atol=1e-6)
     assert np.all(np.sum(turns[1:] * turns[:-1], axis=1) > 0.9), "signs without jumps"
 
@@ -72,9 +79,11 @@ def test_motion_is_in_the_solution_s_own_time(fourbar, tmp_path):
 def test_slow_motion_stores_more_frames_and_what_rests_one(fourbar, tmp_path):
     sol = motion(fourbar.scene, fourbar.q)
     data = payload(animate(sol, tmp_path / "run.html", fps=30, speed=0.25, **PLAIN))
-    counts = {p["path"]: len(floats(p["values"], 7)) for p in data["poses"]}
-    assert set(counts.values()) == {1, data["frames"]} == {1, 2 * 30 * 4 + 1}
-    assert all(n == 1 for path, n in counts.items() if "ground" in path)
+    moving = {x["path"].removesuffix("/<object>") for x in data["animations"]}
+    assert {len(track(data, path, ".quaternion", 4)) for path in moving} == {data["frames"]} == {2 * 30 * 4 + 1}
+    placed = {x["path"] for x in data["commands"] if x["type"] == "set_transform"}
+    assert moving < placed
+    assert any("ground" in path for path in placed - moving)
     long = motion(fourbar.scene, fourbar.q, end=1000.0)
     assert payload(animate(long, tmp_path / "run.html", **PLAIN))["frames"] == replay.MAX_FRAMES
 
@@ -85,7 +94,10 @@ def test_a_mesh_is_stored_once(tmp_path):
     page = animate(still, tmp_path / "run.html", **PLAIN)
     data = payload(page)
     files = {s.mesh for s in panda.scene.shapes if s.mesh is not None}
-    assert len(data["meshes"]) == len(files) < sum(s.mesh is not None for s in panda.scene.shapes)
+    objects = [x["object"] for x in data["commands"] if "/visual/" in x["path"] and x["type"] == "set_object"]
+    used = [x["geometries"][0]["shared"] for x in objects]
+    assert len(set(used)) == len(files) < len(used)
+    assert len(data["geometries"]) < len(panda.scene.shapes)
     assert page.stat().st_size < 2.5e6
     assert data["frames"] == 1
 
@@ -210,60 +222,6 @@ def test_wrong_names_are_refused(sol, tmp_path, options, words):
     assert not list(tmp_path.iterdir())
 
 
-def test_ghosts_are_sampled_at_the_same_times_and_vanish_at_their_end(sol, tmp_path):
-    short = mbdae.solve(sol.mechanism, (0, 1), method="herk3", step=0.01)
-    data = shown(sol, tmp_path, ghosts={"herk3": short})
-    (ghost,) = data["ghosts"]
-    assert ghost["name"] == "herk3"
-    times = np.linspace(0, 2, data["frames"])
-    scene = sol.mechanism.scene
-    for pose in ghost["poses"]:
-        values = floats(pose["values"], 7)
-        assert np.isnan(values[times > 1]).all()
-        assert np.isfinite(values[times <= 1]).all()
-        k = next(i for i, s in enumerate(scene.shapes) if pose["path"].endswith(f"/{s.name}"))
-        np.testing.assert_allclose(values[40, :3], scene.placements(short(times[40]).q)[k, :3], atol=1e-6)
-    assert not [p for p in ghost["poses"] if "base" in p["path"] or "rail" in p["path"]], "what rests has no ghost"
-    assert ("slider", 0) in curves(data, "q.slider (m)")
-    for other, words in ((mbdae.load("four_bar"), "ghost 'x' is of"), (sol.mechanism, "no time in common")):
-        with pytest.raises(InputError, match=words):
-            shown(sol, tmp_path, ghosts={"x": mbdae.solve(other, (5, 5.1))})
-
-
-def test_traces_are_the_paths_of_frames(sol, tmp_path):
-    (trace,) = shown(sol, tmp_path, traces=["rod_tip"])["traces"]
-    points, model = floats(trace["points"], 3), sol.mechanism.model
-    data = model.createData()
-    for k in (0, 50, 100):
-        pin.framesForwardKinematics(model, data, sol(2 * k / (len(points) - 1)).q)
-        np.testing.assert_allclose(points[k], data.oMf[model.getFrameId("rod_tip")].translation, atol=1e-6)
-
-
-def test_arrows_are_forces_in_newton(tmp_path):
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "mass")
-    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(2.0, 0.1), pin.SE3.Identity())
-    top = pin.SE3(np.eye(3), np.array([0, 0, 0.1]))
-    model.addFrame(pin.Frame("hook", joint, top, pin.FrameType.OP_FRAME))
-    turned = pin.SE3(pin.utils.rotate("y", 0.7), top.translation)
-    model.addFrame(pin.Frame("ceiling", 0, turned, pin.FrameType.OP_FRAME))
-    mech = mbdae.Mechanism(model, closures=[mbdae.Closure.point("ceiling", "hook", name="rope")])
-    arrows = shown(mbdae.solve(mech, (0, 0.1), method="herk1", step=0.05), tmp_path, arrows=True)["arrows"]
-    (rope,) = arrows["forces"]
-    assert rope["name"] == "rope"
-    assert arrows["largest"] == pytest.approx(2 * 9.81)
-    np.testing.assert_allclose(floats(rope["values"], 3)[7], [0, 0, 2 * 9.81], atol=1e-5)
-    np.testing.assert_allclose(floats(rope["points"], 3)[7], [0, 0, 0.1], atol=1e-6)
-    hung = mbdae.load("double_pendulum")
-    still = mbdae.solve(hung, (0, 0.1), np.zeros(hung.nq), np.zeros(hung.nv))
-    (bearing,) = shown(still, tmp_path, arrows="joint2")["arrows"]["forces"]
-    weight = 9.81 * hung.model.inertias[2].mass
-    np.testing.assert_allclose(floats(bearing["values"], 3)[3], [0, 0, weight], atol=1e-3)  # almost at rest
-    np.testing.assert_allclose(floats(bearing["points"], 3)[3], hung.frame(still.q[0], "joint2")[0], atol=1e-6)
-    with pytest.raises(InputError, match="no closures between frames"):
-        shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.1)), tmp_path, arrows=True)
-
-
 def test_a_notebook_is_not_filled_beyond_measure(sol, monkeypatch):
     assert sol._repr_html_().startswith("<iframe srcdoc=")
     monkeypatch.setattr(replay, "NOTEBOOK", 1e5)
@@ -277,20 +235,6 @@ def test_a_short_motion_is_shown_slowly(fourbar, tmp_path):
     for end in (0.03, 0.5, 1.9, 2.0, 60.0):
         paces[end] = payload(animate(motion(fourbar.scene, fourbar.q, end=end), tmp_path / "a.html", **PLAIN))["speed"]
     assert paces == {0.03: 0.005, 0.5: 0.1, 1.9: 0.2, 2.0: 1.0, 60.0: 1.0}
-
-
-def test_an_open_loop_is_measured_and_a_spring_has_its_ends(fourbar, tmp_path):
-    opened = motion(fourbar.scene, lambda t: fourbar.q(t) + [0, 0, 0.1])
-    (gap,) = payload(animate(opened, tmp_path / "a.html", **PLAIN))["gaps"]
-    assert gap == {"name": "loop", "open": pytest.approx(2 * 1.5 * np.sin(0.05))}
-    run = mbdae.solve(mbdae.load("spring_four_bar"), (0, 0.5))
-    data = payload(animate(run, tmp_path / "a.html"))
-    (spring,) = data["springs"]
-    ends = floats(spring["ends"], 6)
-    assert len(ends) == data["frames"]
-    assert (spring["coil"], spring["tube"], spring["length"]) == (True, False, pytest.approx(2**0.5))
-    np.testing.assert_allclose(ends[:, :3], 0, atol=1e-12)
-    assert {b["name"] for b in data["bodies"]} == {"left", "coupler", "right"}
 
 
 def test_cameras_are_refused_by_name(sol, tmp_path):

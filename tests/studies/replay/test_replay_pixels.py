@@ -22,8 +22,8 @@ SIZES = (1280, 800), (390, 844)
 WITHOUT = """(() => {
   const root = nodeOf(mbdae.viewer, "mechanism"), pane = mbdae.viewer.renderer.domElement;
   const look = () => { mbdae.viewer.render(); return pane.toDataURL(); };
-  root.floor.visible = false;
-  const full = look(), hidden = root.children.filter(x => x.visible && !x.isLight && x !== root.floor);
+  nodeOf(mbdae.viewer, "ground").visible = false;
+  const full = look(), hidden = root.children.filter(x => x.visible);
   for (const x of hidden) x.visible = false;
   const empty = look();
   for (const x of hidden) x.visible = true;

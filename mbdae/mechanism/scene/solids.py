@@ -1,26 +1,18 @@
-"""Shapes as triangles; primitives have their axes of symmetry along z and their centre at the origin."""
+"""Primitive shapes and springs as triangles; the axes of symmetry are z, the centres of primitives the origin."""
 
-from typing import TYPE_CHECKING
+from functools import cache
 
 import numpy as np
 
-from ...mechanism.scene.surfaces import Surface, surfaces, welded
 from ...system import Array
 from ...tolerances import COINCIDENT
+from .surfaces import Surface, welded
 
-if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Shape
-
-AROUND, ACROSS, TURNS = 48, 16, 12
-
-
-def coloured_surfaces(shape: "Shape") -> list[Surface]:
-    """Return the triangles of a shape, an entry for each colour; none for a damaged mesh."""
-    if shape.mesh is None:
-        return [solid(shape.kind, shape.size)]
-    return surfaces(shape.mesh, pictures=True) or []
+AROUND, ACROSS = 48, 16
+WIRE_CORNERS, WINDING_POINTS = 8, 20  # of the section of a wire; along a winding
 
 
+@cache
 def solid(kind: str, size: tuple[float, ...]) -> Surface:
     """Return triangles of a box, sphere, ellipsoid, cylinder, cone or capsule; sizes [m] as those of a `Shape`."""
     if kind == "box":
@@ -39,20 +31,29 @@ def solid(kind: str, size: tuple[float, ...]) -> Surface:
     return welded(_revolved(np.array([0, radius, top, 0]), np.array([-1, -1, 1, 1]) * length / 2), None)
 
 
-def coil(radius: float, wire: float, length: float) -> Surface:
-    """Return a wire wound about z, from the origin to (0, 0, length) [m], straight at both ends."""
-    radius = min(radius, 0.1 * length)
-    s = np.linspace(0, 1, 20 * TURNS + 1)
+def coil(radius: float, wire: float, length: float) -> tuple[Surface, Array]:
+    """Return a wire wound about z, from the origin to (0, 0, length) [m], straight at both ends.
+
+    Also the displacement of its points (n, 3) when it becomes twice as long; the section of the wire stays round.
+    """
+    turns = int(np.clip(round(length / (1.9 * radius)), 6, 16))
+    s = np.linspace(0, 1, WINDING_POINTS * turns + 1)
     winding = np.clip((s - 0.08) / 0.84, 0, 1)
-    r = radius * np.clip(2 * TURNS * np.minimum(winding, 1 - winding), 0, 1)
-    angle = 2 * np.pi * TURNS * winding
+    r = radius * np.clip(2 * turns * np.minimum(winding, 1 - winding), 0, 1)
+    angle = 2 * np.pi * turns * winding
     middle = np.column_stack([r * np.cos(angle), r * np.sin(angle), length * s])
     out = np.column_stack([np.cos(angle), np.sin(angle), 0 * s])
     side = np.cross(np.gradient(middle, axis=0), out)
     side /= np.linalg.norm(side, axis=1)[:, None]
-    u = np.linspace(0, 2 * np.pi, 9)
+    u = 2 * np.pi * np.arange(WIRE_CORNERS) / WIRE_CORNERS
     ring = np.cos(u)[None, :, None] * out[:, None] + np.sin(u)[None, :, None] * side[:, None]
-    return welded(_quads(middle[:, None] + min(wire, 0.22 * radius) * ring), None)
+    i, k = np.meshgrid(np.arange(len(s) - 1), np.arange(WIRE_CORNERS), indexing="ij")
+    a, b = WIRE_CORNERS * i + k, WIRE_CORNERS * i + (k + 1) % WIRE_CORNERS
+    c, d = a + WIRE_CORNERS, b + WIRE_CORNERS
+    faces = np.stack([a, b, c, b, d, c], axis=-1).reshape(-1, 3)
+    points = (middle[:, None] + wire * ring).reshape(-1, 3)
+    stretch = np.repeat(np.column_stack([0 * s, 0 * s, length * s]), WIRE_CORNERS, axis=0)
+    return Surface(points, faces, None), stretch
 
 
 def _revolved(r: Array, z: Array) -> Array:

@@ -1,0 +1,54 @@
+"""Inputs that follow a simulator, plus variations: for the derivatives of an advance."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import PrivateAttr
+
+from .input_functions import Input
+from .time_function_base import BaseTimeFunction
+
+
+@dataclass
+class AdvanceSpan:
+    """The last advance: its start and its length in s."""
+
+    start: float = 0.0
+    length: float = 1.0
+
+
+class VariedInput(BaseTimeFunction):
+    """The input of a simulator over its last advance, varied.
+
+        u(t) = u + end                                                            hold = "zero"
+        u(t) = u_0 + begin + (u_1 + end - u_0 - begin) (t - t_0)/dt               hold = "first"
+
+    Attributes:
+        begin: change of the value at the start of the advance.
+        end: change of the value that was set for it.
+    """
+
+    begin: float = 0.0
+    end: float = 0.0
+    _at: Callable[..., float] = PrivateAttr()
+
+    @classmethod
+    def of(cls, cell: Input, span: AdvanceSpan, begin: float, end: float) -> "VariedInput":
+        """Return the varied input of a simulator."""
+        out, follow, linear = cls(begin=begin, end=end), cell.at, cell.hold == "first"
+
+        def at(t: float, k: int = 0) -> float:
+            if not linear:
+                return follow(t, k) + (0.0 if k else end)
+            rate = (end - begin) / span.length
+            return follow(t, k) + (begin + rate * (t - span.start), rate, 0.0)[k]
+
+        out._at = at
+        return out
+
+    def at(self, t: float, k: int = 0) -> float:
+        return self._at(t, k)
+
+    def core_data(self) -> dict[str, Any]:
+        return {"kind": "python", "call": self._at}

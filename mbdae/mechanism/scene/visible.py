@@ -1,0 +1,94 @@
+"""Points of a motion that a camera should show, its extent, and the plane of a planar motion."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...system import Array
+from ...tolerances import TINY
+from .scene import Scene
+
+FRAMES = 60  # of a motion
+FLAT = 0.3  # of the widest extent: thinner scenes are shown without perspective along their thinnest axis
+FAR = 2.5  # times the size of a mechanism: one that travels farther is followed
+REACH = 0.2  # of the size of what moves: resting shapes are shown up to there
+CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T  # of a box
+DIRECTIONS = 150  # in which extreme points are kept
+
+
+class Visible(NamedTuple):
+    """Points that a camera should show.
+
+    Attributes:
+        points: (n, 3) in m, relative to a followed body.
+        thin: axis normal to a planar motion; -1 for a spatial one.
+        extent: diagonal of the box around the points in m.
+        moves: whether anything moves.
+    """
+
+    points: Array
+    thin: int
+    extent: float
+    moves: bool
+
+
+def sampled(q: Array, count: int = FRAMES) -> Array:
+    """Return at most ``count`` of the configurations of a motion (m, nq), with its first and last."""
+    return q[np.unique(np.linspace(0, len(q) - 1, min(len(q), count)).astype(int))]
+
+
+class Sight:
+    """Motion q (m, nq) of a scene, of which points should be visible: no rails, no marks of closures."""
+
+    def __init__(self, scene: Scene, q: Array) -> None:
+        self.track = track = scene.placements(q)
+        counted = [k for k, shape in enumerate(scene.shapes) if shape.role not in ("rail", "closure")]
+        moving = [k for k in counted if np.ptp(track[:, k], axis=0).any()]
+        ends = scene.end_points(scene.springs, q).reshape(len(q), -1, 6)
+        springs = ends[:, np.ptp(ends, axis=0).any(axis=1)].reshape(len(q), -1, 3)
+        self.moving = np.concatenate([corners(scene, moving, track), springs], axis=1)
+        self.rest = corners(scene, [k for k in counted if k not in moving], track[:1])[0]
+
+    def visible(self, leader: int | None = None) -> Visible:
+        """Return what should be visible; with a shape that the camera follows without resting shapes."""
+        origin = 0.0 if leader is None else self.track[:, leader, None, :3]
+        near = (self.moving - origin).reshape(-1, 3)
+        points, moves = near, len(near) > 0
+        if not moves:
+            points = self.rest if len(self.rest) else np.array([[-0.5] * 3, [0.5] * 3])
+        elif leader is None:
+            reach = REACH * np.linalg.norm(np.ptp(near, axis=0))
+            inside = np.clip(self.rest, near.min(axis=0) - reach, near.max(axis=0) + reach)
+            points = np.concatenate([near, inside])
+        size = np.ptp(points, axis=0)
+        thin = int(size.argmin()) if size.min() < FLAT * size.max() else -1
+        return Visible(_extreme(points), thin, float(np.linalg.norm(size)) or 1.0, moves)
+
+
+def corners(scene: Scene, shapes: Sequence[int], track: Array) -> Array:
+    """Return the corners (m, 8 n, 3) of the boxes of n shapes at their placements in a track (m, all shapes, 7)."""
+    out = np.empty((len(track), len(shapes), 8, 3))
+    for i, k in enumerate(shapes):
+        low, high = scene.shapes[k].bounds
+        turn = Rotation.from_quat(track[:, k, 3:]).as_matrix()
+        out[:, i] = (low + CORNERS * (high - low)) @ turn.swapaxes(1, 2) + track[:, k, None, :3]
+    return out.reshape(len(track), -1, 3)
+
+
+def bounds(scene: Scene, q: Array) -> Array:
+    """Return the corners (2, 3) of the box around all shapes but marks of closures, at configurations q (m, nq)."""
+    shown = [k for k, shape in enumerate(scene.shapes) if shape.role != "closure"]
+    points = corners(scene, shown, scene.placements(q)).reshape(-1, 3)
+    return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else np.array([[-0.5] * 3, [0.5] * 3])
+
+
+def _extreme(points: Array) -> Array:
+    """Return the points that are extreme in many directions."""
+    k = np.arange(DIRECTIONS) + 0.5
+    up, turn = 1 - 2 * k / DIRECTIONS, np.pi * (1 + 5**0.5) * k
+    side = np.sqrt(np.maximum(1 - up * up, TINY))
+    directions = np.column_stack([side * np.cos(turn), side * np.sin(turn), up])
+    directions = np.concatenate([directions, np.eye(3), -np.eye(3)])
+    return points[np.unique((points @ directions.T).argmax(axis=0))]

@@ -1,0 +1,1 @@
+"""Simulated mechanisms in a browser, in real time."""

@@ -1,0 +1,43 @@
+"""The sub-command ``live``."""
+
+import sys
+from time import sleep
+from typing import Any
+
+import click
+
+from ...cli.model import ChosenModel
+from ...cli.output import exit_unless_successful, output_file
+from ...cli.study_command import Output, Study, command
+
+RUN = output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the simulated run at the end.")
+SECONDS = click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="End after this time.")
+LOOK = 0.2  # s between looks at the view
+
+
+@command("range speed fps port paused shadows", RUN, shared="method rtol step", more=(SECONDS,))
+def live(
+    study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any
+) -> None:
+    """Simulate a model in real time in a browser, with sliders for its inputs and joints, until Ctrl-C.
+
+    A drag on a body pulls it by a spring.
+    """
+    record = out.paths["output"] is not None
+    view = study(model.load(), record=record, **options)
+    if not out.as_json:
+        click.echo(f"{view.mechanism.title}: {view.url} (Ctrl-C ends it)")
+    if sys.stdout.isatty():
+        click.launch(view.url)
+    try:
+        left = seconds if seconds is not None else float("inf")
+        while left > 0:
+            sleep(min(LOOK, left))
+            left -= LOOK
+    except KeyboardInterrupt:
+        pass
+    sol = view.stop()
+    written = view.save(out.paths["output"]) if record else []
+    data = {"t": float(sol.t[-1]), "status": sol.status, "message": sol.message, "resets": len(view.runs)}
+    out.emit(data, f"simulated {sol.t[-1]:.6g} s: {sol.status}", written)
+    exit_unless_successful(sol)

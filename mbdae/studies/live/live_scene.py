@@ -1,0 +1,68 @@
+"""The scene of a live view, as commands of meshcat."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...mechanism.scene.drawables import Drawable, Track, aligned_quaternions, drawables, motions, primitive
+from ...mechanism.scene.visible import Sight, bounds
+from ...system import Array
+from ..replay.stage import GROUND, SUN, levels, stage
+from ..replay.threejs import drawn, placed, set_property
+
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Scene
+
+SUN_AT = np.array([0.2, -0.8, 2.8])  # from the mechanism, in extents
+CAMERA_AT = 0.6 * np.array([0.9, -0.9, 0.55])  # from the mechanism, in extents
+PULL = Drawable("pull", primitive("cylinder", (1.0, 1.0)), rgba=(0.76, 0.09, 0.36, 1.0), style="mark")
+
+
+class LiveScene:
+    """The drawables of a mechanism, and a line from a pulled point to its target.
+
+    Args:
+        scene: of the mechanism.
+        q: configuration (nq,) at the start, from which the camera is chosen.
+        shadows: whether bodies cast shadows.
+
+    Attributes:
+        bodies: the joint that carries each drawable, by name; without those between two joints, and without fixed ones.
+        camera: position and target in m.
+    """
+
+    def __init__(self, scene: "Scene", q: Array, shadows: bool) -> None:
+        self.scene, self.shadows = scene.travelled(q[None]), shadows
+        self.drawables = drawables(self.scene)
+        self.box, self.extent = bounds(self.scene, q[None]), Sight(self.scene, q[None]).visible().extent
+        carriers = zip(self.drawables, self.scene.carriers, strict=False)
+        self.bodies = {d.name: joints[0] for d, joints in carriers if len(joints) == 1 and joints[0]}
+        middle = self.box.mean(axis=0)
+        self.camera = {"position": (middle + self.extent * CAMERA_AT).tolist(), "target": middle.tolist()}
+
+    def commands(self) -> Iterator[dict[str, Any]]:
+        """Yield the commands that draw the scene, without marks of closures."""
+        yield from stage(self.extent)
+        sun = self.box.mean(axis=0) + self.extent * SUN_AT
+        yield set_property(f"{SUN}/<object>", "position", sun.tolist())
+        yield set_property(f"{SUN}/<object>", "castShadow", self.shadows)
+        level = levels(self.box, self.extent, self.scene.ground)["top"]
+        yield set_property(GROUND, "position", [*self.box.mean(axis=0)[:2].tolist(), level])
+        yield from drawn([*(d for d in self.drawables if d.style != "closure"), PULL])
+
+    def frame(self, q: Array, line: Array | None) -> Iterator[dict[str, Any]]:
+        """Yield the commands that move the scene to q (nq,), and a line (2, 3) if a point is pulled."""
+        for d, motion in zip(self.drawables, motions(self.scene, q[None]), strict=True):
+            if d.style != "closure":
+                yield from placed([d], [motion])
+        yield set_property("/mechanism/pull", "visible", line is not None)
+        if line is not None:
+            way, width = line[1] - line[0], 0.5 * self.scene.width
+            scale = np.array([[width, width, max(float(np.linalg.norm(way)), width)]])
+            motion = {
+                "position": Track(line.mean(axis=0)[None]),
+                "rotation": Track(aligned_quaternions(way[None])),
+                "scale": Track(scale),
+            }
+            yield from placed([PULL], [motion])

@@ -1,0 +1,269 @@
+"""What a user does to a live simulation: sets inputs, pulls joints to values, and a point to a target, by springs.
+
+A spring acts through inputs of the mechanism, constant over pieces of an advance that are much shorter than its period.
+So the recorded run contains all that was done, and `mbdae.solve` repeats it.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil, isfinite
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, UnknownNameError
+from ...integrate.simulator import Simulator
+from ...mechanism import Mechanism
+from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.forces.joint_torque import JointTorque
+from ...mechanism.forces.wrench import Wrench
+from ...mechanism.frames import find_frame, find_joint, frame_names
+from ...mechanism.input_functions import Input
+from ...mechanism.inputs import Inputs
+from ...mechanism.pulled_point import PulledPoint, joint_inertias
+from ...mechanism.variant import variant
+from ...system import Array
+from ..view.sliders import MAX_SLIDERS, independent, limits_of, value_of
+
+FREQUENCY = 20.0  # of the springs in rad/s: what a hand does
+PIECE = 0.1  # of 1/FREQUENCY: longest time over which their forces are constant
+WIDE = 10.0  # half range of the slider of an input without one, or twice its value
+AXES = "xyz"
+
+
+class Pulls:
+    """Inputs, springs on joints, and a spring on a point of a mechanism.
+
+    Args:
+        mechanism: the mechanism.
+        q: start (nq,), which is on the manifold of the closures.
+        ranges: (low, high) of the sliders of inputs and joints, by name.
+
+    Attributes:
+        mechanism: a copy with inputs ``move JOINT`` for torques and forces on joints, and ``pull BODY fx``, ... for
+            those on bodies.
+        line: the pulled point and its target (2, 3), or None.
+
+    Raises:
+        UnknownNameError: for a range of something else than an input or a joint with a slider.
+        InputError: for a range that is not two increasing numbers.
+    """
+
+    def __init__(self, mechanism: Mechanism, q: Array, ranges: Mapping[str, Sequence[float]]) -> None:
+        self.inputs = dict(Inputs(mechanism).named)
+        self.joints = independent(mechanism, mechanism.system(), q)[:MAX_SLIDERS]
+        self.bodies = _bodies(mechanism)
+        forces = [JointTorque(name=f"move {j}", joint=j, torque=Input(name=f"move {j}")) for j in self.joints]
+        wrenches = [_wrench(frame) for frame in self.bodies.values()]
+        self.mechanism = variant(mechanism, forces=[*mechanism.forces, *forces, *wrenches], source=None)
+        self._ranges = {**_default_ranges(mechanism, self.inputs, self.joints, q), **_checked(ranges)}
+        for name in ranges:
+            if name not in self.inputs and name not in self.joints:
+                raise UnknownNameError("input or joint", name, [*self.inputs, *self.joints])
+        self._starts = {name: value_of(q, find_joint(mechanism.model, name)) for name in self.joints}
+        self._targets: dict[str, float] = {}
+        self._point: PulledPoint | None = None
+        self._body, self._to = "", np.zeros(3)
+        self._acting: set[str] = set()
+        self.line: Array | None = None
+
+    # -- orders ----------------------------------------------------------------------------------------------------
+
+    def check(self, order: Mapping[str, Any]) -> None:
+        """Check an order of a page or of a caller.
+
+        Raises:
+            UnknownNameError: for an unknown input, joint or frame.
+            InputError: for values that are not finite numbers.
+        """
+        for key, what, known in (("input", "input", self.inputs), ("joint", "joint", self.joints)):
+            if key in order:
+                if order[key] not in known:
+                    raise UnknownNameError(what, order[key], known)
+                if key == "input" or order.get("value") is not None:
+                    _finite(f"{what} {order[key]!r}", order.get("value"))
+        self._check_points(order)
+
+    def _check_points(self, order: Mapping[str, Any]) -> None:
+        if "frame" in order and self._joint_of(order["frame"]) not in self.bodies:
+            movable = [n for n in frame_names(self.mechanism.model) if self._joint_of(n) in self.bodies]
+            raise InputError(f"frame {order['frame']!r} is fixed and cannot be pulled; valid: {', '.join(movable)}")
+        for point in (order[key] for key in ("point", "to") if key in order):
+            if not isinstance(point, Sequence) or len(point) != len(AXES):
+                raise InputError(f"a point is three numbers in m, got {point!r}")
+            for x in point:
+                _finite("a point", x)
+
+    def order(self, order: Mapping[str, Any], simulator: Simulator, drawables: Mapping[str, int]) -> None:
+        """Do what was ordered; ``drawables`` are the joints that carry what is drawn, by name."""
+        if "input" in order:
+            simulator[order["input"]] = order["value"]
+        elif "joint" in order:
+            self._targets.pop(order["joint"], None)
+            if order["value"] is not None:
+                self._targets[order["joint"]] = float(order["value"])
+        elif "pull" in order:
+            joint = drawables.get(order["pull"], 0)
+            if joint in self.bodies:
+                self._take(joint, np.array(order["point"], float), simulator.q)
+        elif "frame" in order:
+            q = simulator.q
+            joint = self._joint_of(order["frame"])
+            self._take(joint, self.mechanism.frame(q, order["frame"])[0], q)
+            self._to = np.array(order["to"], float)
+        elif "to" in order:
+            self._to = np.array(order["to"], float)
+        elif "drop" in order:
+            self._point = self.line = None
+        elif "release" in order:
+            self.release()
+        else:
+            raise InputError(f"unknown order {json.dumps(order)[:60]}")
+
+    def _take(self, joint: int, point: Array, q: Array) -> None:
+        self._point, self._body, self._to = PulledPoint(self.mechanism, joint, point, q), self.bodies[joint], point
+
+    def _joint_of(self, frame: str) -> int:
+        return find_frame(self.mechanism.model, frame).parentJoint
+
+    def release(self) -> None:
+        """Release all springs."""
+        self._targets.clear()
+        self._point = self.line = None
+
+    # -- springs ---------------------------------------------------------------------------------------------------
+
+    def pieces(self, dt: float) -> int:
+        """Return into how many pieces an advance of dt in s is divided."""
+        active = self._targets or self._point or self._acting
+        return ceil(dt * FREQUENCY / PIECE) if active else 1
+
+    def apply(self, simulator: Simulator) -> None:
+        """Set the inputs by the springs at the state now."""
+        forces: dict[str, float] = {}
+        if self._targets or self._point:
+            q, v = simulator.q, simulator.v
+            forces = {**self._joint_forces(q, v), **self._point_forces(q, v)}
+        for name in self._acting - set(forces):
+            simulator[name] = 0.0
+        for name, value in forces.items():
+            simulator[name] = value
+        self._acting = set(forces)
+
+    def _joint_forces(self, q: Array, v: Array) -> dict[str, float]:
+        """Return torques and forces m (w^2 (target - q) - 2 w v)."""
+        if not self._targets:
+            return {}
+        inertias, out = joint_inertias(self.mechanism, q), {}
+        for name, target in self._targets.items():
+            joint = find_joint(self.mechanism.model, name)
+            off = target - value_of(q, joint)
+            if joint.nq > 1:  # an angle without limits
+                off = (off + np.pi) % (2 * np.pi) - np.pi
+            rate = FREQUENCY**2 * off - 2 * FREQUENCY * v[joint.idx_v]
+            out[f"move {name}"] = float(inertias[joint.idx_v] * rate)
+        return out
+
+    def _point_forces(self, q: Array, v: Array) -> dict[str, float]:
+        if self._point is None:
+            return {}
+        found = self._point.pull(q, v, self._to, FREQUENCY)
+        self.line = np.array([found.point, self._to])
+        values = zip(_components(self._body), [*found.force, *found.torque], strict=True)
+        return {name: float(x) for name, x in values}
+
+    # -- controls of the page --------------------------------------------------------------------------------------
+
+    def controls(self, simulator: Simulator) -> Iterator[dict[str, Any]]:
+        """Yield meshcat's commands for buttons and sliders."""
+        for name, order in (("pause or play", {"play": None}), ("reset", {"reset": True})):
+            yield {"type": "set_control", "name": name, "callback": f"() => live.send({json.dumps(order)})"}
+        sliders = [("input", name, simulator[name]) for name in self.inputs]
+        sliders += [("joint", name, self._targets.get(name, self._starts[name])) for name in self.joints]
+        for kind, name, value in sliders:
+            low, high = self._ranges[name]
+            yield {
+                "type": "set_control",
+                "name": self._label(name),
+                "callback": f"value => live.send({{{kind}: {json.dumps(name)}, value}})",
+                "value": value,
+                "min": low,
+                "max": high,
+                "step": (high - low) / 1000,
+            }
+        if self.joints:
+            yield {
+                "type": "set_control",
+                "name": "release the joints",
+                "callback": f"() => live.send({json.dumps({'release': True})})",
+            }
+
+    def slider_values(self, simulator: Simulator) -> Iterator[dict[str, Any]]:
+        """Yield meshcat's commands that set the sliders to the state now."""
+        values = {name: simulator[name] for name in self.inputs}
+        values |= self._starts
+        for name, value in values.items():
+            command = {"type": "set_control_value", "name": self._label(name)}
+            yield {**command, "value": value, "invoke_callback": False}
+
+    def _label(self, name: str) -> str:
+        unit = self.inputs[name].unit if name in self.inputs else _unit(self.mechanism, name)
+        return f"{name} ({unit})" if unit else name
+
+
+def _bodies(mechanism: Mechanism) -> dict[int, str]:
+    """Return the bodies that can be pulled: a frame for each joint, at the joint."""
+    model, out = mechanism.model, {}
+    for name in mechanism.joint_names:
+        joint = find_joint(model, name).id
+        frame = find_frame(model, name) if name in frame_names(model) else None
+        if frame is not None and frame.parentJoint == joint and frame.placement.isIdentity():
+            out[joint] = name
+    return out
+
+
+def _components(body: str) -> list[str]:
+    return [f"pull {body} {kind}{axis}" for kind in "fm" for axis in AXES]
+
+
+def _wrench(frame: str) -> Wrench:
+    inputs = [Input(name=name, unit="N" if k < len(AXES) else "N m") for k, name in enumerate(_components(frame))]
+    return Wrench(name=f"pull {frame}", frame=frame, force=tuple(inputs[:3]), torque=tuple(inputs[3:]))
+
+
+def _unit(mechanism: Mechanism, joint: str) -> str:
+    return coordinate_units(mechanism)[f"v.{joint}"].removesuffix("/s")
+
+
+def _default_ranges(
+    mechanism: Mechanism, inputs: Mapping[str, Input], joints: Sequence[str], q: Array
+) -> dict[str, tuple[float, float]]:
+    out = {}
+    for name, given in inputs.items():
+        half = max(WIDE, 2 * abs(given.value))
+        out[name] = (-half, half)
+    for name in joints:
+        here, limits = value_of(q, find_joint(mechanism.model, name)), limits_of(mechanism, name)
+        half = np.pi if _unit(mechanism, name) == "rad" else 0.5
+        low, high = (here - half, here + half) if limits is None else limits
+        out[name] = (float(low), float(high))
+    return out
+
+
+def _checked(ranges: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, float]]:
+    out = {}
+    for name, pair in ranges.items():
+        try:
+            low, high = map(float, pair)
+        except (TypeError, ValueError):
+            low, high = np.nan, np.nan
+        if not (isfinite(low) and isfinite(high) and low < high):
+            raise InputError(f"the range of {name!r} must be two increasing numbers, got {pair!r}")
+        out[name] = (low, high)
+    return out
+
+
+def _finite(what: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+        raise InputError(f"{what} must be a finite number, got {value!r}")

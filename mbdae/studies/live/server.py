@@ -1,0 +1,178 @@
+"""The server of a live view: meshcat's page and socket for the scene, and a socket for controls and state."""
+
+import asyncio
+import json
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+import tornado.web
+import tornado.websocket
+import umsgpack
+
+from ...errors import InputError
+from ..replay.html_page import viewer_folder
+
+HERE = Path(__file__).parent
+BEHIND = 2  # frames that a page may not have drawn yet
+FIRST_PORT, PORTS = 7000, 100
+
+
+class Server:
+    """Serves one scene to any number of pages, in a thread of its own.
+
+    Args:
+        scene: returns the commands that draw the scene now.
+        received: called with each message of a page, in the thread of the server.
+        port: of the page; a free one from 7000 on if omitted.
+
+    Attributes:
+        url: address of the page.
+        pages: sockets of the open pages, with the number of the last frame that each has drawn.
+
+    Raises:
+        InputError: for a port that is in use.
+    """
+
+    def __init__(
+        self,
+        scene: Callable[[], Iterable[Mapping[str, Any]]],
+        received: Callable[[dict[str, Any]], None],
+        port: int | None = None,
+    ) -> None:
+        self.scene, self.received = scene, received
+        self.scenes: set[Any] = set()
+        self.pages: dict[Any, int] = {}
+        self.count = 0
+        self._loop = asyncio.new_event_loop()
+        self._ready, self._failed = Event(), ""
+        self._thread = Thread(target=self._serve, args=(port,), name="live view", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._failed:
+            self._thread.join()
+            raise InputError(self._failed)
+
+    def _serve(self, port: int | None) -> None:
+        asyncio.set_event_loop(self._loop)
+        app = tornado.web.Application([
+            (r"/static/(?:index[.]html)?", _Page),
+            (r"/static/(live[.]js)", tornado.web.StaticFileHandler, {"path": str(HERE)}),
+            (r"/static/(.*)", tornado.web.StaticFileHandler, {"path": str(viewer_folder())}),
+            (r"/", _Scene, {"server": self}),
+            (r"/live", _Controls, {"server": self}),
+        ])  # fmt: skip
+        try:
+            self._http, self.port = self._loop.run_until_complete(_listen(app, port))
+        except OSError as e:
+            self._failed = f"port {port} cannot be used: {e.strerror or e}" if port else "no free port is found"
+            self._ready.set()
+            return
+        self.url = f"http://127.0.0.1:{self.port}/static/"
+        self._ready.set()
+        self._loop.run_forever()
+        self._loop.run_until_complete(self._http.close_all_connections())
+        self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+        self._loop.close()
+
+    def show(self, commands: Iterable[Mapping[str, Any]], state: Mapping[str, Any]) -> bool:
+        """Send a frame to the pages; return whether they are ready for it, which slow ones are not."""
+        if self.pages and self.count - min(self.pages.values()) >= BEHIND:
+            return False
+        self.count += 1
+        packed = [umsgpack.packb(command) for command in commands]
+        self._loop.call_soon_threadsafe(self._send, packed, json.dumps({**state, "frame": self.count}))
+        return True
+
+    def command(self, *commands: Mapping[str, Any]) -> None:
+        """Send commands of meshcat to the pages."""
+        self._loop.call_soon_threadsafe(self._send, [umsgpack.packb(command) for command in commands], "")
+
+    def _send(self, packed: list[bytes], state: str) -> None:
+        for socket in list(self.scenes):
+            for data in packed:
+                _write(socket, data)
+        for socket in list(self.pages) if state else ():
+            _write(socket, state)
+
+    def close(self) -> None:
+        """Stop serving; open pages say so."""
+        if self._loop.is_closed():
+            return
+
+        def stop() -> None:
+            self._http.stop()
+            for socket in (*self.scenes, *self.pages):
+                socket.close()
+            self._loop.call_later(0.05, self._loop.stop)  # after the closing frames
+
+        self._loop.call_soon_threadsafe(stop)
+        self._thread.join()
+
+
+async def _listen(app: Any, port: int | None) -> tuple[Any, int]:
+    """Return the HTTP server and its port."""
+    for number in range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]:
+        try:
+            return app.listen(number, "127.0.0.1"), number
+        except OSError:
+            if number in (port, FIRST_PORT + PORTS - 1):
+                raise
+    raise AssertionError
+
+
+def _write(socket: Any, data: bytes | str) -> None:
+    with suppress(tornado.websocket.WebSocketClosedError):  # on_close follows
+        socket.write_message(data, binary=isinstance(data, bytes))
+
+
+class _Page(tornado.web.RequestHandler):
+    """Meshcat's page with the script of the live view."""
+
+    def get(self) -> None:
+        text = (viewer_folder() / "index.html").read_text("utf-8")
+        self.set_header("Cache-Control", "no-store")
+        self.finish(text.replace("</body>", "") + '<script src="live.js"></script>')
+
+
+class _Scene(tornado.websocket.WebSocketHandler):
+    """Meshcat's socket: commands in msgpack."""
+
+    def initialize(self, server: Server) -> None:
+        self.server = server
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        for command in self.server.scene():
+            self.write_message(umsgpack.packb(command), binary=True)
+        self.server.scenes.add(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        """Pictures, which the viewer sends on request, are not requested."""
+
+    def on_close(self) -> None:
+        self.server.scenes.discard(self)
+
+
+class _Controls(tornado.websocket.WebSocketHandler):
+    """JSON: the state of the simulation to the page; inputs, buttons, dragged points and drawn frames from it."""
+
+    def initialize(self, server: Server) -> None:
+        self.server = server
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        self.server.pages[self] = self.server.count
+
+    def on_message(self, message: str | bytes) -> None:
+        try:
+            found = json.loads(message)
+        except ValueError:
+            return
+        if isinstance(found, dict) and isinstance(found.get("frame"), int):
+            self.server.pages[self] = found["frame"]
+        elif isinstance(found, dict):
+            self.server.received(found)
+
+    def on_close(self) -> None:
+        self.server.pages.pop(self, None)

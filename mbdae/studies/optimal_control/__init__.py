@@ -1,0 +1,1 @@
+"""Optimal control of mechanisms by direct shooting."""

@@ -1,0 +1,205 @@
+"""A motion with given inputs, and the derivatives of its signals by them: one forward sweep of advances."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import StepError
+from ...integrate.simulator import Simulator
+from ...mechanism.input_functions import InputSetting
+from ...solution.signal_value import SignalValue, find_signal, value
+from ...solution.solution import Solution
+from ...system import Array
+from ..optimize.objective import CostEvaluation
+from ..sensitivity.signal_jacobian import SignalJacobian, differentiable
+
+SIMPSON = (4.0, 2.0)  # weights of odd and even points, over h/3; 1 at both ends
+
+
+class Grid(NamedTuple):
+    """The unknowns z: values of each input at ``points`` times, or on the intervals between, and the duration.
+
+    Attributes:
+        names: of the inputs.
+        linear: those that are linear between the points; others are constant.
+        points: number of points.
+        steps: of the method, in each interval; an even number.
+        duration: in s; None if it is an unknown, the last one.
+    """
+
+    names: tuple[str, ...]
+    linear: tuple[str, ...]
+    points: int
+    steps: int
+    duration: float | None
+
+    def sizes(self) -> dict[str, int]:
+        """Return the number of values of each input."""
+        return {name: self.points - (name not in self.linear) for name in self.names}
+
+    def unknowns(self) -> list[str]:
+        """Return the names of z."""
+        inputs = [f"{name}.{k}" for name, n in self.sizes().items() for k in range(n)]
+        return [*inputs, *(["duration"] if self.duration is None else [])]
+
+    def columns(self, name: str) -> range:
+        """Return the position of the values of an input in z."""
+        first = sum(n for other, n in list(self.sizes().items())[: self.names.index(name)])
+        return range(first, first + self.sizes()[name])
+
+    def weights(self) -> Array:
+        """Return the weights of the integral over an interval of length 1 by Simpson's rule, (steps + 1,)."""
+        inner = [SIMPSON[i % 2] for i in range(self.steps - 1)]
+        return np.array([1.0, *inner, 1.0]) / (3 * self.steps)
+
+
+@dataclass(frozen=True)
+class ControlledMotion:
+    """A motion, with signals at the nodes and their derivatives by the unknowns.
+
+    Attributes:
+        shooting: how it was computed.
+        z: the unknowns, (k,).
+        t: times of the nodes, (points - 1, steps + 1): the ends of intervals are in both.
+        values: of signals and inputs, (points - 1, steps + 1) each.
+        partials: their derivatives, (points - 1, steps + 1, k) each.
+    """
+
+    shooting: "Shooting"
+    z: Array
+    t: Array
+    values: dict[str, Array]
+    partials: dict[str, Array]
+
+    @property
+    def duration(self) -> float:
+        """In s."""
+        return float(self.t[-1, -1] - self.t[0, 0])
+
+    @cached_property
+    def result(self) -> Solution:
+        """The run; it is computed again."""
+        return self.shooting.run(self.z)
+
+    def at_points(self, name: str) -> Array:
+        """Return a signal at the points, (points,)."""
+        return np.append(self.values[name][:, 0], self.values[name][-1, -1])
+
+    def evaluate(self, function: Any, what: str = "") -> CostEvaluation:
+        """Return a cost or a constraint, (motion) -> (value, derivatives (k,))."""
+        found, derivatives = function(self)
+        return CostEvaluation(found, lambda: derivatives)
+
+
+class Shooting:
+    """Motions over the unknowns, from one start.
+
+    Args:
+        simulator: at the start.
+        grid: the unknowns.
+        signals: names of the signals that costs and constraints need.
+
+    Raises:
+        UnknownNameError: for an unknown signal.
+        InputError: for a signal without a derivative.
+    """
+
+    def __init__(self, simulator: Simulator, grid: Grid, signals: Sequence[str]) -> None:
+        self.simulator, self.grid, self.start = simulator, grid, simulator.save()
+        self.names = [name for name in dict.fromkeys(signals) if name not in grid.names]
+        self.known: dict[str, SignalValue] = {}
+        for name in self.names:
+            self.known[name] = find_signal(simulator.mechanism, name)
+            differentiable(simulator.mechanism, name)
+
+    def _begin(self, z: Array) -> float:
+        """Return to the start, with the inputs there, and return the length of an interval."""
+        grid, simulator = self.grid, self.simulator
+        dt = float(grid.duration if grid.duration is not None else z[-1]) / (grid.points - 1)
+        simulator.options = replace(simulator.options, step=dt / grid.steps)
+        first = {name: InputSetting(self.start.start, float(z[grid.columns(name)[0]])) for name in grid.names}
+        simulator.restore(replace(self.start, inputs={**self.start.inputs, **first}))
+        return dt
+
+    def _advance(self, z: Array, k: int, dt: float) -> None:
+        """Advance over interval k.
+
+        Raises:
+            StepError: if that is impossible, or not in equal steps.
+        """
+        for name in self.grid.names:
+            self.simulator[name] = float(z[self.grid.columns(name)[k + (name in self.grid.linear)]])
+        before = len(self.simulator._run.ts)
+        self.simulator.advance(dt)
+        if len(self.simulator._run.ts) - before not in (self.grid.steps, self.grid.steps + 1):
+            raise StepError("step_size", f"events or jumps divide the steps before t = {self.simulator.t:.6g} s")
+
+    def run(self, z: Array) -> Solution:
+        """Return the motion as a solution.
+
+        Raises:
+            StepError: if a step fails.
+        """
+        dt = self._begin(z)
+        for k in range(self.grid.points - 1):
+            self._advance(z, k, dt)
+        return self.simulator.solution()
+
+    def __call__(self, values: Mapping[str, float]) -> ControlledMotion:
+        """Return the motion of given unknowns, with derivatives.
+
+        Raises:
+            StepError: if a step fails.
+            InputError: if the motion has no derivatives.
+        """
+        z, grid = np.array(list(values.values())), self.grid
+        dt, n, m = self._begin(z), grid.points - 1, grid.steps + 1
+        t, dy = np.empty((n, m)), np.zeros((self.simulator._run.system.ny, len(z)))
+        found = {name: np.empty((n, m)) for name in (*grid.names, *self.names)}
+        partials = {name: np.zeros((n, m, len(z))) for name in found}
+        share = np.linspace(0.0, 1.0, m)
+        for k in range(n):
+            self._advance(z, k, dt)
+            for name in grid.names:
+                at, last = grid.columns(name), k + (name in grid.linear)
+                found[name][k] = (1 - share) * z[at[k]] + share * z[at[last]]
+                partials[name][k, :, at[k]] += 1 - share
+                partials[name][k, :, at[last]] += share
+            t[k], dy = self._differentiate(k, dy, found, partials)
+        for name, signal in self.known.items():
+            if signal.kind == "angle":
+                found[name] = np.unwrap(found[name].ravel()).reshape(n, m)
+        return ControlledMotion(self, z, t, found, partials)
+
+    def _differentiate(
+        self, k: int, dy: Array, found: dict[str, Array], partials: dict[str, Array]
+    ) -> tuple[Array, Array]:
+        """Record signals on interval k; return times of its nodes, and the derivatives of y at its end."""
+        grid, advance = self.grid, self.simulator.differentiated()
+        p, trace, width = advance.parameters, advance.trace, dy.shape[1]
+        dp, dt = np.zeros((len(p.columns), width)), np.zeros(width)
+        for name in grid.names:
+            at = grid.columns(name)
+            dp[p.column("input", name), at[k + (name in grid.linear)]] = 1.0
+            if name in grid.linear:
+                dp[p.column("input of first order", name), at[k]] = 1.0
+        if grid.duration is None:
+            dt[-1] = 1.0 / (grid.points - 1)
+        along, first = advance.tangents(dy, dp, dt), len(trace.ts) - grid.steps - 1
+        rows = SignalJacobian(trace, self.names) if self.names else None
+        for j in range(grid.steps + 1):
+            i, time = first + j, float(trace.ts[first + j])
+            moved = dt * (k + j / grid.steps)  # of the node's time
+            held = dp + advance.fixed_inputs(moved)
+            if rows:
+                trace.enter_node(i)
+            for name in self.names:
+                found[name][k, j] = value(trace.system, self.known[name], time, trace.ys[i])
+            if rows:
+                by_z = rows.rows(i, time, trace.ys[i]) @ np.vstack([along[i], held, moved])
+                for name, row in zip(self.names, by_z, strict=True):
+                    partials[name][k, j] = row
+        return trace.ts[first:], along[-1]

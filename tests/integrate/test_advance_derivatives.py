@@ -1,0 +1,233 @@
+"""Tangent and adjoint of the last advance of a simulator, against sixth-order quotients of advances."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from frozen import retraced
+
+import mbdae
+from mbdae import Input, JointTorque, Mechanism
+from mbdae.finite_differences import numerical_derivative
+from mbdae.mechanism.formats.loaded_model import parameter_value
+from mbdae.mechanism.formats.template import Template
+
+U, SET, DT, STEPS = 0.7, 1.3, 8e-3, 4
+STATE = ("q", "v", "s")
+
+
+@cache
+def model(name):
+    return mbdae.load(name)
+
+
+def with_input(name, hold="zero", value=U):
+    """A model with an input torque on its first joint of one velocity."""
+    m = model(name)
+    single = [j for j in m.joint_names if sum(m.coordinate_joint(i) == j for i in range(m.nv)) == 1]
+    forces = [JointTorque(joint=single[0], torque=Input(name="motor", hold=hold, value=value))] if single else []
+    return Mechanism(m.model, m.closures, [*m.forces, *forces], drivers=m.drivers, start=m.start_values)
+
+
+def end(simulator):
+    return np.concatenate([getattr(simulator, x) for x in STATE])
+
+
+def stacked(parts):
+    return np.concatenate([np.ravel(parts.q), np.ravel(parts.v), np.ravel(parts.s)])
+
+
+def moved(m, y0, y1):
+    """Difference of states (q, v, s) in the tangent."""
+    return np.concatenate([m.manifold.difference(y0[: m.nq], y1[: m.nq]), y1[m.nq :] - y0[m.nq :]])
+
+
+def difference(m, state, h):
+    """The derivative of a state (q, v, s) by one number, in the tangent."""
+    base = state(0.0)
+    return numerical_derivative(lambda x: moved(m, base, state(x)), h)
+
+
+def family(m):
+    """Consistent states over one number: along local coordinates, which include the states of forces."""
+    ode = m.ode()
+    direction = np.random.default_rng(3).normal(size=ode.n)
+    return lambda x: ode.state(0.0, ode.x0 + x * direction)
+
+
+def advance(m, start, dt=DT, value=SET, restart=True, **options):
+    if "rtol" not in options:
+        options["step"] = dt / STEPS
+    simulator = mbdae.Simulator(m, 0.0, *start, restart=restart, **options)
+    if value is not None and simulator.inputs.cells:
+        simulator["motor"] = value
+    simulator.advance(dt)
+    return simulator
+
+
+OPTIONS = [{}, {"project": True}, {"method": "radau5"}, {"method": "herk5"}, {"formulation": "ggl"}]
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("name", ["four_bar", "bricard", "heavy_top", "dual_arm"])
+def test_tangents_are_quotients_of_advances(name, options, hold):
+    m = with_input(name, hold)
+    states = family(m)
+    simulator = advance(m, states(0.0), **options)
+    split = np.cumsum([m.nv, m.nv])
+    checks = {
+        "state": (
+            simulator.tangent(*np.split(difference(m, lambda x: np.concatenate(states(x)), 1e-3), split)),
+            lambda x: end(advance(m, states(x), **options)), 1e-3,
+        )
+    }  # fmt: skip
+    if simulator.inputs.cells:
+        checks["input"] = (
+            simulator.tangent(inputs={"motor": 1.0}),
+            lambda x: end(advance(m, states(0.0), value=SET + x, **options)), 1e-1,
+        )  # fmt: skip
+    if simulator.inputs.cells and name != "dual_arm":  # whose reference depends on time
+        checks["dt"] = simulator.tangent(dt=1.0), lambda x: end(advance(m, states(0.0), DT + x, **options)), 1e-2 * DT
+    if simulator.inputs.cells and hold == "first":
+        checks["before"] = (
+            simulator.tangent(inputs_before={"motor": 1.0}),
+            lambda x: end(advance(with_input(name, hold, U + x), states(0.0), **options)), 1e-1,
+        )  # fmt: skip
+    for what, (found, run, h) in checks.items():
+        quotient = difference(m, run, h)
+        assert stacked(found) == pytest.approx(quotient, abs=1e-9 * max(1.0, np.abs(quotient).max())), what
+
+
+@pytest.mark.parametrize("method", ["pherk6", "herk5", "radau5"])
+@pytest.mark.parametrize("name", ["four_bar", "bricard"])
+def test_controlled_steps_are_frozen(name, method):
+    """Quotients of the steps that the advance took, with their sizes, from other states and with other inputs."""
+    m = with_input(name)
+    states = family(m)
+    simulator = advance(m, states(0.0), 0.2, None, rtol=1e-7, method=method)
+    trace = simulator.differentiated().trace
+    assert len(trace.ts) > 3
+
+    def again(x, du=0.0):
+        point = np.append(np.concatenate(states(x)), 0.0)
+        return retraced(trace, with_input(name, value=U + du), point)[-1][:-1]
+
+    assert again(0.0) == pytest.approx(end(simulator), abs=1e-10)  # Newton's iteration ends at its tolerance
+    split = np.cumsum([m.nv, m.nv])
+    found = simulator.tangent(*np.split(difference(m, lambda x: np.concatenate(states(x)), 1e-3), split))
+    quotient = difference(m, again, 1e-3)
+    assert stacked(found) == pytest.approx(quotient, abs=1e-9 * max(1.0, np.abs(quotient).max()))
+    quotient = difference(m, lambda x: again(0.0, x), 0.1)
+    assert stacked(simulator.tangent(inputs={"motor": 1.0})) == pytest.approx(quotient, abs=1e-9)
+
+
+@pytest.mark.parametrize("options", [{}, {"rtol": 1e-7}, {"method": "radau5"}, {"formulation": "ggl"}], ids=str)
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("name", ["four_bar", "dual_arm", "bricard"])
+def test_adjoints_are_transposes(name, hold, options):
+    m = with_input(name, hold)
+    simulator = advance(m, (*m.start, None), **options)
+    rng = np.random.default_rng(5)
+    w, d = ([rng.normal(size=n) for n in (m.nv, m.nv, len(m.states))] for _ in range(2))
+    du, du0, dt = rng.normal(size=3)
+    autonomous = name != "dual_arm"
+    before = {"motor": du0} if hold == "first" else {}
+    tangent = simulator.tangent(*d, inputs={"motor": du}, inputs_before=before, dt=dt * autonomous)
+    adjoint = simulator.adjoint(*w, dt=autonomous)
+    forward = [float(a @ b) for a, b in zip(w, tangent, strict=True)]
+    back = [float(a @ b) for a, b in zip(d, adjoint[:3], strict=True)]
+    back += [du * adjoint.inputs["motor"], du0 * adjoint.inputs_before.get("motor", 0.0), dt * (adjoint.dt or 0.0)]
+    assert abs(sum(forward) - sum(back)) <= 1e-13 * sum(map(abs, [*forward, *back]))
+
+
+def test_advances_compose():
+    """The product of the tangents of several advances is the quotient of all of them."""
+    m, n = with_input("four_bar", "first"), 5
+    values = [U, *np.sin(np.arange(n))]
+
+    def run(k=0, x=0.0, differentiate=False):
+        u = [value + x * (i == k) for i, value in enumerate(values)]
+        simulator = mbdae.Simulator(with_input("four_bar", "first", u[0]), step=2e-3, restart=True)
+        state, by_u = None, np.zeros((2 * m.nv, n + 1))
+        for i in range(n):
+            simulator["motor"] = u[i + 1]
+            simulator.advance(DT)
+            if differentiate:
+                one = np.eye(n + 1)
+                state = simulator.tangent(
+                    by_u[: m.nv], by_u[m.nv :], inputs={"motor": one[i + 1]}, inputs_before={"motor": one[i]}
+                )
+                by_u = np.concatenate(state[:2])
+        return by_u if differentiate else end(simulator)
+
+    found = run(differentiate=True)
+    for k in range(n + 1):
+        assert found[:, k] == pytest.approx(difference(m, lambda x, k=k: run(k, x), 0.1), abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter"), [("four_bar", "joint.coupler.mass"), ("slider_crank", "joint.slider.mass")]
+)
+def test_parameters(name, parameter):
+    template = Template(name)
+    q, v = mbdae.load(name).start
+    value = parameter_value(template, parameter)
+    simulator = advance(mbdae.load(name), (q, v))
+    found = simulator.tangent(parameters={parameter: 1.0})
+    m = simulator.mechanism
+    quotient = difference(m, lambda x: end(advance(template.make({parameter: value + x}), (q, v))), 1e-2)
+    assert np.abs(quotient).max() > 1e-6
+    assert stacked(found) == pytest.approx(quotient, abs=1e-9)
+    w = np.arange(1.0, m.nv + 1)
+    assert simulator.adjoint(v=w, parameters=[parameter]).parameters[parameter] == pytest.approx(w @ found.v, rel=1e-12)
+
+
+def test_runs_in_python_have_the_same_derivatives():
+    m = with_input("four_bar")
+    found = [advance(m, (*m.start, None), backend=b).tangent(inputs={"motor": 1.0}) for b in ("native", "python")]
+    assert stacked(found[0]) == pytest.approx(stacked(found[1]), abs=1e-13)
+
+
+def refused(match, call):
+    with pytest.raises(mbdae.MbdaeError, match=rf"^[^\n]*{match}[^\n]*$"):
+        call()
+
+
+def test_what_has_no_derivative_is_named():
+    m = with_input("four_bar")
+    simulator = mbdae.Simulator(m, step=2e-3)
+    refused("has not advanced", simulator.tangent)
+    simulator.advance(DT)
+    simulator.tangent()  # the start restarts the method
+    simulator.advance(DT)
+    refused("'pherk6'.*restart=True", simulator.tangent)
+    simulator["motor"] = 2.0
+    simulator.advance(DT)
+    assert simulator.adjoint(v=[1.0, 0.0, 0.0]).inputs["motor"] != 0.0  # a jump restarts it, too
+    refused("engine.*motor", lambda: simulator.tangent(inputs={"engine": 1.0}))
+    refused("first order.*motor", lambda: simulator.tangent(inputs_before={"motor": 1.0}))
+    refused("dq must be 3", lambda: simulator.tangent([1.0, 2.0]))
+    refused("v must be 3 finite", lambda: simulator.adjoint(v=[np.nan, 0.0, 0.0]))
+    refused("directions: 2, 4", lambda: simulator.tangent(np.ones((3, 4)), inputs={"motor": [1.0, 2.0]}))
+    refused("read from a file", lambda: simulator.tangent(parameters={"body.crank.mass": 1.0}))
+    simulator.restore(simulator.save())
+    refused("has not advanced", simulator.adjoint)
+
+
+def test_mode_changes_and_events_are_refused():
+    simulator = mbdae.Simulator("pendulum_on_stop", rtol=1e-7, restart=True)
+    simulator.advance(3.0)
+    stop = simulator.mechanism.switches[0].name
+    refused(f"{stop}.*switches at t", simulator.tangent)
+    simulator = mbdae.Simulator("four_bar", rtol=1e-8, events=mbdae.Event("q.crank = 1.0", terminal=True))
+    assert simulator.advance(5.0) == "event"
+    refused("ended in an event", simulator.tangent)
+
+
+def test_time_dependent_advances_have_no_derivative_by_their_length():
+    m = with_input("four_bar")
+    forces = [*m.forces, JointTorque(joint="rocker", torque=lambda t: np.sin(5 * t))]
+    simulator = advance(Mechanism(m.model, m.closures, forces, start=m.start_values), (*m.start, None))
+    assert np.abs(simulator.tangent(inputs={"motor": 1.0}).v).max() > 0
+    refused("depend on time", lambda: simulator.tangent(dt=1.0))
