@@ -69,7 +69,8 @@ class Server:
         try:
             bound = _bound(port)
         except (OSError, OverflowError) as e:
-            self._failed = f"port {port} cannot be used: {getattr(e, 'strerror', None) or e}" if port else "no free port is found"
+            reason = getattr(e, "strerror", None) or e
+            self._failed = "no free port is found" if port is None else f"port {port} cannot be used: {reason}"
             self._loop.close()
             self._ready.set()
             return

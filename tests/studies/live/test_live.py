@@ -46,7 +46,7 @@ def arm(tmp_path):
     return mbdae.load(tmp_path / "arm.toml")
 
 
-def waited(what, seconds=30.0):
+def waited(what, seconds=120.0):
     end = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < end, "it does not happen"
