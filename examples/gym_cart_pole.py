@@ -1,7 +1,7 @@
 """A mechanism as an environment for reinforcement learning: a simulator behind gymnasium's interface.
 
-A force pushes the cart; the pole hangs at the start and shall swing up. An action is held for 20 ms; a saved state of
-the simulator is the reset. Any mechanism with inputs is wrapped like this; observations are signals.
+A force pushes the cart; the pole hangs at the start, and the reward is to swing it up. An action is held for 20 ms; a
+saved state of the simulator is the reset. Any mechanism with inputs is wrapped like this; observations are signals.
 
 Run: pip install ".[gym]", python examples/gym_cart_pole.py
 """

@@ -91,7 +91,7 @@ def first_guard_root(
     """
     theta, fired = 2.0, list[Guard]()
     tolerance = 4 * _time_tolerance(step)
-    candidates = [(guard, _negative_share(guard, step, at, thetas)) for guard in guards]
+    candidates = [(guard, _negative_fraction(guard, step, at, thetas)) for guard in guards]
     while True:
         if theta <= 1:  # guards that cross zero before theta, possibly more than once
             candidates = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.rounding]
@@ -112,7 +112,7 @@ def _time_tolerance(step: "StepMap") -> float:
     return TIME_SPACINGS * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
 
 
-def _negative_share(tracked: TrackedGuard, step: "StepMap", at: PointAt, thetas: Array) -> float | None:
+def _negative_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt, thetas: Array) -> float | None:
     """Return a theta at which a guard is negative; for loads, the first of the samples; None if it stays positive."""
     rounding, guard = tracked.rounding, tracked.guard
     if guard.needs_multipliers:

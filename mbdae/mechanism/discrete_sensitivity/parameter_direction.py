@@ -1,7 +1,6 @@
 """One parameter of a mechanism as a direction in its components, by differences of mechanisms with other values."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -9,68 +8,24 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ...finite_differences import (
-    ABOVE,
-    BELOW,
-    MAX_REDUCTIONS,
-    OF_AFFINE,
-    REDUCTION,
-    STENCIL,
-    central_difference,
-    converged_difference,
-)
+from ...finite_differences import ABOVE, BELOW, OF_AFFINE, STENCIL, central_difference, converged_difference
 from ...system import Array
 from ...tolerances import SUM_ROUNDING
 from ..closures.constraints import Constraints
 from ..forces import bind_forces
 from ..formulations.index2 import Index2System
+from .perturbed_mechanisms import FIRST, PerturbedMechanisms, feasible_stencil
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, if it is zero
 KNOT_WIDTH = 1e-5  # of the value, if it is a time between polynomials of a curve
-FIRST = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: with 0 they detect degree 2
-
-
-class PerturbedMechanisms(Mapping[int, "Mechanism"]):
-    """Mechanisms with a parameter changed by k h, for the k of a difference stencil, created on demand."""
-
-    def __init__(self, make: Callable[[float], "Mechanism"], h: float, stencil: tuple[int, ...]) -> None:
-        self.make, self.h, self.stencil = make, h, stencil
-
-    def __getitem__(self, k: int) -> "Mechanism":
-        return self.make(k * self.h)
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self.stencil)
-
-    def __len__(self) -> int:
-        return len(self.stencil)
 
 
 def _structure(model: pin.Model) -> tuple[list[str], list[Any]]:
     """Return the names of joints and frames, and the kinds of joints."""
     return [*model.names, *(f.name for f in model.frames)], list(model.joints)
-
-
-def feasible_stencil(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tuple[int, ...]]:
-    """Return a difference width at which mechanisms exist, on both sides or on one (small bodies limit inertias).
-
-    Args:
-        make: creates the mechanism with a parameter changed by the given amount.
-        h: the largest width.
-
-    Returns:
-        The width, and the stencil, see `mbdae.finite_differences.central_difference`; the given width and the two-sided
-        stencil if mechanisms exist on neither side.
-    """
-    for stencil, first in FIRST.items():
-        for i in range(MAX_REDUCTIONS):
-            with suppress(InputError):
-                _ = [make(k * h / REDUCTION**i) for k in first]
-                return h / REDUCTION**i, stencil
-    return h, STENCIL
 
 
 class Parameter:

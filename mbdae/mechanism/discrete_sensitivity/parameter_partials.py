@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError, MbdaeError, NotCompiled
+from ...errors import InputError, NotCompiled
 from ...finite_differences import converged_difference
 from ...system import Array
 from ...tolerances import INTERPOLATION, RANK, SOLUTION_ROUNDING, TRUNCATION
@@ -33,6 +33,7 @@ from ..hybrid.switches import Mode, inactive_rows
 from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
+from .perturbed_mechanisms import changed_mechanism
 from .placement_tree import PlacementTree
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Parameters:
         self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
-            near = partial(_changed_mechanism, make, rest, name, value)
+            near = partial(changed_mechanism, make, rest, name, value)
             self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
             if p.side:
                 end = f"parameter {name!r} = {value:.9g} is at the end of its range"
@@ -117,7 +118,7 @@ class Parameters:
         self.mech, self.values = mech, values
         self.system.bind(mech)
         for p in self.all:
-            p.write(mech, partial(_changed_mechanism, self.make, values, p.name, values[p.name]))
+            p.write(mech, partial(changed_mechanism, self.make, values, p.name, values[p.name]))
         for name in ("perturbed_systems", "perturbed_friction"):
             vars(self).pop(name, None)
         self._found = {name: x for name, x in self._found.items() if name in KEPT}
@@ -289,16 +290,3 @@ class Parameters:
             residual = column + G @ np.linalg.lstsq(G, -column, rcond=RANK)[0]
             if np.abs(residual).max(initial=0.0) > max(UNREACHABLE * np.abs(column).max(initial=0.0), NEGLIGIBLE):
                 raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
-
-
-def _changed_mechanism(make: Make, values: Mapping[str, float], name: str, value: float, by: float) -> "Mechanism":
-    """Return the mechanism with one parameter changed.
-
-    Raises:
-        InputError: if there is none: a parameter at the limit of its valid range.
-    """
-    try:
-        return make({**values, name: value + by})
-    except MbdaeError as e:
-        text = f"parameter {name!r} = {value:.9g} cannot be changed by {by:+.3g} to find its derivative"
-        raise InputError(f"{text}: {e}") from e

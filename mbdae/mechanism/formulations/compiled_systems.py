@@ -17,7 +17,7 @@ from ..closures.independent_rows import FALLEN
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from ..input_functions import Input
-from .core_description import core_tolerances, describe, samplers_of
+from .core_description import core_tolerances, describe, inputs_of, samplers_of
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
@@ -44,19 +44,13 @@ class CompiledSystem(Index2System):
     native: ModuleType
 
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
-        super().__init__(mechanism)
         self.native, self._expanded = native, False
-        self._describe()
+        super().__init__(mechanism)
 
     def bind(self, mechanism: "Mechanism") -> None:
         """See `Index2System.bind`; the core's numbers are written in place where its structure stays."""
         super().bind(mechanism)
-        if hasattr(self, "core"):
-            self._describe()
-
-    def _describe(self) -> None:
-        """Describe the mechanism to the core; to a new one if there is none of its structure."""
-        data = self.model, core_tolerances(self.native, self.mechanism), describe(self)
+        data = self.model, core_tolerances(self.native, mechanism), describe(self)
         try:
             if not (hasattr(self, "core") and self.core.write(*data)):
                 self.core: Core = self.native.Core(*data)
@@ -67,10 +61,7 @@ class CompiledSystem(Index2System):
         friction = self.closure_friction
         self.core.set_friction_interfaces(friction.core_data(), friction.active, friction.slip_directions)
         self._deactivate_rows()
-        functions = [*(u for law, _ in self.laws.bound for u in law.signals), *(d.path for d in self.mechanism.drivers)]
-        self.inputs = [u for u in functions if isinstance(u, Input)]
-        for u in self.inputs:
-            u.listen(self)
+        self.inputs = inputs_of(self)
 
     def set_input(self, cell: Input, number: int) -> None:
         """See `mbdae.mechanism.input_functions.InputListener`."""
@@ -304,6 +295,5 @@ class CompiledIndex1(Index1System, CompiledSystem):
         return super().rate(t, y) if found is None else found
 
 
-COMPILED: dict[str, Callable[..., CompiledSystem]] = {
-    c.formulation: c for c in (CompiledSystem, CompiledGGL, CompiledIndex1)
-}
+FORMULATIONS: tuple[type[CompiledSystem], ...] = (CompiledSystem, CompiledGGL, CompiledIndex1)
+COMPILED: dict[str, Callable[..., CompiledSystem]] = {c.formulation: c for c in FORMULATIONS}

@@ -14,12 +14,14 @@ from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
+from ..input_functions import Input
 from ..manifold import GROUPS
 from . import closure_friction, friction_interface, ggl, projection
 
 if TYPE_CHECKING:
     from ..._native import Tolerances
     from ..mechanism import Mechanism
+    from .compiled_systems import CompiledSystem
     from .index2 import Index2System
 
 FramePair = tuple[CoreData, CoreData]
@@ -124,6 +126,15 @@ def constraints_of(constraints: Constraints) -> tuple[list[FramePair], list[Core
 
 def _frame(a: Anchor) -> CoreData:
     return {"joint": a.joint, "R": a.R.ravel().tolist(), "p": a.p.tolist()}
+
+
+def inputs_of(system: "CompiledSystem") -> list[Input]:
+    """Return the inputs that forces and drivers follow; their further settings are those of the workspace."""
+    loads = [u for law, _ in system.laws.bound for u in law.signals]
+    found = [u for u in (*loads, *(d.path for d in system.mechanism.drivers)) if isinstance(u, Input)]
+    for u in found:
+        u.listen(system)
+    return found
 
 
 def samplers_of(laws: ForceElements) -> list[CoreData]:

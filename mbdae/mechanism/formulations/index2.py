@@ -39,32 +39,26 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.workspace = mechanism.make_workspace()
-        self._M = self.workspace.M  # live view
+        self._M, self._last = self.workspace.M, (np.empty(0), np.empty(0))  # live view; U and G at the last point
         self.nq, self.nv, self.ng, self.nz = mechanism.nq, mechanism.nv, mechanism.ng, mechanism.ng
         self.mode: Mode = (0,) * len(mechanism.switches)
-        self.sticks = False  # whether joints stick in the mode
-        self.driven = bool(mechanism.drivers)
+        self.sticks, self.driven = False, bool(mechanism.drivers)  # whether joints stick in the mode
         self.bind(mechanism)
-        self.ns = self.laws.ns
-        self.ny = 2 * self.nv + self.ns + 1
-        self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # with drivers, the work, too
-        self.elimination_order = independent_rows.elimination_order(self.constraints.columns)
-        self._last = (np.empty(0), np.empty(0))  # U and G at the last point
-        self.reset()
 
     def bind(self, mechanism: "Mechanism") -> None:
         """Bind the workspace to a mechanism, or to a variant of it: its parameters replace those before."""
-        before = vars(self).get("mechanism", None)
-        same = before and before.model is mechanism.model and before.constraints is mechanism.constraints
-        self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
+        before, self.mechanism = getattr(self, "mechanism", None), mechanism
+        self.model, self.manifold = mechanism.model, mechanism.manifold
         self.laws = mechanism.bind_forces(self.workspace)
-        if not same:
+        if not (before and before.model is mechanism.model and before.constraints is mechanism.constraints):
             self.inertial = InertialForces(self.model)
             self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
             self.constraints.inactive = inactive_rows(mechanism.switches, self.mode)
+            self.elimination_order = independent_rows.elimination_order(self.constraints.columns)
         self.closure_friction = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
-        if before:
-            self.reset()
+        self.ns, self.ny = self.laws.ns, 2 * self.nv + self.laws.ns + 1
+        self.measured = slice(0, self.ny - (not self.driven))  # with drivers, the work, too
+        self.reset()
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,) and G (ng, nv) over all rows.
@@ -176,8 +170,7 @@ class Index2System(PinocchioData, RunVariables, System):
             switch.enter(self, state)
         self.rank, self.rows, self.rows_frozen = None, None, False
         self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio = 1.0
-        self._last_q = np.full(self.nq, np.nan)
+        self.least_pivot_ratio, self._last_q = 1.0, np.full(self.nq, np.nan)
 
     def order_of(self, tableau: Any) -> int:
         return tableau.order if self.closure_friction.interfaces else tableau.order_linear

@@ -27,14 +27,14 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         Da, Db = (np.tensordot(lam, D, 1) for D in row.partials(pair))
         F += w.dot(lam)
         dF += Da.dot(Xa) + Db.dot(Xb) + w.dot(motion.d.lam[at])
-    own, which = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
+    span, which = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
     for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
         if which not in p.specs:
             continue
         found = {}
-        for k, near in changed.perturbed.items():
-            near.jacobian()
-            found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
+        for k, perturbed in changed.perturbed.items():
+            perturbed.jacobian()
+            found[k] = perturbed.W[:, perturbed.spans[name]].dot(motion.lam[span])
         dF += np.outer(p.quotient(found), dp)
     if motion.system.closure_friction.regularised_interfaces(name):
         friction, change = friction_wrench(motion, name)
@@ -56,9 +56,9 @@ def law_wrench(motion: MotionTangent, law: PairElement, number: int) -> tuple[Ar
     dF = np.outer(law.wrench_time_rate(motion.t) + np.zeros(6), motion.d.t)
     for part in (parts := law.wrench_partials(motion.t, V)):
         dF += part.Da.dot(Xa) + part.Db.dot(Xb) + part.C.dot(dV)
-    for i, near in motion.perturbed_laws(number):
+    for i, perturbed in motion.perturbed_laws(number):
         found = {}
-        for k, other in near.items():
+        for k, other in perturbed.items():
             other.pair.locate()  # type: ignore[attr-defined]
             found[k] = _sum(other.wrench_partials(motion.t, V))  # type: ignore[attr-defined]
         dF += np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])

@@ -104,14 +104,14 @@ void CoupledStages::linearize(const Numbers& y) {
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
         Rows<double> one = Rows<double>::Zero(m, m);
-        if (i == j) one = stages_[i]->own;
+        if (i == j) one = stages_[i]->by_unknowns;
         couple(one, i, j);
         all.block(i * m, j * m, m, m) = one;
       }
     systems_[0].factorize(std::move(all));
   } else {
     for (int i = 0; i < n; ++i) {
-      Rows<double> one = stages_[i]->own;
+      Rows<double> one = stages_[i]->by_unknowns;
       couple(one, i + a_.first, i + a_.first);
       systems_[i].factorize(one);
     }

@@ -86,7 +86,7 @@ void Parameters::gravity_columns(int component, Numbers& P) {
   }
 }
 
-// The joint's subtree is held, and the rest of the tree moved by -xi.
+// The joint's subtree is fixed, and the rest of the tree is displaced by -xi.
 void Parameters::placement_columns(int component, Numbers& P) {
   const int joint = components_[component].id, before = s_.mechanics.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();

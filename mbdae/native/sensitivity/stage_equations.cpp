@@ -22,13 +22,13 @@ void times(A&& a, const Blocks& blocks, double (IntegratePartialsBlock::*B)[36])
 StageEquations::StageEquations(Index2System& s, Parameters& parameters, bool forward)
     : s_(s), parameters_(parameters), forward_(forward && parameters.count()), n_(s.ny - s.nv) {}
 
-void StageEquations::take(const double* y0, const StageValues& at, const IndependentRows* positions_kept) {
+void StageEquations::take(const double* y0, const StageValues& at, const IndependentRows* position_rows) {
   const int nv = s_.nv, ny = s_.ny;
-  position_rows_ = positions_kept;
+  position_rows_ = position_rows;
   r_ = static_cast<int>(s_.rows.in_use().size()),
   k_ = position_rows_ ? static_cast<int>(position_rows_->in_use().size()) : 0;
   m_ = ny + r_ + (position_rows_ ? nv + k_ : 0);
-  own.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
+  by_unknowns.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
   t.setZero(m_), that.setZero(m_);
   if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
   for (LinearisationPoint* one : {&point_, &slip_}) one->constraint_points.clear(), one->wrenches.clear();
@@ -37,7 +37,7 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
   if (position_rows_) positions(at);
   times(y.leftCols(nv), integrate_partials_, &IntegratePartialsBlock::A);
   times(x.leftCols(nv), integrate_partials_, &IntegratePartialsBlock::R);
-  // what depends on the constraint point, whose coordinates are others
+  // terms of the constraint point, whose coordinates are xhat
   Rows<double> hat = xhat.leftCols(nv);
   times(xhat.leftCols(nv), integrate_partials_hat_, &IntegratePartialsBlock::R),
       times(hat, integrate_partials_hat_, &IntegratePartialsBlock::A);
@@ -48,7 +48,7 @@ void StageEquations::take(const double* y0, const StageValues& at, const Indepen
     x.block(b.at, nv + b.at, b.n, b.n) = -RowsIn(b.J, b.n, b.n);
   }
   y.middleCols(nv, nv).topRows(nv) = x.middleCols(nv, nv).topRows(nv);
-  if (position_rows_) own.block(0, ny + r_, nv, nv) = x.middleCols(nv, nv).topRows(nv);
+  if (position_rows_) by_unknowns.block(0, ny + r_, nv, nv) = x.middleCols(nv, nv).topRows(nv);
   s_.point.invalidate();
 }
 
@@ -108,14 +108,14 @@ void StageEquations::motion(const double* y0, const StageValues& at) {
                     parameters_.moving() ? &o.wrenches : nullptr);
   std::fill(G_.begin(), G_.end(), 0.0);
   s_.constraints.value(s_.mechanics, o.q.data(), s_.constraints.all, G_.data());
-  own.topLeftCorner(ny, ny).setIdentity();
-  own.block(nv, nv, nv, nv) = RowsIn(s_.mechanics.M(), nv, nv);
+  by_unknowns.topLeftCorner(ny, ny).setIdentity();
+  by_unknowns.block(nv, nv, nv, nv) = RowsIn(s_.mechanics.M(), nv, nv);
   x.block(0, nv, nv, nv) = -Rows<double>::Identity(nv, nv);
   x.block(nv, 0, n_, nv) = -RowsIn(at_.K.data(), n_, nv), x.block(nv, nv, n_, n_) = -RowsIn(at_.D.data(), n_, n_);
   for (int k : s_.rows.in_use()) {
     const int i = s_.rows.position()[k];
-    own.block(nv, ny + i, nv, 1) = -RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
-    own(ny - 1, ny + i) = at_.g_t[i];
+    by_unknowns.block(nv, ny + i, nv, 1) = -RowsIn(&G_[static_cast<size_t>(k) * nv], 1, nv).transpose();
+    by_unknowns(ny - 1, ny + i) = at_.g_t[i];
   }
   if (s_.friction) friction();
   y.topRows(ny) = x.topRows(ny);
@@ -135,8 +135,8 @@ void StageEquations::friction() {
   s_.friction.partials(G_.data(), point_.lam.data(), at_.friction);
   for (int i = 0; i < r_; ++i) {
     const RowsIn by_lam(&at_.friction[static_cast<size_t>(i) * (nv + 1)], 1, nv + 1);
-    own.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();
-    own(ny - 1, ny + i) -= by_lam(0, nv);
+    by_unknowns.block(nv, ny + i, nv, 1) -= by_lam.leftCols(nv).transpose();
+    by_unknowns(ny - 1, ny + i) -= by_lam(0, nv);
   }
   Numbers K(n * nv), D(n * n);
   slid_.resize(parameters_.count() * n);
@@ -150,10 +150,10 @@ void StageEquations::positions(const StageValues& at) {
   const Numbers zero(nv, 0.0);
   LinearisationPoint& o = slip_;
   o.loaded = false, o.t = at.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = at.slip, o.lam = at.mu;
-  own.block(first, first, nv, nv) = own.block(nv, nv, nv, nv);
+  by_unknowns.block(first, first, nv, nv) = by_unknowns.block(nv, nv, nv, nv);
   for (int k : position_rows_->in_use()) {
     const RowsIn row(&G_[static_cast<size_t>(k) * nv], 1, nv);
-    own.block(first, first + nv + position_rows_->position()[k], nv, 1) = -row.transpose();
+    by_unknowns.block(first, first + nv + position_rows_->position()[k], nv, 1) = -row.transpose();
   }
   by_q_.assign(static_cast<size_t>(nv) * nv, 0.0), by_v_ = by_q_;
   Numbers by_mu(by_q_);

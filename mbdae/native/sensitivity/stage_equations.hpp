@@ -29,7 +29,7 @@ class StageEquations {
   // The cotangents of the parameters, of those of the equations, (m,).
   void add_parameters(const double* mu);
 
-  Rows<double> own, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
+  Rows<double> by_unknowns, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                // (m, k); for tangents
   Vector<double> t, that;        // (m,)
 

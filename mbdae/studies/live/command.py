@@ -12,7 +12,7 @@ from ...cli.study_command import Output, Study, command
 
 RUN = output_file("-o", "--output", suffixes=(".npz", ".csv"), help="Save the simulated run at the end.")
 SECONDS = click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="End after this time.")
-LOOK = 0.2  # s between looks at the view
+INTERVAL = 0.2  # s in which an interrupt is noticed
 
 
 @command("range speed fps port paused shadows", RUN, shared="method rtol step", more=(SECONDS,))
@@ -32,8 +32,8 @@ def live(
     try:
         left = seconds if seconds is not None else float("inf")
         while left > 0:
-            sleep(min(LOOK, left))
-            left -= LOOK
+            sleep(min(INTERVAL, left))
+            left -= INTERVAL
     except KeyboardInterrupt:
         pass
     sol = view.stop()

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["live"]
 
+YIELD = 0.002  # s between frames
 LATE = 0.25  # s behind real time, after which the view is slower than real time
 RTOL = INPUT_DIGITS
 NOTICED = 0.1  # deviation from real time that is shown
@@ -131,7 +132,7 @@ class LiveView:
         self._do({"play": on})
 
     def reset(self) -> None:
-        """Return to the start; what was recorded so far is added to ``runs``."""
+        """Return to the start; the run so far is added to ``runs``."""
         self._do({"reset": True})
 
     def _do(self, order: dict[str, Any]) -> None:
@@ -184,18 +185,18 @@ class LiveView:
             if now - began > 1.0:
                 self._pace = (self.t - simulated) / (now - began)
                 began, simulated = now, self.t
-            self._stopping.wait(max(0.0, due - now))
+            self._stopping.wait(max(YIELD, due - now))  # the thread of the server needs time, too
 
     def _advance(self, dt: float) -> None:
         """Advance in pieces during which the springs are constant."""
-        count = self._pulls.pieces(dt)
+        count = self._pulls.substeps(dt)
         try:
             for _ in range(count):
                 self._pulls.apply(self._simulator)
                 if self._simulator.advance(dt / count) == "event":
                     self.state, self.message = "paused", "an event has ended the advance"
                     return
-        except Exception as e:  # the page reports it, and what was recorded remains
+        except Exception as e:  # the page reports it, and the record remains
             kind = "" if isinstance(e, MbdaeError) else f"{type(e).__name__}: "
             self.state, self.message = "stopped", f"{kind}{e}"
 

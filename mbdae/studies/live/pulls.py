@@ -1,7 +1,7 @@
-"""What a user does to a live simulation: sets inputs, pulls joints to values, and a point to a target, by springs.
+"""Actions of a user on a live simulation: inputs are set, joints and a point are pulled by springs.
 
 A spring acts through inputs of the mechanism, constant over pieces of an advance that are much shorter than its period.
-So the recorded run contains all that was done, and `mbdae.solve` repeats it.
+So the recorded run contains all actions, and `mbdae.solve` repeats it.
 """
 
 import json
@@ -25,7 +25,7 @@ from ...mechanism.variant import variant
 from ...system import Array
 from ..view.sliders import MAX_SLIDERS, independent, limits_of, value_of
 
-FREQUENCY = 20.0  # of the springs in rad/s: what a hand does
+FREQUENCY = 20.0  # of the springs in rad/s, as of a hand
 PIECE = 0.1  # of 1/FREQUENCY: longest time over which their forces are constant
 WIDE = 10.0  # half range of the slider of an input without one, or twice its value
 AXES = "xyz"
@@ -70,7 +70,7 @@ class Pulls:
     # -- orders ----------------------------------------------------------------------------------------------------
 
     def check(self, order: Mapping[str, Any]) -> None:
-        """Check an order of a page or of a caller.
+        """Check an order of a page or a caller.
 
         Raises:
             UnknownNameError: for an unknown input, joint or frame.
@@ -95,7 +95,7 @@ class Pulls:
                 _finite("a point", x)
 
     def order(self, order: Mapping[str, Any], simulator: Simulator, drawables: Mapping[str, int]) -> None:
-        """Do what was ordered; ``drawables`` are the joints that carry what is drawn, by name."""
+        """Carry out an order; ``drawables`` are the joints that carry what is drawn, by name."""
         if "input" in order:
             simulator[order["input"]] = order["value"]
         elif "joint" in order:
@@ -132,7 +132,7 @@ class Pulls:
 
     # -- springs ---------------------------------------------------------------------------------------------------
 
-    def pieces(self, dt: float) -> int:
+    def substeps(self, dt: float) -> int:
         """Return into how many pieces an advance of dt in s is divided."""
         active = self._targets or self._point or self._acting
         return ceil(dt * FREQUENCY / PIECE) if active else 1

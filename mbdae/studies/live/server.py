@@ -2,12 +2,14 @@
 
 import asyncio
 import json
+import socket
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
+import tornado.httpserver
 import tornado.web
 import tornado.websocket
 import umsgpack
@@ -21,7 +23,7 @@ FIRST_PORT, PORTS = 7000, 100
 
 
 class Server:
-    """Serves one scene to any number of pages, in a thread of its own.
+    """Serves one scene to any number of pages, in a separate thread.
 
     Args:
         scene: returns the commands that draw the scene now.
@@ -65,12 +67,15 @@ class Server:
             (r"/live", _Controls, {"server": self}),
         ], log_function=lambda handler: None)  # fmt: skip
         try:
-            self._http, self.port = self._loop.run_until_complete(_listen(app, port))
-        except OSError as e:
-            self._failed = f"port {port} cannot be used: {e.strerror or e}" if port else "no free port is found"
+            bound = _bound(port)
+        except (OSError, OverflowError) as e:
+            reason = getattr(e, "strerror", None) or e
+            self._failed = "no free port is found" if port is None else f"port {port} cannot be used: {reason}"
+            self._loop.close()
             self._ready.set()
             return
-        self.url = f"http://127.0.0.1:{self.port}/static/"
+        self.url = f"http://127.0.0.1:{bound.getsockname()[1]}/static/"
+        self._http = self._loop.run_until_complete(_listen(app, bound))
         self._ready.set()
         self._loop.run_forever()
         self._loop.run_until_complete(self._http.close_all_connections())
@@ -91,11 +96,11 @@ class Server:
         self._loop.call_soon_threadsafe(self._send, [umsgpack.packb(command) for command in commands], "")
 
     def _send(self, packed: list[bytes], state: str) -> None:
-        for socket in list(self.scenes):
+        for page in list(self.scenes):
             for data in packed:
-                _write(socket, data)
-        for socket in list(self.pages) if state else ():
-            _write(socket, state)
+                _write(page, data)
+        for page in list(self.pages) if state else ():
+            _write(page, state)
 
     def close(self) -> None:
         """Stop serving; open pages say so."""
@@ -104,28 +109,36 @@ class Server:
 
         def stop() -> None:
             self._http.stop()
-            for socket in (*self.scenes, *self.pages):
-                socket.close()
+            for page in (*self.scenes, *self.pages):
+                page.close()
             self._loop.call_later(0.05, self._loop.stop)  # after the closing frames
 
         self._loop.call_soon_threadsafe(stop)
         self._thread.join()
 
 
-async def _listen(app: Any, port: int | None) -> tuple[Any, int]:
-    """Return the HTTP server and its port."""
+def _bound(port: int | None) -> socket.socket:
+    """Return a socket that is bound to a port, or to the first free one."""
     for number in range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]:
         try:
-            return app.listen(number, "127.0.0.1"), number
+            found = socket.create_server(("127.0.0.1", number))
+            found.setblocking(False)
+            return found
         except OSError:
             if number in (port, FIRST_PORT + PORTS - 1):
                 raise
     raise AssertionError
 
 
-def _write(socket: Any, data: bytes | str) -> None:
+async def _listen(app: tornado.web.Application, bound: socket.socket) -> tornado.httpserver.HTTPServer:
+    out = tornado.httpserver.HTTPServer(app)
+    out.add_socket(bound)
+    return out
+
+
+def _write(page: Any, data: bytes | str) -> None:
     with suppress(tornado.websocket.WebSocketClosedError):  # on_close follows
-        socket.write_message(data, binary=isinstance(data, bytes))
+        page.write_message(data, binary=isinstance(data, bytes))
 
 
 class _Page(tornado.web.RequestHandler):

@@ -21,7 +21,7 @@ from ...integrate.differentiable_runs import DIFFERENTIABLE
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
-from ...mechanism.discrete_sensitivity.parameter_direction import feasible_stencil
+from ...mechanism.discrete_sensitivity.perturbed_mechanisms import feasible_stencil
 from ...methods import METHODS, Method
 from ...methods import method as find_method
 from ...solution.problem import mechanism_of

@@ -46,7 +46,7 @@ def arm(tmp_path):
     return mbdae.load(tmp_path / "arm.toml")
 
 
-def waited(what, seconds=30.0):
+def waited(what, seconds=120.0):
     end = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < end, "it does not happen"
@@ -57,7 +57,7 @@ def test_a_joint_follows_its_slider_as_a_critically_damped_spring_does(arm):
     pulls = Pulls(arm, arm.start[0], {})
     simulator = mbdae.Simulator(pulls.mechanism)
     pulls.order({"joint": "arm", "value": 0.5}, simulator, {})
-    count = pulls.pieces(0.2)
+    count = pulls.substeps(0.2)
     for _ in range(count):
         pulls.apply(simulator)
         simulator.advance(0.2 / count)
@@ -168,7 +168,7 @@ def test_interrupting_the_command_saves_the_run(tmp_path):
     assert "run.npz" in out
     sol = mbdae.Solution.load(tmp_path / "run.npz")
     assert sol.t[-1] > 0
-    assert mbdae.drift(sol).position < 1e-8
+    assert mbdae.drift(sol).g_max < 1e-8
 
 
 def test_the_command(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import mbdae
 import mbdae.finite_differences as differences
 from mbdae.errors import InputError
 from mbdae.finite_differences import ABOVE, BELOW, STENCIL
-from mbdae.mechanism.discrete_sensitivity.parameter_direction import FIRST, feasible_stencil
+from mbdae.mechanism.discrete_sensitivity.perturbed_mechanisms import FIRST, feasible_stencil
 from mbdae.mechanism.formats.template import Template
 
 G, M = 9.81, 2.0
