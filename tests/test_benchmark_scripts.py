@@ -194,5 +194,5 @@ def test_optimal_control_is_measured(script, capsys):
 def test_parameters_are_written_in_place(script, capsys):
     found = script("parameters").main(2)
     assert found["bound"] == 1
-    assert found["anew"] > 0
+    assert found["made"] > 0
     assert "bound 1 times" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Cost of an optimisation whose parameters are written in place, compared with mechanisms made anew for each motion.
+"""Cost of an optimisation whose parameters are written in place, compared with new mechanisms for each motion.
 
 The four-bar moves from a crank angle of 1.2 rad to 0.6 rad in 1 s, from rest to rest, with the least integral of the
 squared torque, a natural spline through 9 points. An independent solution, collocation of degree 4 of the equations
@@ -52,7 +52,7 @@ def end(name: str):
     return lambda signals: (signals[name][-1], {name: np.eye(1, STEPS + 1, STEPS)[0]})
 
 
-class MadeAnew:
+class NewMechanisms:
     """A mechanism made from its tables for each set of values, which shares nothing with those before."""
 
     def __init__(self) -> None:
@@ -67,7 +67,7 @@ class MadeAnew:
 
 
 def main(iterations: int = 100) -> dict[str, float]:
-    """Print and return the cost, the number of motions, and CPU seconds of the search and of one motion made anew."""
+    """Print and return the cost, the number of motions, CPU seconds of the search, and of one motion newly made."""
     print(f"{POINTS} parameters; {backend.status()}; {backend.machine_description()}")
     constraints = {"angle": (end("q.crank"), 0.6, 0.6), "rest": (end("v.crank"), 0.0, 0.0)}
     mech, spent = mbdae.load(MODEL, forces=[motor()]), []
@@ -76,17 +76,17 @@ def main(iterations: int = 100) -> dict[str, float]:
         found = mbdae.optimize(mech, effort, NAMES, constraints=constraints, t_span=(0.0, 1.0),
                                iterations=iterations, **SETTINGS)  # fmt: skip
         spent.append(process_time() - started)
-    anew, started = MadeAnew(), process_time()
-    sol = mbdae.solve(anew.make(found.values), (0.0, 1.0), **SETTINGS)
+    factory, started = NewMechanisms(), process_time()
+    sol = mbdae.solve(factory.make(found.values), (0.0, 1.0), **SETTINGS)
     for function in (effort, *(pair[0] for pair in constraints.values())):
         cost = function if function is not effort else end("q.rocker")  # the effort has no signals of the run
-        mbdae.gradient(sol, cost, found.values, model=anew)
+        mbdae.gradient(sol, cost, found.values, model=factory)
     made = process_time() - started
     motions = len(found.history)
     print(f"cost {found.cost:.6f} after {motions} motions, bound {found.bound} times")
-    print(f"{spent[-1]:.2f} s of CPU, {1e3 * spent[-1] / motions:.1f} ms a motion; made anew {1e3 * made:.0f} ms")
-    print(f"made anew: {made * motions / spent[-1]:.0f} times as long")
-    return {"cost": found.cost, "motions": motions, "bound": found.bound, "seconds": spent[-1], "anew": made}
+    print(f"{spent[-1]:.2f} s of CPU, {1e3 * spent[-1] / motions:.1f} ms a motion; newly made {1e3 * made:.0f} ms")
+    print(f"newly made: {made * motions / spent[-1]:.0f} times as long")
+    return {"cost": found.cost, "motions": motions, "bound": found.bound, "seconds": spent[-1], "made": made}
 
 
 if __name__ == "__main__":

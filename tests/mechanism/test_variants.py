@@ -1,4 +1,4 @@
-"""Parameters written in place: workspaces that are bound to variants of a mechanism compute as those made anew."""
+"""Parameters written in place: workspaces that are bound to variants of a mechanism compute as new ones."""
 
 from contextlib import suppress
 
@@ -50,7 +50,7 @@ def parameters(template):
     return out
 
 
-def made_anew(template, name, value):
+def new_mechanism(template, name, value):
     """The mechanism of the files with another value, which shares nothing."""
     recipe = template.recipe({})
     file, parts = recipe.file, recipe.parts
@@ -97,7 +97,7 @@ def test_parameters_are_written_in_place(name):
     first = terms(mech, native)
     for parameter, value in parameters(template).items():
         try:
-            expected = terms(made_anew(template, parameter, value), native, True)
+            expected = terms(new_mechanism(template, parameter, value), native, True)
         except InputError:  # out of its range
             with pytest.raises(InputError):
                 template.make({parameter: value})

@@ -1,4 +1,4 @@
-"""Parameters whose directions are constant: other values of them are written into what is bound, nothing is made anew.
+"""Parameters whose directions are constant: other values of them are written into what is bound, nothing is made again.
 
     theta(p) = theta(p_0) + D (p - p_0),   tau = C u   with D of either C or u alone
 
@@ -38,7 +38,7 @@ class Components(NamedTuple):
 
 
 class ConstantDirections:
-    """Directions D (n, k) of the components that parameters change; they hold where `hold` returns so.
+    """Directions D (n, k) of the components that parameters change, for all values with which they `agree`.
 
     Args:
         parameters: bound parameters.
@@ -47,36 +47,38 @@ class ConstantDirections:
     def __init__(self, parameters: "Parameters") -> None:
         self.mech, self.forces = parameters.mech, sorted({i for p in parameters.all for i in p.forces})
         self.values, self.workspace = np.array([*parameters.values.values()]), parameters.system.workspace
-        self.at: Components | None = None
-        pooled = self.mech.workspaces.pooled and not any(p.specs or p.placements or p.frames for p in parameters.all)
-        if not pooled or any(p.side for p in parameters.all) or not parameters.all:
-            return
-        if (at := self._components(self.mech)) is None:
-            return
+        self.at = self._components(self.mech) if _may_be_constant(parameters) else None
+        if self.at is not None and not (self._differentiate(parameters) and self._agrees_nearby(parameters)):
+            self.at = None
+
+    def _differentiate(self, parameters: "Parameters") -> bool:
+        """Find D; return whether the components exist there, and no product of parameters is among them."""
+        assert self.at is not None
+        self.keeps_states = all(p.keeps_states for p in parameters.all)
         near = [{k: self._components(m) for k, m in p.perturbed.items()} for p in parameters.all]
-        if any(x is None or x.rest != at.rest for values in near for x in values.values()):
-            return
+        if any(x is None or x.rest != self.at.rest for values in near for x in values.values()):
+            return False
         self.D = np.array([
             p.quotient({k: x.numbers for k, x in values.items() if x is not None})
             for p, values in zip(parameters.all, near, strict=True)
         ]).T  # fmt: skip
-        changed = set(at.factors[self.D.any(axis=1)].tolist())
-        if any(i >= 0 and i ^ 1 in changed for i in changed):  # a product of parameters
-            return
-        self.at, self.keeps_states = at, all(p.keeps_states for p in parameters.all)
+        changed = set(self.at.factors[self.D.any(axis=1)].tolist())
+        return not any(i >= 0 and i ^ 1 in changed for i in changed)
+
+    def _agrees_nearby(self, parameters: "Parameters") -> bool:
+        """Return whether D predicts the components where all parameters differ."""
         widths = np.array([p.width for p in parameters.all])
         for size, ratio in POINTS:
             values = self.values + size * ratio ** np.arange(len(widths)) * widths
             named = dict(zip(parameters.values, values.tolist(), strict=True))
             try:
-                if not self.hold(parameters.make(named), named):
-                    self.at = None
-                    return
+                if not self.agree(parameters.make(named), named):
+                    return False
             except MbdaeError:
-                self.at = None
-                return
+                return False
+        return True
 
-    def hold(self, mech: "Mechanism", values: Mapping[str, float]) -> bool:
+    def agree(self, mech: "Mechanism", values: Mapping[str, float]) -> bool:
         """Return whether a mechanism with other values has the components that the directions predict."""
         if self.at is None or not self._is_equal_elsewhere(mech):
             return False
@@ -116,6 +118,12 @@ class ConstantDirections:
             factors += [np.full(len(of_C), 2 * i), np.full(len(of_u), 2 * i + 1)]
             rest.append([x[:-1] for x in law.terms] + [s[:2] for s in law.springs] + [fixed for fixed, _ in signals])
         return Components(np.concatenate(numbers), np.concatenate(factors), rest)
+
+
+def _may_be_constant(parameters: "Parameters") -> bool:
+    """Return whether the parameters change nothing but such components, on both sides of their values."""
+    other = any(p.specs or p.placements or p.frames or p.side for p in parameters.all)
+    return bool(parameters.all) and parameters.mech.workspaces.pooled and not other
 
 
 def _signal(u: Any) -> tuple[Any, Sequence[float]]:

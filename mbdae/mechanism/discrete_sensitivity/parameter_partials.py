@@ -113,7 +113,7 @@ class Parameters:
         """
         values = {name: values[name] for name in self.values}
         mech = self.make(values)
-        if not self.constant.hold(mech, values):
+        if not self.constant.agree(mech, values):
             return False
         self.mech, self.values = mech, values
         self.system.bind(mech)

@@ -115,7 +115,7 @@ class Template:
         return variant(first, **self._changed_parts(changed, recipe._replace(file=file, parts=parts), first))
 
     def _changed_parts(self, changed: Iterable[str], recipe: Recipe, first: Mechanism) -> dict[str, Any]:
-        """Return the arguments of `Mechanism` that changed tables change; the model is built anew for bodies alone."""
+        """Return the arguments of `Mechanism` that changed tables change; the model is built again for bodies alone."""
         tables, file = {name.partition(".")[0] for name in changed}, recipe.file
         out = {argument: getattr(file, table) for table, argument in PARTS.items() if table in tables}
         if "force" in tables:

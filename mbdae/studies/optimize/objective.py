@@ -81,6 +81,11 @@ class RunMotion:
     parameters: VaryingParameters
     values: dict[str, float]
 
+    @property
+    def bound(self) -> int:
+        """How often the parameters were bound."""
+        return self.parameters.bound
+
     def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         function = _CostOfParameters(cost, self.values, what)
@@ -101,6 +106,8 @@ class CurveMotion:
     result: Kinematics
     make: Callable[[Mapping[str, float]], Mechanism]
     values: dict[str, float]
+
+    bound = 0  # its parameters are not those of runs
 
     @cached_property
     def signals(self) -> CurveSignals:

@@ -19,7 +19,7 @@ from ...system import Array
 from ...tolerances import VISIBLE
 from ..sensitivity.cost import Cost
 from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, progress_reporter
-from .objective import ComputeMotion, CostEvaluation, Motion, RunMotion, curves, runs
+from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
 from .result import Evaluation, Optimum
 from .search_range import (
     constraint_limits,
@@ -216,7 +216,7 @@ class Problem:
         return Optimum(
             best.values, best.cost, gradient, best.constraints, self.limits, box, motion.result.mechanism,
             motion.result, tuple(self.history), converged, interrupted, message,
-            motion.parameters.bound if isinstance(motion, RunMotion) else 0,
+            motion.bound,
         )  # fmt: skip
 
     def is_stationary(self, z: Array, low: Array, high: Array) -> bool:

@@ -1,4 +1,4 @@
-"""Parameters with constant directions are bound once: other values give the gradients of mechanisms made anew."""
+"""Parameters with constant directions are bound once: other values give the gradients of new mechanisms."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def cost(signals):
 
 
 @pytest.mark.parametrize(("names", "often"), [*((x, 1) for x in ONCE.values()), *((x, 3) for x in AGAIN.values())])
-def test_gradients_are_those_of_mechanisms_made_anew(four_bar, names, often):
+def test_gradients_are_those_of_mechanisms_new_mechanism(four_bar, names, often):
     make = LoadedModel(four_bar)
     run = runs(make, (0.0, 0.2), SETTINGS)
     first = {name: parameter_value(make, name) for name in names}
@@ -67,8 +67,8 @@ def test_gradients_are_those_of_mechanisms_made_anew(four_bar, names, often):
         expected = mbdae.gradient(motion.result, cost, values, model=LoadedModel(other))
         scale = np.abs(list(expected.gradient.values())).max()
         np.testing.assert_allclose(at.derivatives(), list(expected.gradient.values()), rtol=0, atol=1e-10 * scale)
-        anew = LoadedModel(other).make(values)
-        np.testing.assert_array_equal(mbdae.solve(anew, (0.0, 0.2), **SETTINGS).y, motion.result.y)
+        other_make = LoadedModel(other).make(values)
+        np.testing.assert_array_equal(mbdae.solve(other_make, (0.0, 0.2), **SETTINGS).y, motion.result.y)
         found.append(motion.result.y)
     assert motion.parameters.bound == often
     np.testing.assert_array_equal(found[0], found[2])
