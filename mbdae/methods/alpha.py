@@ -88,11 +88,11 @@ class GeneralizedAlpha(NewtonMethod):
         if out is not None:
             return out
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
-        n, carry = system.ny - system.nv, state.carry
+        step, carry = system.second_order_step(t, h, state.y, self.stabilised), state.carry
+        n = step.size
         if carry is None or len(carry) != 2 * n + 1:
             carry = self.started(system, t, h, state.y)
         rate, a = carry[n:-1], carry[n:-1] + h / carry[-1] * (carry[:n] - carry[n:-1])
-        step = system.second_order_step(t, h, state.y, self.stabilised)
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)
         step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)

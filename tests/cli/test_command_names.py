@@ -18,6 +18,7 @@ FUNCTIONS = {  # public functions without a command
     "gradient": "takes a cost, a Python function",
     "load": "every command loads its model",
     "model_names": "the command is `models`",
+    "optimal_control": "takes a cost, a Python function",
     "optimize": "takes a cost, a Python function",
     "progress_bar": "commands show it",
     "sensitivity": "returns arrays by node, parameter and component",

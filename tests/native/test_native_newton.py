@@ -11,14 +11,14 @@ from mbdae.methods import METHODS
 
 pytestmark = pytest.mark.native
 
-SPRING = SpringDamper(a=("ball", (0, 0, 0)), b=("world", (1, 0.5, -0.2)), stiffness=30.0, length=0.7, damping=2.0)
+SPRING = SpringDamper(frames=("world", "coupler_tip"), stiffness=20.0, length=0.2, damping=0.5)
 MECHANISMS = {
     "four_bar": lambda: mbdae.load("four_bar"),
     "heavy_top": lambda: mbdae.load("heavy_top"),
     "bricard": lambda: mbdae.load("bricard"),
     "stewart_platform": lambda: mbdae.load("stewart_platform"),
     "damped four-bar": lambda: mbdae.load("four_bar", forces=[JointDamping(joint="crank", damping=0.4)]),
-    "pendulum at a damper": lambda: mbdae.load("pendulum", forces=[SPRING]),
+    "four-bar at a spring": lambda: mbdae.load("four_bar", forces=[SPRING]),
     "crane": driven.crane,
     "platform": driven.platform,
 }

@@ -38,7 +38,7 @@ def steps(mech, method, h, n, native):
 
 @pytest.mark.parametrize("name", IN_CORE)
 def test_single_steps(name):
-    """Equal to rounding; as many iterations, or one more where rounding decides their end."""
+    """Equal to rounding; as many iterations, or up to two more where rounding decides their end."""
     mech, h = model(name), SPANS.get(name, 0.5) / 1000
     for s in (1, 2, 3, 4):
         found, expected = (steps(mech, RadauIIA(s), h, 4, native) for native in (True, False))
@@ -46,7 +46,7 @@ def test_single_steps(name):
             assert_near(a[0], b[0], 1e-12)
             assert_near(a[1], b[1], 1e-9)
             assert_near(a[2], b[2], 0.1 * np.abs(b[2]).max() + 1e-16 if k else 1e-12)
-            assert abs(a[3] - b[3]) <= 1
+            assert abs(a[3] - b[3]) <= 2
             assert a[4] <= 1e-13 * (1 + np.abs(a[5]).max())
 
 

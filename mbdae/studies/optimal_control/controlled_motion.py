@@ -73,6 +73,7 @@ class ControlledMotion:
     t: Array
     values: dict[str, Array]
     partials: dict[str, Array]
+    bound = 0  # there are no parameters of a model
 
     @property
     def duration(self) -> float:

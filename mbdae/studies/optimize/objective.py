@@ -135,6 +135,10 @@ class Motion(Protocol):
     def result(self) -> Solution | Kinematics:
         """The run or the curve."""
 
+    @property
+    def bound(self) -> int:
+        """How often its parameters were bound."""
+
     def evaluate(self, cost: Any, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
 

@@ -11,6 +11,7 @@ from commands import call
 import mbdae
 from mbdae.backend import load as load_core
 from mbdae.methods import Tableau
+from mbdae.methods.variational import NewtonMethod
 from mbdae.studies.order import gradients, measurement
 from mbdae.studies.order.measurement import LARGEST_RUN, MIN_OUTPUTS, Measurement
 from mbdae.studies.order.rates import above, asymptotic, done, fit
@@ -43,7 +44,9 @@ def test_orders(model, half, back_end, monkeypatch):
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     mech = mbdae.load(model)
     native = back_end == "native"
+    others = [n for n, m in mbdae.METHODS.items() if isinstance(m, NewtonMethod)]  # test_variational, test_alpha
     fast = [n for n, m in mbdae.METHODS.items() if isinstance(m, Tableau) or (native and m.in_core)]
+    fast = [n for n in fast if n not in others]
     for method in fast[half::2]:
         largest = LARGEST_RUN if back_end == "native" else LONGER.get((model, method), IN_PYTHON)
         monkeypatch.setattr(Measurement, "largest", largest)
