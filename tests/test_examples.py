@@ -158,7 +158,7 @@ def test_energy_and_drift(tmp_path, capsys):
 def test_long_time_energy(tmp_path, capsys):
     result = example("long_time_energy").main(share=0.1, plot=tmp_path / "energy.png")
     for model in ("four_bar", "heavy_top"):
-        trends = {m: abs(d.energy_slope) / d.energy_slope_error for (name, m), d in result.items() if name == model}
+        trends = {m: abs(d.energy_trend) / d.energy_trend_error for (name, m), d in result.items() if name == model}
         assert trends["rattle4"] < 3
         assert trends["pherk6"] > 10
     assert (tmp_path / "energy.png").exists()

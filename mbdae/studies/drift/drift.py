@@ -62,9 +62,9 @@ class Drift(Tabular):
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
         energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
         work_end: W at the end in J.
-        energy_slope: trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
+        energy_trend: trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
             fewer than 100 nodes.
-        energy_slope_error: its standard error in J/s.
+        energy_trend_error: its standard error in J/s.
         history: residuals over time.
     """
 
@@ -81,8 +81,8 @@ class Drift(Tabular):
     energy_error: float | None
     energy_scale: float | None
     work_end: float | None
-    energy_slope: float | None
-    energy_slope_error: float | None
+    energy_trend: float | None
+    energy_trend_error: float | None
     history: History = field(repr=False, compare=False)
 
     @property
@@ -154,8 +154,8 @@ class Drift(Tabular):
         if self.energy_error is not None:
             relative = f"{self.energy_relative:.2e} (work {self.work_end:.4g} J)"
             lines.append(f"  energy balance {self.energy_error:.2e} J, relative {relative}")
-        if self.energy_slope is not None:
-            lines.append(f"  energy trend {self.energy_slope:.1e} +- {self.energy_slope_error:.1e} J/s")
+        if self.energy_trend is not None:
+            lines.append(f"  energy trend {self.energy_trend:.1e} +- {self.energy_trend_error:.1e} J/s")
         return "\n".join(lines)
 
 
@@ -213,7 +213,7 @@ def drift(sol: Solution) -> Drift:
     error, scale = energy_balance(mech, sol.v, r.kinetic, r.potential, sol.work)
     method, label = run_labels(sol)
     balance = r.kinetic + r.potential - sol.work
-    slope, slope_error = linear_trend(sol.t, balance - balance[0]) or (None, None)
+    trend, trend_error = linear_trend(sol.t, balance - balance[0]) or (None, None)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),
@@ -233,7 +233,7 @@ def drift(sol: Solution) -> Drift:
         energy_error=float(error.max()),
         energy_scale=scale,
         work_end=float(sol.work[-1] - sol.work[0]),
-        energy_slope=slope,
-        energy_slope_error=slope_error,
+        energy_trend=trend,
+        energy_trend_error=trend_error,
         history=history,
     )

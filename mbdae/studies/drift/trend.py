@@ -9,9 +9,9 @@ LARGEST_CORRELATION = 0.95  # of successive means: with larger ones the standard
 
 
 def linear_trend(t: Array, x: Array) -> tuple[float, float] | None:
-    """Return the slope of x(t) and its standard error, by regression of means over `BLOCKS` blocks between nodes.
+    """Return the trend of x(t) and its standard error, by regression of means over `BLOCKS` blocks between nodes.
 
-    A quantity without trend has a slope of 0 within three standard errors. With the correlation r of successive means,
+    A quantity without trend has one of 0 within three standard errors. With the correlation r of successive means,
     as in oscillations slower than a block, the standard error is that of independent means times
     ((1 + r) / (1 - r))^(1/2).
 
@@ -31,8 +31,8 @@ def linear_trend(t: Array, x: Array) -> tuple[float, float] | None:
     at = np.unique(np.searchsorted(sign * t[:-1], sign * np.linspace(t[0], t[-1], BLOCKS + 1)))
     means, middle = np.diff(integral[at]) / np.diff(t[at]), (t[at][1:] + t[at][:-1]) / 2
     middle = middle - middle.mean()
-    slope = middle @ means / (middle @ middle)
-    left = means - means.mean() - slope * middle
+    trend = middle @ means / (middle @ middle)
+    left = means - means.mean() - trend * middle
     power = left @ left
     r = min(max(left[1:] @ left[:-1] / power, 0.0), LARGEST_CORRELATION) if power else 0.0
-    return float(slope), float(np.sqrt(power / (len(means) - 2) / (middle @ middle) * (1 + r) / (1 - r)))
+    return float(trend), float(np.sqrt(power / (len(means) - 2) / (middle @ middle) * (1 + r) / (1 - r)))

@@ -83,13 +83,9 @@ def optimal_control(
     Source: Betts, Practical Methods for Optimal Control Using Nonlinear Programming, SIAM (2010), ch. 3 and 4; Bock,
     Plitt, A multiple shooting algorithm for direct solution of optimal control problems, IFAC World Congress (1984).
     """
+    _require_numbers(points, steps, iterations, tolerance, time_weight)
     if wrong := [name for name in settings if name not in SETTINGS]:
         raise UnknownNameError("setting", wrong[0], SETTINGS)
-    _require_counts(points=points, steps=steps, iterations=iterations)
-    if steps % 2:
-        raise InputError(f"steps must be even, for Simpson's rule, got {steps}")
-    if not is_number(tolerance) or not tolerance > 0 or not is_number(time_weight):
-        raise InputError(f"tolerance is positive and time_weight a number, got {tolerance!r:.30}, {time_weight!r:.30}")
     simulator = Simulator(model, 0.0, q, v, s, step=1.0, restart=True, **{"method": METHOD, **settings})
     box = _input_limits(simulator, inputs)
     span = _duration(simulator.mechanism.duration if duration is None else duration)
@@ -98,9 +94,7 @@ def optimal_control(
     function, used, label = integrand(cost)
     ends = {name: _pair(x) for name, x in table_by_name("end", end).items()}
     paths = table_by_name("path", path)
-    limits = [(f"{name} at the end", name, points - 1, x) for name, x in ranges("signal", ends, ends).items()]
-    for name, pair in ranges("signal", paths, paths).items():
-        limits += [(f"{name} at point {k}", name, k, pair) for k in range(points)]
+    limits = _limits(ends, paths, points)
     shooting = Shooting(simulator, grid, [*used, *ends, *paths])
     start, bounds, scale = _unknowns(simulator, grid, box, span, table_by_name("guess", guess))
     require_within_bounds(start, bounds)
@@ -156,11 +150,24 @@ def _unknowns(
     return dict(zip(names, map(float, start), strict=True)), dict(zip(names, bounds, strict=True)), np.array(scale)
 
 
-def _require_counts(**given: Any) -> None:
-    least = {"points": 2, "steps": 2, "iterations": 1}
-    for name, n in given.items():
-        if isinstance(n, bool) or not isinstance(n, int) or n < least[name]:
-            raise InputError(f"{name} must be a whole number from {least[name]} on, got {n!r:.60}")
+def _limits(
+    ends: Mapping[str, Any], paths: Mapping[str, Any], points: int
+) -> list[tuple[str, str, int, tuple[float, float]]]:
+    """Return a label, the signal, the point and (low, high) of each condition."""
+    out = [(f"{name} at the end", name, points - 1, x) for name, x in ranges("signal", ends, ends).items()]
+    for name, pair in ranges("signal", paths, paths).items():
+        out += [(f"{name} at point {k}", name, k, pair) for k in range(points)]
+    return out
+
+
+def _require_numbers(points: Any, steps: Any, iterations: Any, tolerance: Any, time_weight: Any) -> None:
+    for name, n, least in (("points", points, 2), ("steps", steps, 2), ("iterations", iterations, 1)):
+        if isinstance(n, bool) or not isinstance(n, int) or n < least:
+            raise InputError(f"{name} must be a whole number from {least} on, got {n!r:.60}")
+    if steps % 2:
+        raise InputError(f"steps must be even, for Simpson's rule, got {steps}")
+    if not is_number(tolerance) or not tolerance > 0 or not is_number(time_weight):
+        raise InputError(f"tolerance is positive and time_weight a number, got {tolerance!r:.30}, {time_weight!r:.30}")
 
 
 def _duration(given: Any) -> tuple[float, float]:
