@@ -30,7 +30,7 @@ def test_the_gallery_is_drawn(tmp_path):
 
 
 def test_the_pictures_are_small():
-    assert sum(p.stat().st_size for p in PICTURES) < 400_000
+    assert sum(p.stat().st_size for p in PICTURES) < 480_000
 
 
 def test_the_pictures_are_those_of_today_s_code():
