@@ -81,7 +81,8 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
                 assert words[0] in OUTSIDE, words
                 assert all((ROOT / w).is_file() for w in words if w.endswith(".py")), words
                 continue
-            monkeypatch.setattr(sys, "argv", words)
+            ended_by_itself = ["--seconds", "0.5"] if words[1] == "live" else []
+            monkeypatch.setattr(sys, "argv", [*words, *ended_by_itself])
             with pytest.raises(SystemExit) as ended:
                 main()
             assert ended.value.code == code, words
