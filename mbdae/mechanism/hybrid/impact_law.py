@@ -22,7 +22,7 @@ import numpy as np
 from ...discovery import lazy_import
 from ...errors import StepError
 from ...system import Array
-from ...tolerances import MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
+from ...tolerances import HALF_DIGITS, MODE_ROUNDING, SOLUTION_ROUNDING, TRUNCATION, VISIBLE
 from .friction_lcp import FrictionBound, solve_friction_lcp
 
 nnls = lazy_import("scipy.optimize", "nnls")
@@ -201,4 +201,8 @@ def _least_distance(A: Array, f: Array, size: float) -> Array:
     p[active], misfit = nnls(An[:, active], x)
     if misfit > SOLUTION_ROUNDING * size or (An.T @ x < fn - SOLUTION_ROUNDING * scale).any():
         p = u / residual * scale
+    if p.max() * VISIBLE > scale:  # rounding made dependent columns independent: the shortest of such impulses
+        damped = np.vstack([An[:, active], HALF_DIGITS * np.eye(int(active.sum()))])
+        p = np.zeros(len(f))
+        p[active] = nnls(damped, np.append(x, np.zeros(int(active.sum()))))[0]
     return p / sizes
