@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
-Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
+Json: TypeAlias = bool | int | float | str | Sequence[Any] | Mapping[str, Any] | None
 JsonObject: TypeAlias = dict[str, Json]
 
 CoreData: TypeAlias = dict[str, Any]

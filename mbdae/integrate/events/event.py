@@ -10,8 +10,6 @@ from ...errors import InputError
 from ...mechanism.callbacks import call_with_views, checked_value, function_name
 from ...system import Array, System
 
-Events: TypeAlias = "Event | str | Callable[..., float] | Sequence[Event | str | Callable[..., float]] | None"
-
 
 @dataclass(frozen=True)
 class Event:
@@ -43,6 +41,9 @@ class Event:
             )
         if self.direction not in (-1, 0, 1):
             raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
+
+
+Events: TypeAlias = Event | str | Callable[..., float] | Sequence[Event | str | Callable[..., float]] | None
 
 
 def as_events(events: Events) -> tuple[Event, ...]:
