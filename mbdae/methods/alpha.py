@@ -91,7 +91,7 @@ class GeneralizedAlpha(NewtonMethod):
         step, carry = system.second_order_step(t, h, state.y, self.stabilised), state.carry
         n = step.size
         if carry is None or len(carry) != 2 * n + 1:
-            carry = self.started(system, t, h, state.y)
+            carry = self.started(system, t, h, state.y, n)
         rate, a = carry[n:-1], carry[n:-1] + h / carry[-1] * (carry[:n] - carry[n:-1])
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)
@@ -100,10 +100,9 @@ class GeneralizedAlpha(NewtonMethod):
         moved, lam = step.end(du, z)
         return end_of_step(system, state, moved, lam, np.concatenate([known + weight * du, du, [h]]))
 
-    def started(self, system: System, t: float, h: float, y: Array) -> Array:
-        """Return the carry of a first step: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
+    def started(self, system: System, t: float, h: float, y: Array, n: int) -> Array:
+        """Return the carry (2 n + 1,) at a start: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
         offset, F = float(self.alpha_m - self.alpha_f), system.derivative(t, y)[0]
-        n = system.second_order_step(t, h, y, self.stabilised).size
         if not offset:
             return np.concatenate([F[-n:], F[-n:], [h]])
         ahead = abs(offset) * h

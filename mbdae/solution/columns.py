@@ -43,7 +43,7 @@ class Residuals(NamedTuple):
 
 
 def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
-    """Return |E - E_0 - W| in J, (n,), and the reference energy in J, which is 0 at rest.
+    """Return E - E_0 - W in J, (n,), and the reference energy in J, which is 0 at rest.
 
     Args:
         mech: the mechanism, whose characteristic lengths and rate define when velocities are zero.
@@ -56,7 +56,7 @@ def energy_balance(mech: "Mechanism", v: Array, kinetic: Array, potential: Array
     scale = max(np.abs(done).max(), kinetic.max(), np.ptp(potential))
     fastest = np.abs(v / mech.coordinate_scales).max(initial=0.0)
     moves = fastest > MOVING * gravity_rate(mech) > 0.0 or not fastest <= AGREEMENT * mech.characteristic_rate
-    return np.abs(total - total[0] - done), float(scale) if moves else 0.0
+    return total - total[0] - done, float(scale) if moves else 0.0
 
 
 def residuals(sol: "Solution") -> Residuals:

@@ -202,7 +202,6 @@ def _least_distance(A: Array, f: Array, size: float) -> Array:
     if misfit > SOLUTION_ROUNDING * size or (An.T @ x < fn - SOLUTION_ROUNDING * scale).any():
         p = u / residual * scale
     if p.max() * VISIBLE > scale:  # rounding made dependent columns independent: the shortest of such impulses
-        damped = np.vstack([An[:, active], HALF_DIGITS * np.eye(int(active.sum()))])
-        p = np.zeros(len(f))
-        p[active] = nnls(damped, np.append(x, np.zeros(int(active.sum()))))[0]
+        n, p = int(active.sum()), np.zeros(len(f))
+        p[active] = nnls(np.vstack([An[:, active], HALF_DIGITS * np.eye(n)]), np.append(x, np.zeros(n)))[0]
     return p / sizes

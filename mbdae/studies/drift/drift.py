@@ -211,9 +211,9 @@ def drift(sol: Solution) -> Drift:
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = energy_balance(mech, sol.v, r.kinetic, r.potential, sol.work)
+    trend, trend_error = linear_trend(sol.t, error) or (None, None)
+    error = np.abs(error)
     method, label = run_labels(sol)
-    balance = r.kinetic + r.potential - sol.work
-    trend, trend_error = linear_trend(sol.t, balance - balance[0]) or (None, None)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),
