@@ -176,10 +176,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   y0_ = in.y;
   const double* y = y0_.data();
   IndependentRows& rows = s_.rows;
-  if (s_.ng && !rows.frozen) {
-    if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
-    rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
-  }
+  s_.select_rows_of_step(y);
   begin_step(y);
   auto m = std::make_shared<StageMemory>();
   m->unknowns = unknowns();

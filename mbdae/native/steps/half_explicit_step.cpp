@@ -135,10 +135,7 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   IndependentRows& rows = s_.rows;
-  if (s_.ng && !rows.frozen) {
-    if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
-    rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
-  }
+  s_.select_rows_of_step(y);
   begin_step(y);
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();

@@ -108,7 +108,7 @@ void SecondOrderStep::take(const GeneralizedAlpha& a, double t, double h, const 
   y0_ = in.y, h_ = h;
   const double* y = y0_.data();
   if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
-  if (s_.ng && !s_.rows.frozen) s_.rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
+  s_.select_rows_of_step(y);
   Numbers before(in.carry);
   if (before.size() != static_cast<size_t>(2 * n_ + 1)) {
     before.assign(2 * n_ + 1, h);

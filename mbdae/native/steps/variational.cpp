@@ -146,7 +146,7 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
   const double* y = in.y.data();
   t_ = t, h_ = h, q0_.assign(y, y + nq_), v0_.assign(y + nq_, y + nq_ + nv_);
   if (!s_.point.is_current(y)) s_.point.evaluate(y, true);
-  if (s_.ng && !s_.rows.frozen) s_.rows.select_if_triggered(s_.point.Z.data(), s_.point.stamp());
+  s_.select_rows_of_step(y);
   const std::vector<int>& rows = s_.rows.in_use();
   const int n = nv_, r = static_cast<int>(rows.size());
   G0_.resize(static_cast<size_t>(r) * n);

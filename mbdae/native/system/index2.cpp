@@ -61,6 +61,12 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
   return true;
 }
 
+void Index2System::select_rows_of_step(const double* y) {
+  if (!ng || rows.frozen) return;
+  if (!point.is_current(y)) point.evaluate(y, true);
+  rows.select_if_triggered(point.Z.data(), point.stamp());
+}
+
 void Index2System::use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen) {
   point.invalidate();
   rows.use(in_use, rank, floor, frozen);

@@ -83,6 +83,7 @@ class Index2System {
   int controlled_components() const { return driven() ? ny : ny - 1; }  // components under error control
   // After `saddle.factorize_symmetric`: are rows not in use still dependent? Otherwise a reason to examine them.
   void probe_other_rows();
+  void select_rows_of_step(const double* y);  // which begins at y (length,): unless the rows in use are fixed
   void use_rows(const std::vector<int>& in_use, int rank, double floor, bool frozen);
   void reset();  // to the state of a new system, in the same mode
   // The numbers of a mechanism of the same structure, in place, and `reset`; false: it has another structure.
