@@ -4,7 +4,7 @@ q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
 """
 
-from math import inf, isfinite
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -110,7 +110,8 @@ class Index2System(PinocchioData, RunVariables, System):
         """Return f (nv,) and the rates (s', power in W), (ns + 1,); kinematics must be current at q."""
         tau, rates = self.torque(t, q, v, s)
         f = tau - pin.nonLinearEffects(self.model, self.workspace, q, v)
-        if not isfinite(f.dot(f)) and len(bad := np.flatnonzero(~np.isfinite(f))):
+        if not (finite := np.isfinite(f)).all():
+            bad = np.flatnonzero(~finite)
             joint = self.mechanism.coordinate_joint(int(bad[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
         return f, rates
