@@ -154,8 +154,10 @@ class SingularityMonitor:
     suspicious_ratio: float
     singular_ratio: float
     monitored_ratio: float
+    notch_ratio: float
     steps_ahead: float
     entered: bool
+    suspicious: bool
 
 class Jumps:
     in_core: bool
@@ -303,6 +305,7 @@ class Run:
     tolerated_move: float
     tiny: float
     max_undone: float
+    continued: bool
     seconds: float
     max_steps: int
     max_carries: int

@@ -55,10 +55,14 @@ class DifferentiableAdvance:
     mechanism: Mechanism
     inputs: Inputs
     status: str
-    _run: RunState
     _last: LastAdvance | None = None
     _bound: AdvanceParameters | None = None
     _differentiated: AdvanceSensitivity | None = None
+
+    @property
+    def _run(self) -> RunState:
+        """The run, all its steps recorded."""
+        raise NotImplementedError
 
     def tangent(
         self,

@@ -78,6 +78,7 @@ class RunState:
     ) -> None:
         self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
         self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
+        self.continues = False  # beyond its end, see `continue_to`
         self.system, self.stepper, self.state = system, stepper, State(start)
         self.rejected: int | None = 0
         self.undone_motion: Array | None = (

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
-from numbers import Real
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 
 from ..errors import STATUS, InputError, StepError, is_number, require
 from ..mechanism import Mechanism
-from ..mechanism.input_functions import InputSetting
 from ..mechanism.inputs import Inputs
 from ..solution.problem import problem_of
 from ..solution.signal_value import find_signal, value
@@ -21,6 +19,7 @@ from ..system import Array
 from ..tolerances import COINCIDENT
 from .advance_sensitivity import LastAdvance
 from .differentiable_advance import DifferentiableAdvance
+from .input_settings import InputSettings
 from .loop import time_loop
 from .options import RunOptions, require_positive
 from .result import joined, make_solution
@@ -97,19 +96,29 @@ class Simulator(DifferentiableAdvance):
         self.options = RunOptions.from_arguments(mechanism, span, None, jumps, events, backend, **options)
         self.recorded, self.restart, self.start, self.seconds = record, restart, float(t), 0.0
         self.status, self.message = "running", STATUS["finished"]
-        self._wanted: dict[str, float] = {}  # inputs that were set since the last advance
-        self._history = {name: [setting] for name, setting in self.inputs.values.items()}
+        self._settings = InputSettings(self.inputs)
         self._earlier: list[Solution] = []  # recorded before the last save
         self._fresh = True  # no step yet since a start at which the carry was computed
-        self._run = self._counted(prepare(mechanism, self.options, (q, v, s)))
+        self._continue(prepare(mechanism, self.options, (q, v, s)))
         with np.errstate(over="ignore", invalid="ignore"):
             self._run.begin()
 
-    def _counted(self, run: RunState) -> RunState:
-        """Return a run whose fixed steps are counted from the start of the simulator."""
+    def _continue(self, run: RunState) -> None:
+        """Continue with a run, whose fixed steps are counted from the start of the simulator."""
+        self._current, self._stepper, run.continues = run, run.stepper, True
         if isinstance(fixed := getattr(run.stepper, "inner", run.stepper), Fixed):
             fixed.n, fixed.t0 = ENDLESS, self.start
-        return run
+
+    @property
+    def _run(self) -> RunState:
+        """The run, all its steps recorded."""
+        self._stepper.record(self._current)
+        return self._current
+
+    @property
+    def _y(self) -> Array:
+        """The point (n,) now."""
+        return self._stepper.point(self._current)
 
     def __repr__(self) -> str:
         return f"<Simulator of {self.mechanism.title} at t = {self.t:.9g} s: {self.status}>"
@@ -117,28 +126,28 @@ class Simulator(DifferentiableAdvance):
     @property
     def t(self) -> float:
         """Time in s."""
-        return self._run.t
+        return self._stepper.time(self._current)
 
     @property
     def q(self) -> Array:
         """Configuration (nq,)."""
-        return self._run.ys[-1][: self.mechanism.nq].copy()
+        return self._y[: self.mechanism.nq].copy()
 
     @property
     def v(self) -> Array:
         """Velocity (nv,)."""
         nq = self.mechanism.nq
-        return self._run.ys[-1][nq : nq + self.mechanism.nv].copy()
+        return self._y[nq : nq + self.mechanism.nv].copy()
 
     @property
     def s(self) -> Array:
         """States of actuators and controllers (ns,)."""
-        return self._run.ys[-1][self.mechanism.nq + self.mechanism.nv : -1].copy()
+        return self._y[self.mechanism.nq + self.mechanism.nv : -1].copy()
 
     @property
     def mode(self) -> tuple[int, ...]:
         """The state of each switch of ``mechanism.switches``."""
-        return self._run.system.mode  # type: ignore[attr-defined]
+        return self._current.system.mode  # type: ignore[attr-defined]
 
     def signals(self, *names: str) -> Array:
         """Return signals now, (len(names),), by the names of `mbdae.Solution.signals`.
@@ -146,9 +155,9 @@ class Simulator(DifferentiableAdvance):
         Raises:
             UnknownNameError: for an unknown name.
         """
-        run, y = self._run, self._run.ys[-1]
-        system: Any = run.system
-        return np.array([value(system, find_signal(self.mechanism, name), run.t, y) for name in names])
+        system: Any = self._current.system
+        t, y = self.t, self._y
+        return np.array([value(system, find_signal(self.mechanism, name), t, y) for name in names])
 
     def __getitem__(self, name: str) -> float:
         """Return an input now.
@@ -156,7 +165,7 @@ class Simulator(DifferentiableAdvance):
         Raises:
             UnknownNameError: lists the inputs.
         """
-        return self._wanted.get(name, self.inputs.cell(name).at(self.t))
+        return self._settings.value(name, self.t)
 
     def __setitem__(self, name: str, value: float) -> None:
         """Set an input: from now on, or, with ``hold = "first"``, at the end of the next advance.
@@ -165,28 +174,8 @@ class Simulator(DifferentiableAdvance):
             UnknownNameError: lists the inputs.
             InputError: for a value that is not a finite number.
         """
-        self._running()
-        self.inputs.cell(name)
-        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
-            raise InputError(f"input {name!r} must be a finite number, got {value!r}")
-        self._wanted[name] = float(value)
-
-    def _apply(self, dt: float) -> bool:
-        """Let the inputs follow what was set, over dt; return whether one of them jumps."""
-        t, jumps = self.t, False
-        for name, cell in self.inputs.cells.items():
-            now = cell.at(t)
-            value = self._wanted.get(name, now)
-            setting = InputSetting(t, value) if cell.hold == "zero" else InputSetting(t, now, (value - now) / dt)
-            if setting[1:] != (now, cell.setting.rate):
-                jumps |= setting.value != now or (name in self.inputs.by_rate and setting.rate != cell.setting.rate)
-                cell.set(setting)
-                history = self._history[name]
-                if history[-1].t == t:
-                    history.pop()
-                history.append(setting)
-        self._wanted.clear()
-        return jumps
+        self._require_running()
+        self._settings.want(name, value)
 
     def advance(self, dt: float) -> str:
         """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance before.
@@ -195,29 +184,24 @@ class Simulator(DifferentiableAdvance):
             InputError: for a dt that is not positive, or a simulator that has stopped.
             StepError: if the steps fail; everything up to there remains, and the simulator has stopped.
         """
-        run = self._running()
+        self._require_running()
         require_positive(dt=dt)
         if not isfinite(dt):
             raise InputError(f"dt must be finite, got {dt}")
-        if not self.recorded and len(run.ts) > FORGOTTEN:
+        if not self.recorded and self._stepper.nodes(self._current) > FORGOTTEN:
             self.save()
-            run = self._run
         self._last = self._differentiated = None
-        node, begin, restarted = len(run.ts) - 1, run.t, self._fresh
-        started, target = perf_counter(), self._on_grid(begin + dt)
-        end = end_of_tables(self.mechanism.drivers, run.t, target)
+        started, begin, node = perf_counter(), self.t, self._stepper.nodes(self._current) - 1
+        target = self._on_grid(begin + dt)
+        end = end_of_tables(self.mechanism.drivers, begin, target)
         try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                jumps = self._apply(dt) | (run.interval.stop != run.interval.end)  # a jump just after the last node
-                if jumps or (self.restart and not self._fresh and getattr(run.tableau, "carries", False)):
-                    run.restart_after_jump(begin)
-                    restarted = True
-                self._fresh = False
-                run.continue_to(end)
-                stopped = time_loop(run)
+            restarts, stopped = self._restarts(dt), False
+            if restarts or not self._stepper.continue_unrecorded(self._current, end):
+                with np.errstate(over="ignore", invalid="ignore"):
+                    restarts, stopped = self._loop(end, restarts)
         except StepError as e:
-            for source in run.sources:
-                e = source.explain(run, e)
+            for source in self._current.sources:
+                e = source.explain(self._current, e)
             self.status, self.message = e.status, str(e)
             raise e from None
         finally:
@@ -226,9 +210,23 @@ class Simulator(DifferentiableAdvance):
             self.status = "driver"
             self.message = next(text for d in self.mechanism.drivers if (text := d.outside(target)))
             raise StepError(self.status, self.message)
-        self._last = LastAdvance(node, begin, restarted, run.t - begin)
-        self.status = "event" if stopped else "running"
+        self._last = LastAdvance(node, begin, restarts or self._fresh, self.t - begin)
+        self.status, self._fresh = "event" if stopped else "running", False
         return self.status
+
+    def _restarts(self, dt: float) -> bool:
+        """Let the inputs follow what was set, over dt; return whether the method restarts."""
+        carries = getattr(self._current.tableau, "carries", False)
+        return self._settings.apply(self.t, dt) | (self.restart and carries and not self._fresh)
+
+    def _loop(self, end: float, restarts: bool) -> tuple[bool, bool]:
+        """Step to the end in the time loop; return whether the method restarted, and whether an event stopped it."""
+        run = self._run
+        restarts |= run.interval.stop != run.interval.end  # a jump just after the last node
+        if restarts:
+            run.restart_after_jump(run.t)
+        run.continue_to(end)
+        return restarts, time_loop(run)
 
     def _on_grid(self, t: float) -> float:
         """Return the time, that of a fixed step if they differ by rounding only."""
@@ -237,10 +235,9 @@ class Simulator(DifferentiableAdvance):
         on_grid = self.start + round((t - self.start) / h) * h
         return on_grid if abs(on_grid - t) <= COINCIDENT * h else t
 
-    def _running(self) -> RunState:
+    def _require_running(self) -> None:
         if self.status not in ("running", "event"):
             raise InputError(f"the simulator stopped at t = {self.t:.9g} s ({self.status}): {self.message}")
-        return self._run
 
     # -- saving and results --------------------------------------------------------------------------------------
 
@@ -253,13 +250,13 @@ class Simulator(DifferentiableAdvance):
         Raises:
             InputError: for a simulator that has stopped.
         """
-        run = self._running()
-        state = SimulatorState(snapshot(run), self.inputs.values, dict(self._wanted), self.start)
+        self._require_running()
+        settings = self._settings
+        state = SimulatorState(snapshot(self._run), self.inputs.values, dict(settings.wanted), self.start)
         earlier = [*self._earlier, self._made()] if self.recorded else []
-        history = self._history
         self.restore(state)
         if self.recorded:
-            self._earlier, self._history = earlier, history
+            self._earlier, self._settings = earlier, settings
         return state
 
     def restore(self, state: SimulatorState) -> None:
@@ -272,16 +269,15 @@ class Simulator(DifferentiableAdvance):
         """
         require(state, SimulatorState, "restore takes a state from save")
         state.require_for(self.mechanism, self.inputs.cells)
-        self.start, self._wanted, self._earlier = state.start, dict(state.wanted), []
         for name, setting in state.inputs.items():
             self.inputs.cell(name).set(setting)
-        self._history = {name: [setting] for name, setting in state.inputs.items()}
+        self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
         self.status, self.message = "running", STATUS["finished"]
         self._last, self._differentiated, self._fresh = None, None, False
         self._run.release()
         t = state.run.t
         options = replace(self.options, t0=t, t1=t + 1, end=t + 1)
-        self._run = self._counted(prepare_at(self.mechanism, options, state.run.y))
+        self._continue(prepare_at(self.mechanism, options, state.run.y))
         resume(self._run, state.run)
 
     def _made(self) -> Solution:
@@ -294,4 +290,4 @@ class Simulator(DifferentiableAdvance):
         Its checks, statistics and signals are those of `mbdae.solve`.
         """
         out = joined([*self._earlier, self._made()])
-        return replace(out, problem=self.inputs.recorded(self._history)) if self.inputs.named else out
+        return replace(out, problem=self.inputs.recorded(self._settings.history)) if self.inputs.named else out

@@ -122,3 +122,34 @@ def test_a_killed_simulation_resumes_bit_by_bit(tmp_path):
     assert whole.t == resumed.t
     assert np.array_equal(whole.q, resumed.q)
     assert np.array_equal(whole.v, resumed.v)
+
+
+@pytest.mark.parametrize("options", [{"step": 0.004}, {"rtol": 1e-8, "project": True}])
+def test_singular_configurations_between_advances_are_found(options):
+    mech = mbdae.load("n_four_bar", N=1)
+    expected = mbdae.solve(mech, (0.0, 2.0), **options).singular
+    simulator = mbdae.Simulator(mech, **options)
+    for _ in range(100):
+        simulator.advance(0.02)
+    found = simulator.solution().singular
+    assert len(found) == len(expected) > 0
+    assert [x.t for x in found] == pytest.approx([x.t for x in expected], abs=1e-6)
+
+
+@pytest.mark.parametrize("options", [{"step": 1e-3}, {"rtol": 1e-8}, {"method": "radau5", "step": 1e-3}])
+def test_reading_the_state_between_advances_changes_nothing(options):
+    """Steps that the core keeps are those that are recorded one by one."""
+    read, unread = (mbdae.Simulator("four_bar", **options) for _ in range(2))
+    for k in range(700):
+        read.advance(1e-3)
+        unread.advance(1e-3)
+        if k % 7 == 0:
+            assert np.array_equal(read.solution().q[-1], read.q)
+        if k % 100 == 0:
+            assert np.array_equal(read.q, unread.q)
+            assert unread.signals("kinetic") == read.signals("kinetic")
+    one, other = read.solution(), unread.solution()
+    assert np.array_equal(one.t, other.t)
+    assert np.array_equal(one.y, other.y)
+    assert one.stats["steps"] == other.stats["steps"]
+    assert one.stats["rejected"] == other.stats["rejected"]

@@ -7,7 +7,7 @@ at both times.
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from math import inf
+from math import inf, ulp
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -72,6 +72,13 @@ class Jumps(EventSource):
         if run.mode_changes:
             self._following = inf, -inf
             self.times = sorted({*self.given, *_knots(run, run.t, t1)})
+
+    def is_idle(self, run: "RunState", t1: float) -> bool:
+        """Return whether no jump lies before t1, or within rounding after it."""
+        first, last = self._following
+        margin = 8 * MARGIN * max(ulp(run.t), ulp(t1))
+        known = first <= self.sign * run.t and run.interval.stop == run.interval.end
+        return known and self.sign * t1 + margin < last
 
     def adjust_point(self, run: "RunState", y: Array) -> Array:
         """Return y after jumps of the states of sampled controllers."""

@@ -14,6 +14,7 @@ from .singularity_location import MONITORED_RATIO, SingularityLocation
 from .source import EventError
 
 if TYPE_CHECKING:
+    from ..._native import SingularityMonitor as CoreMonitor
     from ..run_state import RunState
     from ..step_map import StepMap
     from ..steppers.adaptive import Adaptive
@@ -128,9 +129,10 @@ class SingularityMonitor(SingularityLocation):
         """Return whether the distance to a singular configuration is below the accuracy of its position."""
         return self._ratio(t, y) < ADJACENT_RATIO * self.largest
 
-    def limits(self) -> tuple[float, float, float, float, float, float]:
-        """Return the largest and the last ratio, the suspicious, singular and monitored ratios, and `AHEAD`."""
-        return self.largest, self.ratios[-1], SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO, AHEAD
+    def to_core(self, monitor: "CoreMonitor") -> None:
+        """Pass the ratios so far to the core."""
+        monitor.largest_ratio, monitor.last_ratio = self.largest, self.ratios[-1]
+        monitor.entered = self.zone_entry is not None
 
     def skip_regular_steps(self, least_pivot_ratio: Array) -> int:
         """Return the number of regular steps before the first suspicious one, given their smallest pivot ratios."""
@@ -191,8 +193,9 @@ class SingularityMonitor(SingularityLocation):
             text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding errors dominate"
             text = f"{text} velocities and multipliers: it stops one step earlier"
             raise EventError("rank", text, len(run.ts) - 2)
-        self.ratios.append(np.inf)
-        self._inspect_step(run, len(self.ratios) - 2)
+        if not run.continues:
+            self.ratios.append(np.inf)
+            self._inspect_step(run, len(self.ratios) - 2)
 
     def _is_near(self, run: "RunState") -> bool:
         """Return whether the ratio at the last node is small, and is about to vanish or has vanished."""
@@ -219,6 +222,10 @@ class SingularityMonitor(SingularityLocation):
         self.zone_entry, self.last_attempt, self.stalled_attempts = None, (np.inf, np.inf), 0
         if self.control:
             self.control.cap = np.inf
+
+    def is_idle(self, run: "RunState", t1: float) -> bool:
+        """Return whether the run is neither near a singular configuration nor at the start of an interval."""
+        return self.zone_entry is None and len(run.ts) - 1 != self.origin
 
     def replace_step(self, run: "RunState") -> bool:
         """Near a singular configuration, limit the next step, or cross the configuration and return True."""

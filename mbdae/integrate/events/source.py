@@ -74,6 +74,10 @@ class EventSource:
     def begin_interval(self, run: "RunState") -> None:
         """Begin a smooth interval at the last node."""
 
+    def is_idle(self, run: "RunState", t1: float) -> bool:
+        """Return whether the source need not check steps up to t1, unless the core finds them suspicious."""
+        return not self.each_step
+
     def replace_step(self, run: "RunState") -> bool:
         """Return whether the source has appended a node in place of a step."""
         return False

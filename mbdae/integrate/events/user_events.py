@@ -87,6 +87,10 @@ class UserEvents(EventSource):
         """Whether every step must be checked in Python, since the core cannot detect the events."""
         return not self.by_signal
 
+    def is_idle(self, run: "RunState", t1: float) -> bool:
+        """Return whether there are no events."""
+        return not self.events
+
     @property
     def why_python(self) -> str:
         """Reason why the core cannot detect events."""

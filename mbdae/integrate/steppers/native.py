@@ -10,6 +10,8 @@ from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
+from ..events.singularity import AHEAD, NOTCH, SINGULAR_RATIO, SUSPICIOUS_RATIO
+from ..events.singularity_location import MONITORED_RATIO
 from ..projected_step import MAX_UNDONE
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE, Fixed
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core
+MAX_UNRECORDED = 200  # steps: to record them takes less than a millisecond
 
 
 class NativeStepper(Stepper):
@@ -42,6 +45,7 @@ class NativeStepper(Stepper):
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, CHECK_INTERVAL
         self.passed_events: UserEvents | None = None
+        self.unrecorded = False  # whether the core has steps that are not recorded
         self.adaptive = inner if isinstance(inner, Adaptive) else None
         self.fixed = inner if isinstance(inner, Fixed) else None
         self._constants_to_native()
@@ -58,6 +62,38 @@ class NativeStepper(Stepper):
         some = STEPS_PER_CALL if max_steps is None else min(max_steps, STEPS_PER_CALL)
         if run.undone_motion is not None or not (self.inner.ready_for_core(run) and self._advance_core(run, some)):
             self.inner.advance(run)
+
+    def continue_unrecorded(self, run: "RunState", t1: float) -> bool:
+        r = self.run
+        if not all(source.is_idle(run, t1) for source in run.sources):
+            return False
+        if not self.unrecorded:
+            if run.undone_motion is not None or not self.inner.ready_for_core(run):
+                return False
+            self._to_native(run, MAX_UNRECORDED)
+        interval = r.interval
+        interval.t1 = interval.stop = interval.end = t1
+        r.continued, self.unrecorded = self.unrecorded, True
+        try:
+            self.system.advance(self.tableau, r)
+        finally:
+            r.continued = False
+        return interval.t == t1 and not r.monitor.suspicious
+
+    def record(self, run: "RunState") -> None:
+        if self.unrecorded:
+            self.unrecorded = False
+            self._take_from_core(run)
+            run.t1 = run.t
+
+    def time(self, run: "RunState") -> float:
+        return self.run.interval.t if self.unrecorded else run.t
+
+    def point(self, run: "RunState") -> Array:
+        return self.run.state()[0] if self.unrecorded else run.ys[-1]
+
+    def nodes(self, run: "RunState") -> int:
+        return len(run.ts) + self.unrecorded * self.run.taken
 
     def take(self, run: "RunState", h: float) -> Step:
         return self.inner.take(run, h)
@@ -89,16 +125,23 @@ class NativeStepper(Stepper):
         try:
             self.system.advance(self.tableau, self.run)
         finally:
-            self._from_native()
-            run.rejected = (run.rejected or 0) + self.run.rejected
-            self._record(run)
+            self._take_from_core(run)
         return self.run.taken + self.run.rejected
+
+    def _take_from_core(self, run: "RunState") -> None:
+        """Record the steps of the core, and take over its step sizes."""
+        self._from_native()
+        run.rejected = (run.rejected or 0) + self.run.rejected
+        self._record(run)
 
     def _constants_to_native(self) -> None:
         """Pass all thresholds to the core."""
         r, c = self.run, self.run.control
         r.max_undone, r.tiny, r.adaptive = MAX_UNDONE, TINY, self.adaptive is not None
         r.grid.coincident, r.tolerated_move = COINCIDENT, FIXED_STEP_TOLERANCE
+        m = r.monitor
+        m.suspicious_ratio, m.singular_ratio, m.monitored_ratio = SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO
+        m.notch_ratio, m.steps_ahead = NOTCH, AHEAD
         if self.adaptive:
             pi = self.adaptive.controller
             c.agreement, c.spacings, c.tiny, c.companion = AGREEMENT, SPACINGS, TINY, COMPANION
@@ -118,11 +161,7 @@ class NativeStepper(Stepper):
         interval.t, interval.t1, interval.sign = run.t, run.t1, run.sign
         interval.stop, interval.end = run.interval.stop, run.interval.end
         if monitor:
-            m = r.monitor
-            m.largest_ratio, m.last_ratio, m.suspicious_ratio, m.singular_ratio, m.monitored_ratio, m.steps_ahead = (
-                monitor.limits()
-            )
-            m.entered = monitor.zone_entry is not None
+            monitor.to_core(r.monitor)
         if adaptive := self.adaptive:
             c, pi = r.control, adaptive.controller
             c.h, c.cut, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected

@@ -39,6 +39,28 @@ class Stepper(ABC):
             StepError: if no step can be taken.
         """
 
+    def continue_unrecorded(self, run: "RunState", t1: float) -> bool:
+        """Step to t1, where no source of events need check the steps, and leave them to `record`.
+
+        Return False if the time loop must continue, after `record`.
+        """
+        return False
+
+    def record(self, run: "RunState") -> None:  # noqa: B027
+        """Record the steps of `continue_unrecorded`."""
+
+    def time(self, run: "RunState") -> float:
+        """Return the time after the last step, recorded or not."""
+        return run.t
+
+    def point(self, run: "RunState") -> Array:
+        """Return the point (n,) after the last step, recorded or not."""
+        return run.ys[-1]
+
+    def nodes(self, run: "RunState") -> int:
+        """Return the number of nodes, recorded or not."""
+        return len(run.ts)
+
     @abstractmethod
     def take(self, run: "RunState", h: float) -> Step:
         """Take a step of size h (signed) from the current state; nothing is recorded."""

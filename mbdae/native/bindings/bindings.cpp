@@ -90,7 +90,8 @@ void run_loop(PyCore& c, Method& method, Run& run) {
   if (run.adaptive && n != 1 && n != static_cast<size_t>(c.core->system.controlled_components()))
     reject("atol has the wrong length");
   if (run.adaptive && !method.errors) reject("the tableau has no error estimate");
-  run.steps = Steps(), run.taken = run.rejected = 0, run.needs_python = false;
+  if (!run.continued) run.steps = Steps(), run.taken = run.rejected = 0, run.monitor.suspicious = false;
+  run.needs_python = false;
   check_events(run.events, c.core->system);
   run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }

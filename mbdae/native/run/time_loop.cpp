@@ -231,6 +231,9 @@ void TimeLoop::advance() {
     if (run_.monitored) {
       const double before = monitor.last_ratio, here = std::sqrt(s_.rows.least_pivot_ratio);
       monitor.last_ratio = here, monitor.largest_ratio = std::max(monitor.largest_ratio, here);
+      const double low = std::min(before, here), high = std::max(before, here);
+      monitor.suspicious |= here < monitor.monitored_ratio * monitor.largest_ratio ||
+                            (low < monitor.suspicious_ratio * monitor.largest_ratio && low < monitor.notch_ratio * high);
       const bool falls = monitor.entered || monitor.steps_ahead * (before - here) > here;
       if (run_.adaptive && here < monitor.monitored_ratio * monitor.largest_ratio && falls) return;
     }

@@ -17,10 +17,13 @@ namespace mbdae {
 struct SingularityMonitor {
   double largest_ratio = 0, last_ratio = 0;                              // the largest so far, and the last
   double suspicious_ratio = 0, singular_ratio = 0, monitored_ratio = 0;  // thresholds: of the largest, or of the last
+  double notch_ratio = 0;  // of the larger ratio of neighbouring steps
   double steps_ahead = 0;  // in which a decreasing ratio would vanish: then Python takes over
   bool entered = false;    // it does so already
+  bool suspicious = false; // there may be a singular configuration around a recorded step
 
-  FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, steps_ahead, entered)
+  FIELDS(largest_ratio, last_ratio, suspicious_ratio, singular_ratio, monitored_ratio, notch_ratio, steps_ahead,
+         entered, suspicious)
 };
 
 // The nodes of n steps and jumps.
@@ -48,6 +51,7 @@ struct Run {
   double tolerated_move = 0;  // of the magnitude of a state: by a projection after fixed steps that keeps the carry
   double tiny = 0;            // keeps it positive where a state is zero
   double max_undone = 0;      // of the motion of a step: what a projection may undo beyond tolerances
+  bool continued = false;     // keep the steps of earlier calls
   double seconds = 0;         // of computing, or little more
   long max_steps = 0;         // taken or rejected
   long max_carries = 0;       // nodes with a recorded carry
@@ -57,7 +61,7 @@ struct Run {
   bool needs_python = false;  // for the next step
 
   FIELDS(interval, control, grid, monitor, events, jumps, adaptive, project, monitored, tolerated_move, tiny,
-         max_undone, seconds, max_steps, max_carries, taken, rejected, needs_python)
+         max_undone, continued, seconds, max_steps, max_carries, taken, rejected, needs_python)
 };
 
 // A method that takes the steps of a run.
