@@ -69,6 +69,8 @@ def converged_difference(
 ) -> ConvergedDifference:
     """Return the derivative of arrays, for a width at which it agrees with that of the next smaller width.
 
+    Where the values are affine to rounding, the largest width is exact.
+
     Args:
         values: function of a width h that returns arrays (n, ...) at k h, as for `central_difference`.
         h: the largest width.
@@ -87,10 +89,12 @@ def converged_difference(
                 raise
         else:
             derivative = np.asarray(central_difference(samples, h))
+            error = noise + ROUNDING * np.abs([*samples.values()]).max(initial=0.0)
+            if last is None and 0 not in samples and (_nonlinearity(samples) <= error).all():
+                return ConvergedDifference(derivative, h, 0.0)  # exact for any width
             if last:
                 change, size = _rows(derivative - last.derivative), _rows(derivative)
-                value = np.abs([*samples.values()]).max(initial=0.0)
-                excess = change - (noise + ROUNDING * value) / h
+                excess = change - error / h
                 relative_excess = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
                 discrepancy = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
                 if relative_excess <= AGREEMENT:
@@ -101,6 +105,13 @@ def converged_difference(
         h /= REDUCTION
     assert last
     return best or last
+
+
+def _nonlinearity(samples: Mapping[int, Array]) -> Array:
+    """Return the largest distance of values (n, ...) from the line through the outermost two, (n,)."""
+    a, b = OF_AFFINE
+    line = {k: (samples[b] * (k - a) + samples[a] * (b - k)) / (b - a) for k in samples}
+    return np.max([_rows(np.asarray(samples[k] - line[k])) for k in samples], axis=0)
 
 
 def _rows(x: Array) -> Array:

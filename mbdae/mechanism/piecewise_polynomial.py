@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from itertools import pairwise
 from math import floor, isfinite
 from typing import TYPE_CHECKING, Literal
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
 Beyond = Literal["hold", "linear", "periodic"]
+CACHE_SIZE = 32  # curves
 MAX_POLYNOMIALS = 100_000  # within a run: for more, use a harmonic or another model
 
 
@@ -129,7 +131,7 @@ def interpolant_of_points(
 
     x, y = np.array(points, float).T
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
-        c = _periodic(x, y, interpolation) if beyond == "periodic" else _through(x, y, interpolation, at_rest=at_rest)
+        c = _periodic(x, y, interpolation) if beyond == "periodic" else _curve(tuple(points), interpolation, at_rest)
         if beyond != "periodic":
             rate = np.zeros(2) if beyond == "hold" else c(x[[0, -1]], 1)
             zero, width = np.zeros(2), x[-1] - x[0]
@@ -138,6 +140,13 @@ def interpolant_of_points(
         if np.isfinite(c.antiderivative().c).all() and np.isfinite(c.x).all():
             return c
     raise ValueError("the numbers of points are too large or too close for a smooth curve")
+
+
+@lru_cache(CACHE_SIZE)
+def _curve(points: tuple[Point, ...], interpolation: Interpolation, at_rest: bool) -> "PPoly":
+    """Return the curve between the first and the last point; the same one for a load and a motion."""
+    x, y = np.array(points, float).T
+    return _through(x, y, interpolation, at_rest=at_rest)
 
 
 def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_rest: bool) -> "PPoly":

@@ -194,7 +194,7 @@ class SingularityMonitor(SingularityLocation):
             text = f"{text} velocities and multipliers: it stops one step earlier"
             raise EventError("rank", text, len(run.ts) - 2)
         if not run.continues:
-            self.ratios.append(np.inf)
+            self.ratios.append(self.ratios[-1])
             self._inspect_step(run, len(self.ratios) - 2)
 
     def _is_near(self, run: "RunState") -> bool:

@@ -37,10 +37,11 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
         UnknownNameError, InputError: as `with_entry`.
     """
     groups: dict[str, dict[str, tuple[str, Any]]] = {}
+    keys = entry_keys(part)
     for whole, (path, value) in entries.items():
         if not path:
             return value
-        key, rest = first_key(part, path, whole)
+        key, rest = first_key(part, path, whole, keys)
         groups.setdefault(key, {})[whole] = rest, value
     if isinstance(part, Table):
         said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
@@ -56,16 +57,16 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
     return tuple(with_entries(x, groups[str(i)]) if str(i) in groups else x for i, x in enumerate(part))
 
 
-def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
+def first_key(part: Any, path: str, whole: str, keys: Mapping[str, str]) -> tuple[str, str]:
     """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered."""
     if isinstance(part, dict):  # joint = value: the model checks the names of joints
         return path, ""
-    keys = entry_keys(part)
-    found = [k for k in keys if path == k or path.startswith(f"{k}.")]
-    if not found:
-        above = whole.removesuffix(path).rstrip(".") or "the mechanism"
-        raise UnknownNameError(f"entry of {above}", path, keys)
-    name = max(found, key=len)
+    name = path
+    while name not in keys:
+        name, dot, _ = name.rpartition(".")
+        if not dot:
+            above = whole.removesuffix(path).rstrip(".") or "the mechanism"
+            raise UnknownNameError(f"entry of {above}", path, keys)
     return keys[name], path[len(name) + 1 :]
 
 

@@ -176,7 +176,7 @@ def _check_path(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = first_key(at, rest, name)
+        key, rest = first_key(at, rest, name, entry_keys(at))
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number as a function of time
         return
@@ -197,7 +197,8 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     key, _, index = rest.partition(".")
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
-    _ = index and first_key(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
+    entries = getattr(Body(name=joint, parent=""), key)
+    _ = index and first_key(entries, index, f"joint.{path}", entry_keys(entries))
     return joint, rest
 
 

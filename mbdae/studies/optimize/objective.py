@@ -19,7 +19,7 @@ from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
-from ..sensitivity.gradient import trajectory_gradient
+from ..sensitivity.gradient import adjoint_gradient, run_cost
 from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sweep.sweep_run import check_settings
 from .curve_derivatives import CurveSignals, require_monotonic
@@ -89,8 +89,13 @@ class RunMotion:
     def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         function = _CostOfParameters(cost, self.values, what)
-        found = trajectory_gradient(self.parameters.trajectory(self.result, self.values), function)
-        return CostEvaluation(found.value, lambda: function.explicit + np.array(list(found.gradient.values())))
+        found = run_cost(self.parameters.trajectory(self.result, self.values), function)
+
+        def derivatives() -> Array:  # of the points where the search asks for them
+            trace = self.parameters.trajectory(self.result, self.values)
+            return function.explicit + np.array(list(adjoint_gradient(trace, found).values()))
+
+        return CostEvaluation(found.value, derivatives)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ...errors import require
 from ...integrate.events.event import Event
 from ...integrate.trajectory import Trajectory
 from ...solution.solution import Solution
+from ...system import Array
 from ...tabular import Columns, Tabular
 from .adjoint import NodeCotangents, adjoint_sweep
 from .cost import Cost, Signals, evaluated
@@ -85,16 +87,42 @@ def trajectory_gradient(
     trace: Trajectory, cost: Cost, start: bool = False, event: Event | Callable[..., float] | str | None = None
 ) -> Gradient:
     """Differentiate a cost of a trajectory with bound parameters, see `gradient`."""
-    sol, values = trace.sol, trace.core.varied.values
-    end, at = terminal_event(trace, event), node_indices(sol)
+    found = run_cost(trace, cost)
+    return Gradient(found.value, adjoint_gradient(trace, found, start, event))
+
+
+class RunCost(NamedTuple):
+    """A cost of a run.
+
+    Attributes:
+        value: the cost.
+        weights: its derivatives with respect to signals by name, (n,) each.
+        points: the points at the times of the run, (n, ...).
+    """
+
+    value: float
+    weights: dict[str, Array]
+    points: Array
+
+
+def run_cost(trace: Trajectory, cost: Cost) -> RunCost:
+    """Evaluate a cost of a trajectory."""
+    sol, at = trace.sol, node_indices(trace.sol)
     between = np.flatnonzero(sol.t != trace.ts[at])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
         points[k] = trace.between(int(at[k]), float(sol.t[k]))
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
-    node_cotangents = NodeCotangents(trace, sol.t, points, weights)
-    bar, p = adjoint_sweep(trace, node_cotangents, end, len(values))
+    return RunCost(value, weights, points)
+
+
+def adjoint_gradient(
+    trace: Trajectory, cost: RunCost, start: bool = False, event: Event | Callable[..., float] | str | None = None
+) -> dict[str, float]:
+    """Return the derivatives of a cost by the parameters, and by the start if requested: a sweep backward."""
+    values, end = trace.core.varied.values, terminal_event(trace, event)
+    bar, p = adjoint_sweep(trace, NodeCotangents(trace, trace.sol.t, cost.points, cost.weights), end, len(values))
     both = start_tangent(trace, np.eye(len(values), len(values) + (trace.sensitivity.ny - 1) * start), start).T @ bar
     total = both + np.concatenate([p, np.zeros(len(both) - len(p))])
     names = [*values, *(start_columns(trace) if start else ())]
-    return Gradient(value, dict(zip(names, total.tolist(), strict=True)))
+    return dict(zip(names, total.tolist(), strict=True))
