@@ -47,7 +47,7 @@ def right_hand_side(ode):
     n = ode.n
 
     def partials(t, x, _):
-        by_x, by_t = ode.jacobian(t[0], x)
+        by_x, by_t, _ = ode.jacobian(t[0], x)
         return [by_t, by_x]
 
     def derivative(name, options):

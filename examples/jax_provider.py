@@ -23,7 +23,7 @@ def right_hand_side(ode):
         return jax.pure_callback(lambda t, x: ode(float(t), np.asarray(x)), out, t, x, vmap_method="sequential")
 
     def partials(t, x):
-        by_x, by_t = ode.jacobian(float(t), np.asarray(x))
+        by_x, by_t, _ = ode.jacobian(float(t), np.asarray(x))
         return np.column_stack([by_t, by_x])
 
     @F.defjvp

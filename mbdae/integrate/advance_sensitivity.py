@@ -9,19 +9,18 @@ import numpy as np
 from .. import backend
 from ..errors import InputError, UnknownNameError
 from ..mechanism import Mechanism
-from ..mechanism.discrete_sensitivity.parameter_direction import WIDTH
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.formats.loaded_model import LoadedModel, parameter_value
 from ..mechanism.formulations.core_description import samplers_of
 from ..mechanism.input_variation import AdvanceSpan, VariedInput
 from ..mechanism.inputs import Inputs
+from ..mechanism.local_ode import UNIT
 from ..solution.solution import Solution
 from ..system import Array
 from .native_trajectory import NativeStep
 from .run_state import RunState
 from .trajectory import Trajectory, TrajectoryPart
 
-UNIT = 1.0 / WIDTH  # of an input: differences have a width of 1 in its unit, since laws are linear in inputs
 BEFORE = "before "  # prefix of columns: the value of an input at the start of an advance
 
 

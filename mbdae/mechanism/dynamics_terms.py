@@ -72,7 +72,7 @@ class DynamicsTerms:
         *,
         backend: str = "auto",
     ) -> LocalODE:
-        """Return the mechanism as x' = F(t, x) in local coordinates of its constraint manifold, for any ODE solver.
+        """Return the mechanism as x' = F(t, x, u) in local coordinates of its constraint manifold, for any ODE solver.
 
         See `mbdae.mechanism.local_ode.LocalODE`; without q and v at the start state.
 
@@ -84,7 +84,8 @@ class DynamicsTerms:
             backend: ``"auto"``, ``"native"`` or ``"python"``, for v'.
 
         Raises:
-            InputError: for a state that is not consistent, a mechanism with modes, or sampled controllers.
+            InputError: for a state that is not consistent, a mechanism with modes, sampled controllers, or an input
+                whose rate acts.
             StepError: if the constraints are singular there.
             UnknownNameError: for another back end.
 
@@ -94,7 +95,9 @@ class DynamicsTerms:
             >>> q, v, s = ode.state(run.t[-1], run.y[:, -1])                     # doctest: +SKIP
         """
         point = self.at(t, q, v, s, backend=backend)
-        return LocalODE(self, point.t, point.q, point.v, point.s, point.native)
+        from .inputs import Inputs  # imported here since it needs mechanisms
+
+        return LocalODE(Inputs(self), point.t, point.q, point.v, point.s, point.native)
 
     @cached_property
     def characteristic_length(self: Self_) -> float:

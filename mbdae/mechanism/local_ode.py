@@ -4,7 +4,7 @@ At q0 with independent rows, G_p of positions and G of positions and velocities,
 N of G_p, N_v of G (in rad and characteristic lengths):
 
     q = q0 (+) x,   x = N xi + G_p(q0)^T mu,  g(t, q) = 0,      [G; N_v^T] v = [-g_t; eta]
-    xi' = N^T J(x) v,   eta' = N_v^T v',   s' = h(t, q, v, s),      v' from M v' = f + G^T lam, 0 = G v' + gamma
+    xi' = N^T J(x) v,   eta' = N_v^T v',   s' = h(t, q, v, s, u),   v' from M v' = f + G^T lam, 0 = G v' + gamma
 
 Every x of the ODE belongs to a state with g = 0 and G v + g_t = 0: no solver can drift off the constraints. The
 coordinates are valid near q0; where they end, others begin: `LocalODE.restart`.
@@ -13,9 +13,10 @@ Source: Potra, Yen (1991), Implicit numerical integration for Euler-Lagrange equ
 parametrization, Mech. Struct. Mach. 19; Hairer, Wanner II, VII.2 (2.22) to (2.24).
 """
 
+from collections.abc import Mapping
 from functools import cached_property
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,11 +24,15 @@ from ..errors import InputError, StepError
 from ..system import Array
 from ..tolerances import CLOSED, EPS, TRUNCATION
 from .discrete_sensitivity.acceleration_sensitivity import AccelerationSensitivity
+from .discrete_sensitivity.parameter_direction import WIDTH
 from .discrete_sensitivity.parameter_partials import Parameters
 from .formulations.core_description import samplers_of
 from .formulations.equation_partials import rate_partials
+from .input_functions import InputSetting
+from .input_variation import AdvanceSpan, VariedInput
 
 if TYPE_CHECKING:
+    from .inputs import Inputs
     from .mechanism import Mechanism
 
 ITERATIONS = 10
@@ -37,13 +42,24 @@ SMALLEST_COSINE = 0.3  # between the tangent spaces at q0 and at q: beyond, Newt
 LARGEST_ROTATION = 2.0  # rad of a spherical, planar or free joint; J(x) ends at 3, and solvers try points beyond
 
 
-class LocalODE:
-    """x' = F(t, x) of a mechanism, x = (xi, eta, s), in local coordinates at a state.
+UNIT = 1.0 / WIDTH  # of an input: differences have a width of 1 in its unit, since laws are linear in inputs
 
-    Call it as ``ode(t, x)``; not to be shared between threads.
+
+class OdeJacobian(NamedTuple):
+    """Partial derivatives of x' by x, (n, n), by t, (n,), and by the inputs, (n, m)."""
+
+    x: Array
+    t: Array
+    u: Array
+
+
+class LocalODE:
+    """x' = F(t, x, u) of a mechanism, x = (xi, eta, s), in local coordinates at a state.
+
+    Call it as ``ode(t, x)`` or ``ode(t, x, u)``; not to be shared between threads.
 
     Args:
-        mechanism: without stops, clutches or stiction.
+        inputs: the inputs of a mechanism without stops, clutches or stiction.
         t: time in s.
         q: consistent configuration (nq,), origin of the coordinates.
         v: consistent velocity (nv,).
@@ -53,18 +69,26 @@ class LocalODE:
     Attributes:
         x0: the state in these coordinates, (n,), xi = 0.
         n: degrees of freedom in position and in velocity, and states of forces.
+        input_names: names of the inputs u (m,), see `mbdae.Input`.
+        u0: their values at the start, (m,), which act where u is omitted.
 
     Raises:
-        InputError: for a state that is not consistent, a mechanism with modes, or sampled controllers.
+        InputError: for a state that is not consistent, a mechanism with modes, sampled controllers, or an input whose
+            rate acts (the speed of a driver).
         StepError: if the constraints are singular there.
     """
 
     def __init__(
-        self, mechanism: "Mechanism", t: float, q: Array, v: Array, s: Array, native: ModuleType | None = None
+        self, inputs: "Inputs", t: float, q: Array, v: Array, s: Array, native: ModuleType | None = None
     ) -> None:
-        m, self.mechanism, self.native = mechanism, mechanism, native
+        self.inputs, self.mechanism, self.native = inputs, inputs.mechanism, native
+        m, self.input_names = self.mechanism, tuple(inputs.cells)
+        self.u0 = np.array([cell.setting.value for cell in inputs.cells.values()])
         if m.switches:
             raise InputError(f"{m.title}: stops, clutches and stiction have modes, an ODE has none")
+        if inputs.by_rate:
+            name = min(inputs.by_rate)
+            raise InputError(f"{m.title}: v' depends on the rate of input {name!r}, F(t, x, u) only on values")
         y = m.point(q, v, t, s)
         self.q0, nv = y[: m.nq], m.nv
         self.system = system = m.system(native=native)
@@ -82,6 +106,13 @@ class LocalODE:
 
     def __repr__(self) -> str:
         return f"<ODE of {self.mechanism.title}: {' + '.join(map(str, self.sizes))} coordinates>"
+
+    def _set(self, u: Array | None) -> None:
+        """Set the inputs."""
+        values = self.u0 if u is None else self.mechanism.vector("u", u, len(self.u0))
+        for cell, value in zip(self.inputs.cells.values(), values.tolist(), strict=True):
+            if cell.setting.value != value:
+                cell.set(InputSetting(0.0, value))
 
     def _split(self, x: Array) -> tuple[Array, Array, Array]:
         k, m, _ = self.sizes
@@ -164,12 +195,14 @@ class LocalODE:
         m, y = self.mechanism, self._point(t, x)[1]
         return y[: m.nq], y[m.nq : m.nq + m.nv], y[m.nq + m.nv : -1]
 
-    def __call__(self, t: float, x: Array) -> Array:
-        """Return x' (n,).
+    def __call__(self, t: float, x: Array, u: Array | None = None) -> Array:
+        """Return x' (n,) for inputs u (m,).
 
         Raises:
+            InputError: unless t, x and u are finite numbers of the right shapes.
             StepError: beyond the range of the coordinates, or where v' does not exist.
         """
+        self._set(u)
         moved, y, _ = self._point(t, x)
         nv, F = self.mechanism.nv, self.system.derivative(t, y)[0]
         dxi = self._N.T @ (self.system.manifold.tangent(moved, F[:nv]) / self._scales)
@@ -189,18 +222,31 @@ class LocalODE:
 
     def restart(self, t: float, x: Array) -> "LocalODE":
         """Return the ODE in new coordinates, with their origin at x; its ``x0`` is the same state."""
-        return LocalODE(self.mechanism, t, *self.state(t, x), native=self.native)
+        return LocalODE(type(self.inputs)(self.inputs.original), t, *self.state(t, x), native=self.native)
 
     @cached_property
     def _sensitivity(self) -> AccelerationSensitivity:
-        mechanism = self.mechanism
-        return AccelerationSensitivity(self.system, Parameters(lambda _: mechanism, {}, system=self.system))
+        values = dict.fromkeys(self.input_names, UNIT)
+        return AccelerationSensitivity(self.system, Parameters(self._varied, values, own=True, system=self.system))
 
-    def jacobian(self, t: float, x: Array) -> tuple[Array, Array]:
-        """Return the exact partial derivatives of x' by x and by t, (n, n) and (n,).
+    def _varied(self, values: Mapping[str, float]) -> "Mechanism":
+        """Return the mechanism with one input changed."""
+        if not values:
+            return self.mechanism
+        by = {name: values.get(name, UNIT) - UNIT for name in self.input_names}
+        return self.inputs.replaced(
+            {name: VariedInput.of(cell, AdvanceSpan(), by[name], by[name]) for name, cell in self.inputs.cells.items()}
+        )
 
-        A directional derivative is ``J @ dx``, an adjoint one ``bar @ J``.
+    def jacobian(self, t: float, x: Array, u: Array | None = None) -> OdeJacobian:
+        """Return the exact partial derivatives of x' by x, t and u.
+
+        A directional derivative is ``J.x @ dx + J.u @ du``, an adjoint one ``bar @ J.x, bar @ J.u``.
+
+        Raises:
+            InputError, StepError: as a call.
         """
+        self._set(u)
         (moved, y, _), s, m, (k, f, ns) = self._point(t, x), self.system, self.mechanism, self.sizes
         nv, kept, D = m.nv, self._positional, self._scales[:, None]
         q, v = s.split(y)
@@ -222,7 +268,9 @@ class LocalODE:
         turned = np.column_stack([s.manifold.tangent_rate(moved, d, v) for d in dx.T])
         turned += np.column_stack([s.manifold.tangent(moved, d) for d in dv.T])
         out = np.vstack([self._N.T @ (turned / D), self._Nv.T @ (both[nv : 2 * nv] / D), both[2 * nv : -1]])
-        return out[:, :-1], out[:, -1]
+        of_u = rate[:, s.ny : s.ny + len(self.u0)]
+        by_u = np.vstack([np.zeros((k, len(self.u0))), self._Nv.T @ (of_u[nv : 2 * nv] / D), of_u[2 * nv : -1]])
+        return OdeJacobian(out[:, :-1], out[:, -1], by_u)
 
 
 def _row_and_null_space(G: Array) -> tuple[Array, Array]:

@@ -76,7 +76,7 @@ def test_jacobians_are_derivatives(name, backend):
     mech = DRIVEN[name]() if name in DRIVEN else mbdae.load(name)
     ode, x = displaced(mech, backend)
     T = 0.02 if name in DRIVEN else 0.1
-    J, by_t = ode.jacobian(T, x)
+    J, by_t, _ = ode.jacobian(T, x)
     quotient = numerical_jacobian(lambda dx: ode(T, x + dx), ode.n, 2e-3)
     size = 1 + np.abs(quotient).max(initial=0.0)
     assert pytest.approx(quotient, abs=1e-10 * size) == J
@@ -116,6 +116,60 @@ def test_wrong_points_are_one_line():
         for call in (ode, ode.state, ode.margin, ode.jacobian, ode.restart):
             with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*(four-bar|x is not finite)[^\n]*$"):
                 call(t, x)
+
+
+def with_inputs(name):
+    """Mechanisms with a torque at a joint as an input, and a setpoint of a servo."""
+    mech = mbdae.load(name)
+    joint = {"four_bar": "crank", "panda_handle": "panda_joint2", "bricard": "rod_2"}[name]
+    servo = mbdae.JointPID(joint=joint, kp=30.0, ki=4.0, reference=mbdae.Input(name="goal", value=0.2, hold="first"))
+    torque = mbdae.JointTorque(joint=joint, torque=mbdae.Input(name="motor", value=1.5))
+    return mbdae.Mechanism(mech.model, mech.closures, [*mech.forces, torque, servo], start=mech.start_values)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("name", ["four_bar", "panda_handle", "bricard"])
+def test_inputs_of_odes(name, backend):
+    """With constant inputs the ODE is that of a mechanism with these numbers; derivatives are quotients."""
+    ode, x = displaced(with_inputs(name), backend)
+    assert ode.input_names == ("motor", "goal")
+    assert ode.u0.tolist() == [1.5, 0.2]
+    u = np.array([-0.7, 0.4])
+    J = ode.jacobian(0.1, x, u)
+    size = 1 + np.abs(J.u).max()
+    assert pytest.approx(numerical_jacobian(lambda du: ode(0.1, x, u + du), 2, 0.1), abs=1e-10 * size) == J.u
+    size = 1 + np.abs(J.x).max()
+    assert pytest.approx(numerical_jacobian(lambda dx: ode(0.1, x + dx, u), ode.n, 2e-3), abs=1e-10 * size) == J.x
+    assert np.array_equal(ode(0.1, x), ode(0.1, x, ode.u0))
+    assert np.abs(ode(0.1, x) - ode(0.1, x, u)).max() > 1e-3
+    other = ode.restart(0.1, x)
+    assert other(0.1, other.x0, u) == pytest.approx(ode.restart(0.1, x)(0.1, other.x0, u), abs=1e-12)
+
+
+def test_a_solver_with_inputs_is_the_simulator():
+    mech = with_inputs("four_bar")
+    simulator, ode = mbdae.Simulator(mech, rtol=1e-11), mech.ode()
+    x, t = ode.x0, 0.0
+    for k in range(10):
+        u = np.array([3.0 * np.sin(k), 0.2])
+        simulator["motor"] = u[0]
+        simulator.advance(0.02)
+        x = solve_ivp(ode, (t, t + 0.02), x, args=(u,), method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+        t += 0.02
+    q, v, _ = ode.state(t, x)
+    assert simulator.q == pytest.approx(q, abs=1e-9)
+    assert simulator.v == pytest.approx(v, abs=1e-8)
+
+
+def test_wrong_inputs_are_one_line():
+    ode = with_inputs("four_bar").ode()
+    for u in ([1.0], [1.0, np.nan], "motor"):
+        with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*u [^\n]*$"):
+            ode(0.0, ode.x0, u)
+    mech = mbdae.load("four_bar")
+    drive = mbdae.Driver(joint="crank", speed=mbdae.Input(name="pace", hold="first"))
+    with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]*rate of input 'pace'[^\n]*$"):
+        mbdae.Mechanism(mech.model, mech.closures, drivers=[drive], start=mech.start_values).ode()
 
 
 def test_modes_are_refused():
