@@ -48,6 +48,8 @@ def _shared(mech: Mechanism, parts: dict[str, Any]) -> Mechanism:
         del out.__dict__[name]
     vars(out).update({"start_values" if name == "start" else name: x for name, x in parts.items()})
     out.workspaces = mech.workspaces.of(out)
+    if [getattr(f, "frames", None) for f in out.forces] == [getattr(f, "frames", None) for f in mech.forces]:
+        vars(out)["characteristic_length"] = mech.characteristic_length
     if "start" in parts or out.characteristic_length != mech.characteristic_length:
         out._starts = {}  # otherwise the same: forces do not act on assembly
     if "forces" in parts:

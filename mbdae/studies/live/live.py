@@ -92,6 +92,11 @@ class LiveView:
         return self._q
 
     @property
+    def frames_drawn(self) -> int:
+        """Number of the last frame that all open pages have drawn; 0 without a page."""
+        return min(list(self._server.pages.values()), default=0)
+
+    @property
     def playing(self) -> bool:
         """Whether time passes."""
         return self.state == "running"

@@ -1,0 +1,45 @@
+"""Frames per second of a live view that a headless browser draws, without a graphics card.
+
+Run: python examples/benchmarks/live.py [MODEL] [SECONDS] [WIDTHxHEIGHT]    (needs chromium)
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+import mbdae
+from mbdae import backend
+
+FLAGS = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+         "--disable-gpu-compositing", "--no-first-run", "--hide-scrollbars"]  # fmt: skip
+
+
+def main(model: str = "panda_handle", seconds: float = 10.0, size: str = "800x600") -> float:
+    """Print and return the frames per second that the page has drawn."""
+    browser = shutil.which("chromium")
+    if browser is None:
+        raise SystemExit("chromium is not installed")
+    with mbdae.live(model, record=False) as view, tempfile.TemporaryDirectory() as profile:
+        window = f"--window-size={size.replace('x', ',')}"
+        command = [browser, *FLAGS, window, f"--user-data-dir={profile}", "--remote-debugging-port=0", view.url]
+        page = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            drawn = view.frames_drawn
+            while view.frames_drawn < drawn + 3:  # the page has loaded its meshes
+                time.sleep(0.1)
+            drawn, simulated, started = view.frames_drawn, view.t, time.perf_counter()
+            time.sleep(seconds)
+            spent = time.perf_counter() - started
+            rate, pace = (view.frames_drawn - drawn) / spent, (view.t - simulated) / spent
+        finally:
+            page.terminate()
+            page.wait()
+    print(f"{model}, {size}: {rate:.1f} frames per second, {pace:.2f} of real time")
+    print(f"{backend.status()}; {backend.machine_description()}")
+    return rate
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2], *map(float, sys.argv[2:3]), *sys.argv[3:4])
