@@ -15,6 +15,7 @@ from .characteristic_rate import characteristic_rate
 from .equations_at_point import EquationsAtPoint
 from .forces import is_custom
 from .frames import frame_placement
+from .inputs import Inputs
 from .local_ode import LocalODE
 from .pinocchio_data import make_data
 
@@ -95,8 +96,6 @@ class DynamicsTerms:
             >>> q, v, s = ode.state(run.t[-1], run.y[:, -1])                     # doctest: +SKIP
         """
         point = self.at(t, q, v, s, backend=backend)
-        from .inputs import Inputs  # imported here since it needs mechanisms
-
         return LocalODE(Inputs(self), point.t, point.q, point.v, point.s, point.native)
 
     @cached_property

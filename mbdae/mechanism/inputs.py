@@ -1,13 +1,15 @@
 """Inputs of a mechanism: functions of time whose values are set while it is simulated."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, UnknownNameError
 from .closures.driver import Driver
 from .input_functions import Input, InputHistory, InputSetting
-from .mechanism import Mechanism
 from .variant import variant
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
 
 
 class Inputs:
@@ -27,7 +29,7 @@ class Inputs:
         InputError: for inputs of one name with different settings, or in a driver whose speed they would let jump.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: "Mechanism") -> None:
         self.original, self.named = mechanism, dict[str, Input]()
         for force in mechanism.forces:
             _mapped(force, self._collect)
@@ -45,7 +47,7 @@ class Inputs:
             raise InputError(f"input {value.name!r} is given twice, with different settings")
         return value
 
-    def replaced(self, replaced: Mapping[str, Any], m: Mechanism | None = None) -> Mechanism:
+    def replaced(self, replaced: Mapping[str, Any], m: "Mechanism | None" = None) -> "Mechanism":
         """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
         m, change = m or self.original, lambda x: replaced[x.name]
         drivers = [_mapped(d, change) for d in m.drivers]
@@ -66,7 +68,7 @@ class Inputs:
         """The present setting of each input."""
         return {name: cell.setting for name, cell in self.cells.items()}
 
-    def recorded(self, history: Mapping[str, Sequence[InputSetting]]) -> Mechanism:
+    def recorded(self, history: Mapping[str, Sequence[InputSetting]]) -> "Mechanism":
         """Return the mechanism with the inputs as functions of time."""
         if not self.named:
             return self.original

@@ -3,20 +3,22 @@
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .forces import bind_forces, named_force
 from .forces.coulomb_friction import CoulombFriction
 from .forces.joint_friction import JointFriction
-from .mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
 
 SWITCHED = CoulombFriction, JointFriction  # forces that may have rows or modes
 UNBOUND = {"start", "duration", "source"}  # arguments of which rows, forces and names do not depend
 
 
-def variant(mech: Mechanism, **parts: Any) -> Mechanism:
+def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
     """Return a mechanism with other parts, by the names of the arguments of `Mechanism`.
 
     Where joints, rows, forces and states are of the same kinds, both share their workspaces, into which the parameters
@@ -35,13 +37,13 @@ def variant(mech: Mechanism, **parts: Any) -> Mechanism:
     names = ("closures", "drivers", "stops", "clutches", "visuals", "title", "duration", "order", "settings", "motors")
     kept = {name: getattr(mech, name) for name in (*names, "left_out", "remarks")}
     given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
-    out = Mechanism(**given)
+    out = type(mech)(**given)
     if _have_same_structure(mech, out):
         out.workspaces = mech.workspaces.of(out)
     return out
 
 
-def _shared(mech: Mechanism, parts: dict[str, Any]) -> Mechanism:
+def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     """Return a copy with other forces of the same kinds, start, duration or source."""
     out = copy(mech)
     for name in [n for n in vars(out) if isinstance(getattr(type(out), n, None), cached_property)]:
@@ -63,7 +65,7 @@ def _are_same_kinds(before: Sequence[Any], after: Sequence[Any]) -> bool:
     return kinds[0] == kinds[1]
 
 
-def _have_same_structure(a: Mechanism, b: Mechanism) -> bool:
+def _have_same_structure(a: "Mechanism", b: "Mechanism") -> bool:
     """Return whether the workspaces of a mechanism can be bound to another one."""
     pairs = [(a.forces, b.forces), (a.constraints, b.constraints)]
     trees = [(list(m.model.names), list(m.model.joints), list(m.model.parents)) for m in (a, b)]

@@ -1,7 +1,7 @@
 """Monitor rank loss of the constraints: detect, cross by extrapolation, verify that the branch is kept."""
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
 from ...tolerances import NEGLIGIBLE, VISIBLE
 from .singularity_crossing import POSITION_ACCURACY, SingularityCrossing, cross_singularity
-from .singularity_location import MONITORED_RATIO, SingularityLocation
+from .singularity_location import MONITORED_RATIO, SUSPICIOUS_RATIO, SingularityLocation, falls_to_zero, may_vanish
 from .source import EventError
 
 if TYPE_CHECKING:
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from ..step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
-SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular, since a stage is always close enough
-SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, or of the larger neighbour: minima below may contain a zero
-AHEAD = 20.0  # steps: a ratio that would take more steps to vanish is small for another reason
 CROSSING_RATIO = 0.1  # of the largest ratio: below it, a crossing is attempted
 ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # of the largest ratio: a singular configuration cannot be told apart
 APPROACH = 0.5  # of the time to the singular configuration: the longest step
@@ -31,19 +28,6 @@ MAX_STEP_ERROR = 1e3  # times the tolerance: largest error of a crossing that ma
 MAX_PROJECTION = 100.0  # times the tolerance: largest distance of the end of a crossing from the closures
 SINGULAR_RATIO = NEGLIGIBLE  # of the ratio one step before: below it, the configuration is singular
 MAX_RATIO_CHANGE = 0.02  # of the ratio at the start of an interval: largest change over a linear backward step
-
-Ratio = TypeVar("Ratio", float, Array)  # of one node, or of several
-
-
-def _suspicious(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:
-    """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour."""
-    minimum = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
-    return minimum & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
-
-
-def _falls(before: Ratio, here: Ratio) -> Ratio:
-    """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps."""
-    return AHEAD * (before - here) > here
 
 
 class SingularityMonitor(SingularityLocation):
@@ -142,8 +126,8 @@ class SingularityMonitor(SingularityLocation):
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         ratios = np.concatenate([[0.0], self.ratios[-2:], new])  # 0: there is no step before the first one
         earlier, before = ratios[-len(new) - 2 : -2], ratios[-len(new) - 1 : -1]
-        near = (new < MONITORED_RATIO * largest) & _falls(before, new)
-        suspicious = _suspicious(earlier, before, new, largest) | near
+        near = (new < MONITORED_RATIO * largest) & falls_to_zero(before, new)
+        suspicious = may_vanish(earlier, before, new, largest) | near
         n = int(suspicious.argmax()) if suspicious.any() else len(new)
         self.ratios += new[:n].tolist()
         self.largest = float(largest[n - 1]) if n else self.largest
@@ -200,7 +184,7 @@ class SingularityMonitor(SingularityLocation):
     def _is_near(self, run: "RunState") -> bool:
         """Return whether the ratio at the last node is small, and is about to vanish or has vanished."""
         before, here = self.ratios[-2:]
-        falls = _falls(before, here) or (self.zone_entry is not None and here >= before)
+        falls = falls_to_zero(before, here) or (self.zone_entry is not None and here >= before)
         if not (here < MONITORED_RATIO * self.largest and falls):
             return False
         return self._ratio(run.ts[-1], run.ys[-1]) < MONITORED_RATIO * self.largest
@@ -301,7 +285,7 @@ class SingularityMonitor(SingularityLocation):
     def _inspect_step(self, run: "RunState", k: int) -> None:
         """Inspect step k, counted from 1, whose ratio has index k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
-        if not here < before or not _suspicious(before, here, after, self.largest):
+        if not here < before or not may_vanish(before, here, after, self.largest):
             return
         nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.origin))
         self.search(run, [self.origin + i for i in nodes])

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -25,11 +25,27 @@ if TYPE_CHECKING:
     from ..run_state import RunState
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
+Ratio = TypeVar("Ratio", float, Array)  # of one node, or of several
+
+SUSPICIOUS_RATIO = 0.6  # of the largest ratio so far: minima above are regular, since a stage is always close enough
+SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, or of the larger neighbour: minima below may contain a zero
+AHEAD = 20.0  # steps: a ratio that would take more steps to vanish is small for another reason
 MONITORED_RATIO = 0.2  # of the largest pivot ratio: below it, states are projected, and falling ratios extrapolated
 MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # rad, plus a multiple of the previous rotation: angle between tangent spaces
 ZONE_SHARES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the interval from a singularity to a node: candidate ends of the zone
 SAMPLES = 5  # of each step
 CONSTANT_RATIO = 0.999  # of the largest sample: ratios above are constant
+
+
+def may_vanish(before: Ratio, here: Ratio, after: Ratio, largest: Ratio) -> Ratio:
+    """Return whether the ratio may vanish around a step: it has a minimum that is small or much below a neighbour."""
+    minimum = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
+    return minimum & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
+
+
+def falls_to_zero(before: Ratio, here: Ratio) -> Ratio:
+    """Return whether the ratio, extrapolated from the last step, vanishes within `AHEAD` steps."""
+    return AHEAD * (before - here) > here
 
 
 class SingularityLocation(EventSource):

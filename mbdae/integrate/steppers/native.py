@@ -10,8 +10,8 @@ from ...system import Array, State, Step
 from ...tolerances import AGREEMENT, COINCIDENT, TINY
 from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
-from ..events.singularity import AHEAD, NOTCH, SINGULAR_RATIO, SUSPICIOUS_RATIO
-from ..events.singularity_location import MONITORED_RATIO
+from ..events.singularity import SINGULAR_RATIO
+from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SUSPICIOUS_RATIO
 from ..projected_step import MAX_UNDONE
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE, Fixed

@@ -111,8 +111,7 @@ class Index2System(PinocchioData, RunVariables, System):
         tau, rates = self.torque(t, q, v, s)
         f = tau - pin.nonLinearEffects(self.model, self.workspace, q, v)
         if not (finite := np.isfinite(f)).all():
-            bad = np.flatnonzero(~finite)
-            joint = self.mechanism.coordinate_joint(int(bad[0]))
+            joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~finite)[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
         return f, rates
 

@@ -48,7 +48,7 @@ def compare(
     outputs: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Compare methods on a model: errors, drift, work and time, and which method is best for a given accuracy.
+    """Compare errors, drift, work and time of methods. Also tells which method is best for a given accuracy.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
     -m baumgarte=20,20:RK45. After Ctrl-C finished runs are shown; with -o they are stored, and the same command resumes

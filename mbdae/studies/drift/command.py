@@ -27,7 +27,7 @@ LIMIT = click.option(
 
 @command("", TABLE, PLOT, shared=f"methods {RUN}", subject=TARGETS, more=[start_option, set_option, LIMIT])
 def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | None, **options: Any) -> None:
-    """Measure the drift of runs of a model, or of saved solutions: a JSON object, or a list of them for several runs.
+    """Measure the drift of runs, or of saved solutions. Prints a JSON object, or a list of them for several runs.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """

@@ -45,9 +45,10 @@ def fit(
     sigma: tuple[str, ...],
     **options: Any,
 ) -> Result:
-    """Identify parameters of a model from measured signals: columns of CSV or Parquet files, named as by `mbdae solve`.
+    """Identify parameters of a model from measured signals.
 
-    Exit 1: residuals are not noise, or the search did not converge; 3: the data do not determine all parameters.
+    They are columns of CSV or Parquet files, named as by `mbdae solve`. Exit 1: residuals are not noise, or the search
+    did not converge; 3: the data do not determine all parameters.
     """
     if options["step"] is not None and options["rtol"] is not None:
         raise InputError("give --step for a fixed step size, or --rtol for step-size control, not both")

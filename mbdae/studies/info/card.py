@@ -1,5 +1,6 @@
 """Model card: components of a mechanism, its degrees of freedom, and unsupported features."""
 
+import textwrap
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -9,11 +10,14 @@ from ... import backend
 from ...data_types import JsonObject
 from ...integrate.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
+from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import file_kind
 from ...mechanism.reactions import mass_scaled_jacobian, rank
+from ...solution.signal_value import signal_values, value
+from ...system import Array
 from ...tabular import Tabular
-from ...tolerances import AGREEMENT
+from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 
 NOT_MODELLED = (
     "contact of shapes",
@@ -43,6 +47,8 @@ class Card(Tabular):
         gravity: in m/s^2.
         q: start configuration (nq,).
         v: start velocity (nv,).
+        positions: start coordinates by joint, in m and rad; the angle of a joint with (cos, sin).
+        velocities: their rates, of free and spherical joints in the axes of the body.
         g_loaded: max |g| of the file's start values, before assembly.
         g: max |g| at the assembled start.
         Gv: max |G v| at the assembled start.
@@ -70,6 +76,8 @@ class Card(Tabular):
     gravity: tuple[float, ...]
     q: tuple[float, ...]
     v: tuple[float, ...]
+    positions: dict[str, float]
+    velocities: dict[str, float]
     g_loaded: float
     g: float
     Gv: float
@@ -90,7 +98,6 @@ class Card(Tabular):
         ]
         sizes = f"nq = {self.nq}, nv = {self.nv}, {self.ng} closure rows of rank {self.rank}"
         sizes += f", {self.switched} switched" if self.switched else ""
-        q, v = (", ".join(f"{x:.6g}" for x in values) for values in (self.q, self.v))
         return {
             "sizes": f"{sizes}; degrees of freedom: {self.dof}",
             "joints": ", ".join(f"{name} ({kind})" for name, kind in self.joints),
@@ -98,7 +105,7 @@ class Card(Tabular):
             "closures": "\n".join(closures) or "none",
             "forces": ", ".join(self.forces) or "none",
             "gravity": f"{list(self.gravity)} m/s^2",
-            "start": f"|g| = {self.g:.1e}, |G v| = {self.Gv:.1e}\nq = [{q}]\nv = [{v}]",
+            "start": "\n".join([f"|g| = {self.g:.1e}, |G v| = {self.Gv:.1e}", *self._start()]),
             "not modelled": ", ".join(self.not_modelled),
         }
 
@@ -124,10 +131,16 @@ class Card(Tabular):
         if self.motors:
             lines.append(f"  motors    {', '.join(self.motors)}")
         lines.append(f"  start     |g| {self.g:.1e} ({self.g_loaded:.1e} as loaded{self.open}), |G v| {self.Gv:.1e}")
-        lines.append(f"            q = {np.array2string(np.array(self.q), precision=6, max_line_width=100)}")
-        lines.append(f"            v = {np.array2string(np.array(self.v), precision=6, max_line_width=100)}")
-        lines.append(f"  not modelled: {', '.join(self.not_modelled)}")
+        lines += [wrapped(f"            {line}") for line in self._start()]
+        lines += [wrapped(f"  not modelled: {', '.join(self.not_modelled)}")]
         return "\n".join(lines)
+
+    def _start(self) -> list[str]:
+        """Return lines of the start coordinates, and of the velocities that are not zero."""
+        tables = {"q": self.positions, "v": {name: x for name, x in self.velocities.items() if readable(x) != "0"}}
+        lines = [f"{kind}: " + ", ".join(f"{n} = {readable(x)}" for n, x in table.items()) for kind, table in
+                 tables.items() if table]  # fmt: skip
+        return lines if tables["v"] else [*lines, "at rest"]
 
     @property
     def _dependent(self) -> int:
@@ -153,6 +166,30 @@ class Card(Tabular):
         return lines
 
 
+def wrapped(line: str) -> str:
+    """Return a line in lines of up to 100 characters, further ones indented."""
+    spaced = line.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")  # kept together
+    filled = textwrap.fill(spaced, 100, subsequent_indent=" " * 14, break_long_words=False, break_on_hyphens=False)
+    return filled.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def readable(x: float) -> str:
+    """Return a number with six digits; 0 for rounding."""
+    return f"{x:.6g}" if abs(x) > SOLUTION_ROUNDING else "0"
+
+
+def by_joint(system: Index2System, t: float, y: Array) -> tuple[dict[str, float], dict[str, float]]:
+    """Return coordinates and velocities by joint; an angle in place of (cos, sin)."""
+    known = signal_values(system.mechanism)
+    found = {name: value(system, known[name], t, y) for name in known if name.startswith(("q.", "v."))}
+    for name in [name for name in found if name.endswith(".cos")]:
+        joint = name.removesuffix(".cos")
+        angle = float(np.arctan2(found.pop(f"{joint}.sin"), found[name]))
+        found = {(f"{joint}.angle" if n == name else n): (angle if n == name else x) for n, x in found.items()}
+    q, v = ({name[2:]: x for name, x in found.items() if name.startswith(kind)} for kind in ("q.", "v."))
+    return q, v
+
+
 def card(mech: Mechanism) -> Card:
     """Describe a mechanism at its start state.
 
@@ -173,6 +210,7 @@ def card(mech: Mechanism) -> Card:
     rows = system.rows if system.rows is not None else np.empty(0, int)
     dependent = redundant(mech, 0.0, q)
     positions = rank(mass_scaled_jacobian(system, 0.0, q)[mech.positional])
+    by_name, speeds = by_joint(system, 0.0, mech.point())
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
     switching = {row for switch in mech.switches for row in switch.rows}
@@ -202,6 +240,8 @@ def card(mech: Mechanism) -> Card:
         gravity=tuple(mech.gravity.tolist()),
         q=tuple(q.tolist()),
         v=tuple(v.tolist()),
+        positions=by_name,
+        velocities=speeds,
         g_loaded=float(np.abs(mech.residual(loaded, v)[0]).max(initial=0)),
         g=float(np.abs(g).max(initial=0)),
         Gv=float(np.abs(Gv).max(initial=0)),

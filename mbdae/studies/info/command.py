@@ -1,5 +1,8 @@
 """Sub-commands ``info`` and ``models``."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import click
 
 from ... import backend
@@ -40,6 +43,8 @@ def models(textbook: bool, as_json: bool) -> None:
         problems = [(name, make()) for name, make in TEXTBOOK.items()]
         print_table([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
         return
+    from .card import card
+
     rows = [(name, load(name)) for name in model_names()]
     data = [
         {
@@ -48,8 +53,15 @@ def models(textbook: bool, as_json: bool) -> None:
             "nq": m.nq,
             "nv": m.nv,
             "ng": m.ng,
-            "parameters": "; ".join(f"{p['name']}: {p['takes']}" for p in (m.source or {})["parameters"]) or None,
+            "dof": card(m).dof,
+            "parameters": _parameters(m.source or {}, as_json) or None,
         }
         for n, m in rows
     ]
     print_table(data, as_json)
+
+
+def _parameters(source: Mapping[str, Any], complete: bool) -> str:
+    """Return the names of parameters, with their valid values if ``complete``."""
+    listed = [(p["name"], p["takes"]) for p in source["parameters"]]
+    return "; ".join(f"{name}: {takes}" for name, takes in listed) if complete else ", ".join(n for n, _ in listed)

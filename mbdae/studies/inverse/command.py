@@ -22,7 +22,7 @@ MOTION = (
 
 @study_command("speed actuator weight", TABLE, PLOT, shared="from to", more=MOTION)
 def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive: str | None, **options: Any) -> Result:
-    """Compute actuator efforts for a motion: a saved run, a table of q(t), or a drive at constant speed."""
+    """Compute the actuator efforts of a motion. This is a saved run, a table of q(t), or a drive at constant speed."""
     from ..kinematics.kinematics import kinematics
 
     curve = {name: options.pop(name) for name in ("span", "hold", "points")}

@@ -30,12 +30,12 @@ PAGE = output_file(
     types={"points": click.IntRange(min=2)},
 )
 def kinematics(study: Study, model: ChosenModel, speed: float | None, **options: Any) -> Result:
-    """Trace the poses of a mechanism with one degree of freedom over an input: rates, dead points, branches."""
+    """Trace the poses of a mechanism over an input. It has one degree of freedom; rates, dead points, branches."""
     return study(model.load(), **options)
 
 
 @command("drive at hold apart")
 def assembly_modes(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
-    """Find all assembly modes at one value of the input: poses that satisfy the closures."""
+    """Find all poses that satisfy the closures at one input."""
     found = study(model.load(), **options)
     emit(found.to_dict(), str(found), out.as_json)

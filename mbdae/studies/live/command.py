@@ -19,7 +19,7 @@ INTERVAL = 0.2  # s in which an interrupt is noticed
 def live(
     study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any
 ) -> None:
-    """Simulate a model in real time in a browser, with sliders for its inputs and joints, until Ctrl-C.
+    """Simulate a model in real time in a browser. Its inputs and joints have sliders; it ends with Ctrl-C.
 
     A drag on a body pulls it by a spring.
     """

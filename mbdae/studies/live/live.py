@@ -25,13 +25,10 @@ __all__ = ["live"]
 
 YIELD = 0.002  # s between frames
 LATE = 0.25  # s behind real time, after which the view is slower than real time
-RTOL = INPUT_DIGITS
 NOTICED = 0.1  # deviation from real time that is shown
 
 
-class _ViewSettings(NamedTuple):
-    """Settings of a view, see `live`."""
-
+class _ViewSettings(NamedTuple):  # see `live`
     speed: float
     fps: float
     port: int | None
@@ -56,10 +53,9 @@ class LiveView:
         self.mechanism, self._pulls, self._simulator, self._settings = mechanism, pulls, simulator, settings
         self.state, self.message = "running" if settings.play else "paused", ""
         self.runs: list[Solution] = []
-        self._start = simulator.save()
         self._orders: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self._stopping, self._pace = Event(), 1.0
-        self._q = simulator.q
+        self._start, self._q = simulator.save(), simulator.q
         self._scene = LiveScene(mechanism.scene, self._q, settings.shadows)
         from .server import Server
 
@@ -185,8 +181,7 @@ class LiveView:
             self._server.show(self._scene.frame(self._q, self._pulls.line), self._described())
             due += 1 / fps
             now = perf_counter()
-            if now - due > LATE:
-                due = now
+            due = now if now - due > LATE else due
             if now - began > 1.0:
                 self._pace = (self.t - simulated) / (now - began)
                 began, simulated = now, self.t
@@ -300,6 +295,6 @@ def live(
     require_positive(speed=speed, fps=fps)
     mech = mechanism_of(model, "live")
     pulls = Pulls(mech, mech.start[0], ranges or {})
-    rtol = RTOL if rtol is None and step is None else rtol
+    rtol = INPUT_DIGITS if rtol is None and step is None else rtol
     simulator = Simulator(pulls.mechanism, record=record, method=method, step=step, rtol=rtol)
     return LiveView(pulls.mechanism, pulls, simulator, _ViewSettings(speed, fps, port, not paused, record, shadows))

@@ -19,7 +19,7 @@ PAGE = output_file(
 
 @study_command("", PAGE, PLOT, shared=STATE, exit_code=lambda found: HOLDS if found.stable else FAILED)
 def modes(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Compute eigenvalues, damping and mode shapes of vibrations around an equilibrium or a steady motion.
+    """Compute eigenvalues, damping and shapes of vibrations. They are those around an equilibrium or a steady motion.
 
     The point is the model's start if that is steady, else the equilibrium found from there. Exit 1 if a mode grows.
     """
@@ -28,7 +28,7 @@ def modes(study: Study, model: ChosenModel, **options: Any) -> Result:
 
 @study_command("", PLOT, shared=STATE, more=[click.argument("over", metavar="NAME=FIRST:LAST:NUMBER")])
 def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
-    """Track eigenvalues over a parameter of a model, or over a speed v.JOINT: spin=150:250:21, v.shaft=4:8:9."""
+    """Track eigenvalues over a parameter or a speed. For instance spin=150:250:21, or v.shaft=4:8:9."""
     from .root_locus import read_range
 
     return study(model.name, *read_range(over), start=model.start, **options)
@@ -36,7 +36,7 @@ def root_locus(study: Study, model: ChosenModel, over: str, **options: Any) -> R
 
 @command("inputs outputs", PLOT, shared=STATE)
 def linearize(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
-    """Linearise a model with inputs and outputs: gain and phase over the frequency; with --json also A, B, C and D."""
+    """Linearise a model with inputs and outputs. Prints gain and phase over frequency; with --json also A, B, C, D."""
     import numpy as np
 
     system = study(model.load(), **options)

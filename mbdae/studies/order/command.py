@@ -34,7 +34,7 @@ JUDGED: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
 
 @study_command("T steps", TABLE, PLOT, subject=problem_argument, more=[METHODS_OR_ALL], **JUDGED)
 def order(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Measure the orders of methods on a model: exit 1 if one is below its claim, 3 if one cannot be judged.
+    """Measure the orders of methods on a model. Exit 1 if one is below its claim, 3 if one cannot be judged.
 
     For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C shows the finished
     methods.
@@ -46,7 +46,7 @@ def order(study: Study, model: ChosenModel, **options: Any) -> Result:
 
 @study_command("parameter T steps", TABLE, PLOT, more=[METHODS_OR_ALL], **JUDGED)
 def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Compare tangents of runs with difference quotients, and measure the orders of derivatives; exits as `order`."""
+    """Compare tangents of runs with difference quotients. Orders of derivatives are measured, too; exits as `order`."""
     if model.textbook:
         raise InputError(f"check-gradients takes a mechanism, {model.name!r} is a textbook problem")
     mech = model.load()
@@ -59,7 +59,7 @@ def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
 @click.argument("names", nargs=-1, shell_complete=completed(method_names))
 @SHARED["json"]
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
-    """List the methods with their claims, or check their order conditions exactly."""
+    """List the methods, or check their order conditions. The check is exact."""
     from ...methods import METHODS, method
     from ...methods.coupled_method import CoupledMethod
     from ...methods.order.assumptions import assumptions

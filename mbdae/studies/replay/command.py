@@ -40,7 +40,7 @@ def animate(
     every: bool,
     **options: Any,
 ) -> None:
-    """Write the replay of a saved solution as one HTML page or as a video; further solutions are shown as ghosts."""
+    """Write the replay of saved runs as a page or a video. Runs after the first one are shown as ghosts."""
     from ...solution.solution import Solution
 
     if not out.written:

@@ -13,7 +13,7 @@ PAGE = output_file("-o", "--output", required=True, suffixes=PAGES, help="The HT
 
 @command("repeats workers", PAGE, shared="methods t_span rtol")
 def report(study: Study, out: Output, model: ChosenModel, t_span: tuple[float, ...] | None, **options: Any) -> None:
-    """Write one page on a model: card, run with replay, drift, orders and comparison, with all data to reproduce it.
+    """Write one page on a model. Card, run with replay, drift, orders and comparison, with all data to reproduce it.
 
     Ctrl-C writes the finished parts.
     """

@@ -19,7 +19,7 @@ FACTORS = (
 
 @study_command("find", TABLE, shared=STATE, exit_code=lambda found: CODES[found.stability])
 def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Find an equilibrium or a steady motion of a model, its holding forces and its stability.
+    """Find an equilibrium or a steady motion of a model. Also computes its holding forces and its stability.
 
     Exit code 0 stable, 1 unstable or none found, 3 neutral or undecided.
     """
@@ -28,7 +28,7 @@ def equilibrium(study: Study, model: ChosenModel, **options: Any) -> Result:
 
 @command("drive", shared="from to hold")
 def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **options: Any) -> None:
-    """Find all equilibria of a mechanism with one degree of freedom over a joint; exit 1 if there is none."""
+    """Find all equilibria over a joint. The mechanism has one degree of freedom; exit 1 if there is no equilibrium."""
     found = study(model.load(), drive, **options)
     text = "\n".join(map(str, found)) or f"no equilibrium over {drive}"
     emit([e.to_dict() for e in found], text, out.as_json)
@@ -39,5 +39,5 @@ def equilibria(study: Study, out: Output, model: ChosenModel, drive: str, **opti
     "load", TABLE, PLOT, shared=STATE, more=FACTORS, exit_code=lambda path: HOLDS if path.complete else FAILED
 )
 def load_path(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Trace an equilibrium while a force is scaled: load-deflection curve, snap-through, loss of stability."""
+    """Trace an equilibrium while a force is scaled. Prints deflections over loads, snap-through, loss of stability."""
     return study(model.load(), **options)

@@ -25,7 +25,7 @@ FILE = click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.tom
     "workers executor fresh", TABLE, FIGURE, subject=FILE, types={"executor": click.Choice(["threads", "processes"])}
 )
 def sweep(study: Study, out: Output, file: str, fresh: bool, **chosen: Any) -> None:
-    """Run a model for many values of its parameters from a TOML file: a grid, a list or a random sample.
+    """Run a model for many values of its parameters. They are a grid, a list or a random sample, from a TOML file.
 
     Failed runs are rows with a status. Ctrl-C writes the finished runs; a .parquet file, which needs pyarrow, stores
     each run, and the same command resumes from it.

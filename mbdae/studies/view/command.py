@@ -14,7 +14,7 @@ PAGE = output_file("-o", "--output", suffixes=PAGES, help="The page to write.  [
 
 @command("", PAGE)
 def view(study: Study, out: Output, model: ChosenModel) -> None:
-    """Write one page on which a model is moved by sliders, with its limits and dead points; open it on a terminal."""
+    """Write one page on which a model is moved by sliders. Shows its limits and dead points; opens it on a terminal."""
     file = Path(model.name)
     path = out.paths["output"] or f"{file.parent.name if file.stem == 'mechanism' else file.stem}.html"
     written = writable((path, PAGES))
