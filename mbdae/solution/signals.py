@@ -11,7 +11,7 @@ from ..mechanism import Driver
 from ..mechanism.contacts import rolling_closures
 from ..mechanism.coordinate_units import acceleration_units, coordinate_units
 from ..mechanism.effort_signals import driver_powers, effort_units, efforts
-from ..mechanism.momentum import MOMENTUM, momentum
+from ..mechanism.momentum import MOMENTUM, SHAKING, momentum, shaking_force
 from ..system import Array
 from .columns import (
     CONTACT,
@@ -115,6 +115,7 @@ FAMILIES = (
     Family(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
     Family(frame_units, frame_columns),
     Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
+    Family(lambda mech: SHAKING, lambda sol: shaking_force(sol.mechanism.model, sol.q, sol.v, sol.vdot)),
     Family(mode_units, mode_columns),
     Family(lambda mech: ENERGIES, _energies),
 )
@@ -149,9 +150,11 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``
-    (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``kinetic``, ``potential``, ``energy``, and ``work`` of the
-    non-conservative forces and drivers in J; of switches ``gap``, ``mode`` and ``impulse.<name>``, see
-    `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
+    (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``shaking_force.x`` (N) and ``shaking_moment.x`` (N m) of
+    the inertia forces, without ``.x`` their magnitudes, see `mbdae.mechanism.momentum`; ``kinetic``, ``potential``,
+    ``energy``, and ``work`` of the non-conservative forces and drivers in J; of switches ``gap``, ``mode`` and
+    ``impulse.<name>``, see `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all
+    rows.
 
     Args:
         sol: the solution.

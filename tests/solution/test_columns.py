@@ -102,6 +102,38 @@ def test_frames_and_momentum_follow_their_definitions():
             assert found[f"angular_momentum.{x}"][i] == pytest.approx(whole.angular[k], abs=1e-13)
 
 
+@pytest.mark.parametrize("name", ["slider_crank", "stewart_platform", "heavy_top"])
+def test_the_shaking_force_is_the_rate_of_momentum(name):
+    times = np.arange(-3, 4) * 1e-3 + 0.05
+    sol = mbdae.solve(mbdae.load(name), (0.0, 0.06), rtol=1e-12, t_eval=times)
+    found = sol.signals()
+    c, p, h = (np.array([found[f"{word}.{x}"] for x in "xyz"]) for word in ("com", "momentum", "angular_momentum"))
+    about_origin = h + np.cross(c.T, p.T).T
+    for word, moved in (("force", p), ("moment", about_origin)):
+        rate = central_difference({k: moved[:, 3 + k] for k in STENCIL}, 1e-3)
+        now = np.array([found[f"shaking_{word}.{x}"][3] for x in "xyz"])
+        assert now == pytest.approx(-rate, abs=1e-6 * np.abs(rate).max())
+        assert found[f"shaking_{word}"][3] == pytest.approx(np.linalg.norm(now))
+
+
+def test_counterweights_balance_a_four_bar():
+    """Berkof, Lowen (1969): with the coupler's mass in its middle, half of it is balanced at each side."""
+    mech = mbdae.load("four_bar")
+    model = mech.model.copy()
+    crank, coupler, rocker = (model.getJointId(name) for name in ("crank", "coupler", "rocker"))
+    tip, end = (model.frames[model.getFrameId(name)].placement.translation for name in ("rocker_tip", "coupler_tip"))
+    half = model.inertias[coupler].mass / 2
+    levers = {crank: model.jointPlacements[coupler].translation, rocker: tip}
+    for joint, arm in levers.items():
+        body = model.inertias[joint]
+        model.inertias[joint] = pin.Inertia(body.mass, -half / body.mass * arm, body.inertia)
+    model.inertias[coupler] = pin.Inertia(2 * half, end / 2, model.inertias[coupler].inertia)
+    sol = mbdae.solve(mbdae.Mechanism(model, mech.closures, start=mech.start_values), (0.0, 1.0), rtol=1e-10)
+    assert signals(sol, ["shaking_force"])["shaking_force"].max() < 1e-10
+    unbalanced = signals(mbdae.solve(mech, (0.0, 1.0), rtol=1e-6), ["shaking_force", "shaking_moment"])
+    assert min(x.max() for x in unbalanced.values()) > 1.0
+
+
 def test_drivers_have_their_power():
     mech = mbdae.load("slider_crank")
     drive = mbdae.Driver(name="drive", joint="crank", speed=2.0)
