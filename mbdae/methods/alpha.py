@@ -65,6 +65,14 @@ class GeneralizedAlpha(NewtonMethod):
         """Weight of a_1 in positions, for the largest damping of high frequencies."""
         return (self.gamma + Fraction(1, 2)) ** 2 / 4
 
+    @property
+    def position_pivot(self) -> float:
+        """Partial derivative d q_1/d v_1' over h^2; in index 3 the rounding error of z is eps / (h^2 times it).
+
+        Infinite in index 2.
+        """
+        return np.inf if self.stabilised else float(self.beta * (1 - self.alpha_f) / (1 - self.alpha_m))
+
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core."""
         return native.GeneralizedAlpha(

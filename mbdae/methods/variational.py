@@ -72,6 +72,7 @@ class Composition(NewtonMethod):
 
     family = "RATTLE"
     order_own = 1
+    position_pivot = np.inf
     carries, rounded = False, True
     excludes: ClassVar[Mapping[str, str]] = {
         "textbook": "it integrates the Lagrangian of a mechanism",
