@@ -15,6 +15,7 @@ from mbdae.methods import METHODS, method
 from mbdae.methods.alpha import GeneralizedAlpha
 from mbdae.methods.order.alpha import check_alpha
 from mbdae.methods.order.reports import check_claims
+from mbdae.system import State
 
 NAMES = [name for name, m in METHODS.items() if isinstance(m, GeneralizedAlpha)]
 SPANS = {"four_bar": 0.5, "heavy_top": 0.05, "bricard": 0.5}  # s
@@ -86,6 +87,29 @@ def test_an_independent_implementation_agrees(rho):
     mech = mbdae.load("pendulum")
     sol = mbdae.solve(mech, (0, 0.4), *mech.assemble(q, v), method=f"alpha{rho}", step=0.02)
     assert np.abs(sol.q - independent(rho, 0.02, 20)).max() < 1e-9
+
+
+@pytest.mark.parametrize("speed", [0.0, 4.0])
+@pytest.mark.parametrize("rho", [0.6, 0.9, 1.0])
+def test_steps_are_those_of_exudyn(rho, speed):
+    """Index 3, in the same coordinates and from the same a_0 = v_0': q, v, v' and the force in the pin agree."""
+    pytest.importorskip("exudyn", reason="exudyn is not installed: pip install 'mbdae[crosscheck]'")
+    from crosscheck_exudyn import four_bar_tree
+
+    mech, h, n = mbdae.load("four_bar"), 0.01, 50
+    q, v = mech.assemble(None, {"crank": speed})
+    angles, speeds, rates, force = four_bar_tree(q, v, h, n, rho)
+    system, y = mech.system(), mech.point(q, v)
+    assert np.abs(system.derivative(0.0, y)[0][mech.nv : -1] - rates[0]).max() < 1e-6
+    start = [*rates[0], 0.0]
+    state = system.update_independent_rows(0.0, State(y, np.array([*start, *start, h])))
+    for i in range(n):
+        step = method(f"alpha{rho}_i3").step(system, i * h, h, state)
+        state = step.state
+        assert np.abs(state.y[:6] - [*angles[i + 1], *speeds[i + 1]]).max() < 1e-9
+        assert np.abs(state.carry[4:7] - rates[i + 1]).max() < 1e-9 * np.abs(rates).max()
+        assert abs(np.linalg.norm(step.z) - force[i + 1]) < 1e-9 * force.max()
+    assert np.ptp(angles, axis=0).min() > 0.1
 
 
 @pytest.mark.parametrize("name", ["crane", "platform"])
