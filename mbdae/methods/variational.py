@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import InputError, StepError
 from ..system import Array, State, Step, System, VariationalStep
 from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING
+from .controller import PI
 from .exact_numbers import exact, row
 from .tableau import Row, Text
 
@@ -26,13 +27,13 @@ SLOWEST_RATE = 0.5  # of a change: a later one that is larger is rounding, or Ne
 
 
 class NewtonMethod:
-    """A method with fixed steps, each solved by Newton's method to rounding."""
+    """A method whose steps are solved by Newton's method to rounding."""
 
     name: str
     in_core = True  # the compiled core takes its steps
     order_embedded = 0
-    error_power = 0  # no step-size control
-    blend, noise = 1.0, 0.0
+    error_power = 0  # of h in the error estimate; 0: no step-size control
+    control, blend, noise = PI, 1.0, 0.0
 
     def steady(self, ny: int) -> float:
         """As for `mbdae.methods.tableau.Tableau.steady`."""
@@ -47,9 +48,6 @@ class NewtonMethod:
             slowest_rate=SLOWEST_RATE,
         )
 
-    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Reject step-size control."""
-        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
 
 
 @dataclass(frozen=True)
@@ -122,6 +120,14 @@ class Composition(NewtonMethod):
     def roundings(self) -> int:
         """Roundings of v per step that compensated summation does not remove: each substep solves for it from p."""
         return len(self.weights)
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Fail: steps of varying size would lose the bounded energy.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take the substeps of one step; its errors are empty, (0, ny).

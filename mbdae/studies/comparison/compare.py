@@ -12,7 +12,7 @@ from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find_method
 from ...mechanism import Mechanism
 from ...methods import obstacle
-from ...methods.fixed_step import FIXED_STEP, uncompiled
+from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
@@ -144,7 +144,7 @@ def _reject_unsupported(problem: Problem, kinds: Iterable[Variant], controlled: 
         found = find_method(v.formulation, v.method)
         if reason := obstacle(found, problem.system(v.formulation)):
             raise InputError(reason)
-        if controlled and isinstance(found, FIXED_STEP):
+        if controlled and not found.error_power:
             raise InputError(f"method {found.name!r} takes fixed steps: compare with numbers of steps")
     if not isinstance(problem, Mechanism) or not problem.switches:
         return

@@ -9,7 +9,7 @@ from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
-from ...methods.fixed_step import uncompiled
+from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
