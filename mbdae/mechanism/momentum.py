@@ -1,4 +1,6 @@
-"""Centre of mass and momentum of a mechanism."""
+"""Centre of mass and momenta of a mechanism, and their rates."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -33,3 +35,50 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
         c = np.sum([Y.mass * data.oMi[j].act(Y.lever) for j, Y in bodies], axis=0) / (mass or np.nan)
         row[:3], row[3:6], row[6:] = c, h[:3], h[3:] - np.cross(c, h[:3])
     return dict(zip(MOMENTUM, out.T, strict=True))
+
+
+class Momenta(NamedTuple):
+    """Momenta along directions in which a mechanism may be symmetric, with their rates, (n, 6 + nv) each.
+
+    The first six are the sums over bodies of m c' and of the angular momentum about the origin, in world axes; the
+    others are the components of M v.
+
+    Attributes:
+        value: the momenta.
+        size: sums of the magnitudes of their terms.
+        rate: d/dt of the momenta.
+        rate_size: sums of the magnitudes of the terms of the rates.
+    """
+
+    value: Array
+    size: Array
+    rate: Array
+    rate_size: Array
+
+
+def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
+    """Return the momenta and their rates, from the accelerations: d/dt (M v) = M v' + (C + C^T) v.
+
+    Args:
+        model: a model.
+        q: configurations, (n, nq).
+        v: velocities, (n, nv).
+        a: accelerations, (n, nv).
+    """
+    data, bodies = make_data(model), [j for j, Y in enumerate(model.inertias) if j]
+    out = Momenta(*np.empty((4, len(q), 6 + model.nv)))
+    for i, (qi, vi, ai) in enumerate(zip(q, v, a, strict=True)):
+        pin.forwardKinematics(model, data, qi, vi, ai)
+        of_bodies = [model.inertias[j] * data.v[j] for j in bodies]
+        h = np.array([data.oMi[j].act(x).vector for j, x in zip(bodies, of_bodies, strict=True)])
+        rates = [model.inertias[j] * data.a[j] + data.v[j].cross(x) for j, x in zip(bodies, of_bodies, strict=True)]
+        dh = np.array([data.oMi[j].act(x).vector for j, x in zip(bodies, rates, strict=True)])
+        C = pin.computeCoriolisMatrix(model, data, qi, vi)
+        dM = C + C.T
+        M = pin.crba(model, data, qi)
+        M = np.triu(M) + np.triu(M, 1).T
+        out.value[i] = [*h.sum(axis=0), *(M @ vi)]
+        out.size[i] = [*np.abs(h).sum(axis=0), *(np.abs(M) @ np.abs(vi))]
+        out.rate[i] = [*dh.sum(axis=0), *(M @ ai + dM @ vi)]
+        out.rate_size[i] = [*np.abs(dh).sum(axis=0), *(np.abs(M) @ np.abs(ai) + np.abs(dM) @ np.abs(vi))]
+    return out

@@ -182,7 +182,8 @@ def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
         if rate * size <= BELOW_ROUNDING or (rate > SLOWEST_RATE and size <= ITERATION_ROUNDING * whole):
             return x, lam
         last = size
-    raise StepError("newton", f"{step}: Newton's method does not converge, take shorter steps")
+    where = f"the step of {step.h:g} s at t = {step.t:.17g}"
+    raise StepError("newton", f"{where}: Newton's method does not converge, take shorter steps")
 
 
 _SUZUKI = "0.414490771794375737142354062860761495711774604"
