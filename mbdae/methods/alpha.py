@@ -12,7 +12,8 @@ The errors of a step are its differences to the explicit step with a_1 = a_0, of
 
 They are of the order of the method, as embedded errors of other methods, so the error of a run is proportional to
 rtol. With the leading term of the local error, (beta - 1/6) h^2 (a_1 - a_0) for Newmark's method (Zienkiewicz, Xie,
-Earthquake Engng. Struct. Dyn. 20 (1991)), it is proportional to rtol^(2/3), and velocities have no estimate.
+Earthquake Engng. Struct. Dyn. 20 (1991)), it is proportional to rtol^(2/3), and velocities have no estimate. In index 3
+steps are fixed: v_0 violates G v = 0 by an error d, so a_1 - a_0 contains d / h, and e_u does not decrease with h.
 
 Sources: Chung, Hulbert, J. Appl. Mech. 60 (1993); Arnold, Bruels, BIT 47 (2007); Hilber, Hughes, Taylor, Earthquake
 Engng. Struct. Dyn. 5 (1977) and Negrut et al., J. Comput. Nonlinear Dyn. 2 (2007) for HHT.
@@ -54,7 +55,6 @@ class GeneralizedAlpha(NewtonMethod):
     order = order_linear = order_own = 2
     roundings = 1  # per step: v_1 is an unknown of the velocity constraint
     carries = True
-    order_embedded, error_power = 1, 2
     solves = TYPICAL
     smallest_pivot = 0.1
     excludes: ClassVar[Mapping[str, str]] = {
@@ -73,6 +73,16 @@ class GeneralizedAlpha(NewtonMethod):
     def beta(self) -> Fraction:
         """Weight of a_1 in positions, for the largest damping of high frequencies."""
         return (self.gamma + Fraction(1, 2)) ** 2 / 4
+
+    @property
+    def error_power(self) -> int:
+        """Power of h in the error estimate; 0 in index 3, where steps are fixed, see the module."""
+        return 2 if self.stabilised else 0
+
+    @property
+    def order_embedded(self) -> int:
+        """Order of the explicit step."""
+        return self.error_power // 2
 
     @property
     def position_pivot(self) -> float:
@@ -119,7 +129,10 @@ class GeneralizedAlpha(NewtonMethod):
 
         Raises:
             StepError: if Newton's method does not converge.
+            InputError: in index 3.
         """
+        if not self.stabilised:
+            raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
         carry, n = self.carry_at(system, t, h, state), system.ny - system.nv
         out = self.step(system, t, h, state._replace(carry=carry))
         change = out.state.carry[:n] - rescaled(carry, h)[1]

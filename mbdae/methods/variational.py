@@ -31,8 +31,6 @@ class NewtonMethod:
 
     name: str
     in_core = True  # the compiled core takes its steps
-    order_embedded = 0
-    error_power = 0  # of h in the error estimate; 0: no step-size control
     control, blend, noise = PI, 1.0, 0.0
 
     def steady(self, ny: int) -> float:
@@ -70,6 +68,7 @@ class Composition(NewtonMethod):
 
     family = "RATTLE"
     order_own = 1
+    order_embedded = error_power = 0  # no step-size control
     position_pivot = np.inf
     carries, rounded = False, True
     excludes: ClassVar[Mapping[str, str]] = {
