@@ -119,7 +119,15 @@ class Chart(Protocol):
 
 
 class VariationalStep(Protocol):
-    """Equations of one step of a variational integrator; unknown are x (nv,), q_1 = q_0 (+) x, and multipliers (m,)."""
+    """Equations of one step of a variational integrator; unknown are x (nv,), q_1 = q_0 (+) x, and multipliers (m,).
+
+    Attributes:
+        t: its start in s.
+        h: its size in s.
+    """
+
+    t: float
+    h: float
 
     def first_guess(self) -> tuple[Array, Array]:
         """Return x and the multipliers, where Newton's method starts."""

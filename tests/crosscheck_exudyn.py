@@ -13,14 +13,18 @@ from exudyn.itemInterface import (
     MarkerBodyMass,
     MarkerBodyPosition,
     MarkerBodyRigid,
+    MarkerKinematicTreeRigid,
     MarkerNodeCoordinate,
+    NodeGenericODE2,
     NodePointGround,
     NodeRigidBody2D,
     ObjectGround,
     ObjectJointRevolute2D,
+    ObjectKinematicTree,
     ObjectRigidBody2D,
     SensorBody,
     SensorNode,
+    SensorObject,
     SphericalJoint,
 )
 from exudyn.rigidBodyUtilities import RigidBodyInertia
@@ -100,6 +104,66 @@ def four_bar(start, t, n):
     plane.pin(plane.ground, pivot, c, (-0.75, 0))
     turn = plane.run(t, n)[:, :, 2]
     return start + np.stack([turn[:, 0], turn[:, 1] - turn[:, 0], turn[:, 2]], axis=1)
+
+
+def four_bar_tree(q, v, h, n, rho):
+    """Steps of Exudyn's generalised alpha, index 3, on the angles of crank, coupler (relative) and rocker.
+
+    Exudyn starts with a_0 = v_0', by a difference quotient of G v. It takes velocity constraints with Newmark's method
+    only.
+
+    Returns:
+        angles, speeds and accelerations (n + 1, 3), and the size of the force in the pin (n + 1,).
+    """
+    mbs, lengths = exu.SystemContainer().AddSystem(), (1.0, 2.0, 1.5)  # the masses, too
+    node = mbs.AddNode(
+        NodeGenericODE2(
+            numberOfODE2Coordinates=3,
+            referenceCoordinates=[0.0] * 3,
+            initialCoordinates=[*q],
+            initialCoordinates_t=[*v],
+        )
+    )
+    turns, offsets, inertias, centres = exu.Matrix3DList(), exu.Vector3DList(), exu.Matrix3DList(), exu.Vector3DList()
+    for length, hinge in zip(lengths, (0.0, 1.0, 2.0), strict=True):
+        turns.Append(np.eye(3))
+        offsets.Append(np.array([hinge, 0, 0]))
+        inertias.Append(np.diag([0, 1, 1]) * length**3 / 12)
+        centres.Append(np.array([length / 2, 0, 0]))
+    tree = ObjectKinematicTree(
+        nodeNumber=node,
+        gravity=[0, -9.81, 0],
+        jointTypes=[exu.JointType.RevoluteZ] * 3,
+        linkParents=[-1, 0, -1],
+        jointTransformations=turns,
+        jointOffsets=offsets,
+        linkInertiasCOM=inertias,
+        linkCOMs=centres,
+        linkMasses=lengths,
+    )
+    tree = mbs.AddObject(tree)
+    tips = [MarkerKinematicTreeRigid(objectNumber=tree, linkNumber=i, localPosition=[lengths[i], 0, 0]) for i in (1, 2)]
+    pin = mbs.AddObject(SphericalJoint(markerNumbers=[mbs.AddMarker(x) for x in tips], constrainedAxes=[1, 1, 0]))
+    common = {"storeInternal": True, "writeToFile": False}
+    sensors = [
+        *(
+            SensorNode(nodeNumber=node, outputVariableType=kind, **common)
+            for kind in (KINDS.Coordinates, KINDS.Coordinates_t, KINDS.Coordinates_tt)
+        ),
+        SensorObject(objectNumber=pin, outputVariableType=KINDS.Force, **common),
+    ]
+    sensors = [mbs.AddSensor(x) for x in sensors]
+    mbs.Assemble()
+    s = exu.SimulationSettings()
+    method = s.timeIntegration
+    method.endTime, method.numberOfSteps = n * h, n
+    method.generalizedAlpha.spectralRadius = rho
+    method.newton.useModifiedNewton = False
+    method.newton.relativeTolerance = method.newton.absoluteTolerance = 1e-13
+    s.solution.file.write, s.solution.sensors.writePeriod = False, h
+    mbs.SolveDynamic(s)
+    *motion, force = (mbs.GetSensorStoredData(i)[:, 1:] for i in sensors)
+    return *motion, np.linalg.norm(force, axis=1)
 
 
 def slider_crank(start, t, n):

@@ -165,6 +165,15 @@ def test_long_time_energy(tmp_path, capsys):
     assert "trend" in capsys.readouterr().out
 
 
+def test_all_families(capsys):
+    result = example("all_families").main({"four_bar": 0.2}, rtol=(1e-3, 1e-5), steps=(20, 80), repeats=1)
+    assert {"rattle4", "alpha", "radau5", "sdirk2", "index1:dop853"} <= {*result["four_bar"].methods}
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| `")]
+    rows = dict(line.strip("| ").split(" | ") for line in lines)
+    assert rows["`rattle4`"] != "-"
+    assert rows["`herk1`"] == "-"
+
+
 def test_tolerance_sweep(tmp_path, capsys):
     path, plot = tmp_path / "runs.parquet", tmp_path / "runs.png"
     result = example("tolerance_sweep").main(n=12, end=1.0, path=path, plot=plot, executor="threads")

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..methods import obstacle
-from ..methods.fixed_step import FIXED_STEP
+from ..methods.variational import NewtonMethod
 from ..solution.solution import Problem
 from ..system import Array, System
 from ..tolerances import INPUT_DIGITS, NEGLIGIBLE
@@ -46,7 +46,10 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
         raise InputError(reason)
     inner = _stepper(system, options)
     native = system.native and not isinstance(options.method, ScipySolver) and options.method.in_core
-    stepper = NativeStepper(inner, system, options.method, options.project) if native else inner
+    in_python = bool(inner.control) and isinstance(options.method, NewtonMethod)  # step-size control, not the steps
+    stepper = NativeStepper(inner, system, options.method, options.project) if native and not in_python else inner
+    if native and in_python:
+        inner.backend = "native"
     if inner.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
         rtol = float(inner.control.rtol)
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
@@ -66,7 +69,7 @@ def _stepper(system: System, o: RunOptions) -> PythonStepper:
         return Scipy(o.method, system, o.step, *control)
     if o.step:
         return Fixed(o.step, o.t0, o.t1)
-    if isinstance(o.method, FIXED_STEP):
+    if not o.method.error_power:
         raise InputError(f"method {o.method.name!r} takes fixed steps: give a step")
     return Adaptive(o.method.error_power, *control, o.method.control, o.method.steady(system.ny))
 

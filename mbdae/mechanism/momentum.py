@@ -1,4 +1,6 @@
-"""Centre of mass and momentum of a mechanism, and the shaking force of its bodies."""
+"""Centre of mass and momenta of a mechanism, their rates, and the shaking force of its bodies."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -9,6 +11,7 @@ from .pinocchio_data import make_data
 MOMENTUM = {f"{word}.{x}": unit
             for word, unit in (("com", "m"), ("momentum", "kg m/s"), ("angular_momentum", "kg m^2/s"))
             for x in "xyz"}  # fmt: skip
+
 
 SHAKING = {name: unit
            for word, unit in (("shaking_force", "N"), ("shaking_moment", "N m"))
@@ -39,6 +42,49 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     return dict(zip(MOMENTUM, out.T, strict=True))
 
 
+class Momenta(NamedTuple):
+    """Momenta along directions in which a mechanism may be symmetric, with their rates, (n, 6 + nv) each.
+
+    The first six are the sums over bodies of m c' and of the angular momentum about the origin, in world axes; the
+    others are the components of M v.
+
+    Attributes:
+        value: the momenta.
+        size: sums of the magnitudes of their terms.
+        rate: d/dt of the momenta.
+        rate_size: sums of the magnitudes of the terms of the rates.
+    """
+
+    value: Array
+    size: Array
+    rate: Array
+    rate_size: Array
+
+
+def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
+    """Return the momenta and their rates, from the accelerations: d/dt (M v) = M v' + (C + C^T) v.
+
+    Args:
+        model: a model.
+        q: configurations, (n, nq).
+        v: velocities, (n, nv).
+        a: accelerations, (n, nv).
+    """
+    data, out = make_data(model), Momenta(*np.empty((4, len(q), 6 + model.nv)))
+    for i, (qi, vi, ai) in enumerate(zip(q, v, a, strict=True)):
+        pin.forwardKinematics(model, data, qi, vi, ai)
+        h, dh = _of_bodies(model, data)
+        C = pin.computeCoriolisMatrix(model, data, qi, vi)
+        dM = C + C.T
+        M = pin.crba(model, data, qi)
+        M = np.triu(M) + np.triu(M, 1).T
+        out.value[i] = [*h.sum(axis=0), *(M @ vi)]
+        out.size[i] = [*np.abs(h).sum(axis=0), *(np.abs(M) @ np.abs(vi))]
+        out.rate[i] = [*dh.sum(axis=0), *(M @ ai + dM @ vi)]
+        out.rate_size[i] = [*np.abs(dh).sum(axis=0), *(np.abs(M) @ np.abs(ai) + np.abs(dM) @ np.abs(vi))]
+    return out
+
+
 def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str, Array]:
     """Return the inertia forces of all bodies, which act on the frame beside their weight, and their moment.
 
@@ -60,8 +106,14 @@ def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str
     data, out = make_data(model), np.empty((len(q), 6))
     for row, configuration, velocity, acceleration in zip(out, q, v, vdot, strict=True):
         pin.forwardKinematics(model, data, configuration, velocity, acceleration)
-        bodies = zip(data.oMi, model.inertias, data.v, data.a, strict=True)
-        wrenches = [M.act(Y * a + w.cross(Y * w)).vector for M, Y, w, a in list(bodies)[1:]]
-        row[:] = -np.sum(wrenches, axis=0)
+        row[:] = -_of_bodies(model, data)[1].sum(axis=0)
     sizes = np.linalg.norm(out.reshape(-1, 2, 3), axis=2)
     return dict(zip(SHAKING, np.hstack([sizes[:, :1], out[:, :3], sizes[:, 1:], out[:, 3:]]).T, strict=True))
+
+
+def _of_bodies(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:
+    """Return the momenta of the bodies about the origin and their rates, (n, 6) each; kinematics are current."""
+    bodies = list(zip(data.oMi, model.inertias, data.v, data.a, strict=True))[1:]
+    h = [M.act(Y * w).vector for M, Y, w, _ in bodies]
+    rates = [M.act(Y * a + w.cross(Y * w)).vector for M, Y, w, a in bodies]
+    return np.array(h).reshape(-1, 6), np.array(rates).reshape(-1, 6)

@@ -1,10 +1,19 @@
-"""Generalised-alpha methods for mechanisms on Lie groups, and HHT: order 2, with numerical damping, fixed steps.
+"""Generalised-alpha methods for mechanisms on Lie groups, and HHT: order 2, with numerical damping.
 
     u_1 = u_0 + h ((1 - gamma) a_0 + gamma a_1),   q_1 = q_0 (+) (h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1) + ...)
     (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) u_1' + alpha_f u_0'
 
 for u = (v, s, w); `mbdae.mechanism.formulations.second_order` has the equations that u_1' satisfies. The auxiliary a
-approximates u' at t + (alpha_m - alpha_f) h; so it starts, and it is rescaled where h changes.
+approximates u' at t + Delta h, Delta = alpha_m - alpha_f; so it starts, and it is rescaled where h changes.
+
+The errors of a step are its differences to the explicit step with a_1 = a_0, of order 1,
+
+    e_q = beta h^2 (a_1 - a_0),   e_u = gamma h (a_1 - a_0).
+
+They are of the order of the method, as embedded errors of other methods, so the error of a run is proportional to
+rtol. With the leading term of the local error, (beta - 1/6) h^2 (a_1 - a_0) for Newmark's method (Zienkiewicz, Xie,
+Earthquake Engng. Struct. Dyn. 20 (1991)), it is proportional to rtol^(2/3), and velocities have no estimate. In index 3
+steps are fixed: v_0 violates G v = 0 by an error d, so a_1 - a_0 contains d / h, and e_u does not decrease with h.
 
 Sources: Chung, Hulbert, J. Appl. Mech. 60 (1993); Arnold, Bruels, BIT 47 (2007); Hilber, Hughes, Taylor, Earthquake
 Engng. Struct. Dyn. 5 (1977) and Negrut et al., J. Comput. Nonlinear Dyn. 2 (2007) for HHT.
@@ -65,6 +74,24 @@ class GeneralizedAlpha(NewtonMethod):
         """Weight of a_1 in positions, for the largest damping of high frequencies."""
         return (self.gamma + Fraction(1, 2)) ** 2 / 4
 
+    @property
+    def error_power(self) -> int:
+        """Power of h in the error estimate; 0 in index 3, where steps are fixed, see the module."""
+        return 2 if self.stabilised else 0
+
+    @property
+    def order_embedded(self) -> int:
+        """Order of the explicit step."""
+        return self.error_power // 2
+
+    @property
+    def position_pivot(self) -> float:
+        """Partial derivative d q_1/d v_1' over h^2; in index 3 the rounding error of z is eps / (h^2 times it).
+
+        Infinite in index 2.
+        """
+        return np.inf if self.stabilised else float(self.beta * (1 - self.alpha_f) / (1 - self.alpha_m))
+
     def compiled(self, native: Any) -> Any:
         """Return the method for the compiled core."""
         return native.GeneralizedAlpha(
@@ -77,7 +104,7 @@ class GeneralizedAlpha(NewtonMethod):
         )
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step; its errors are empty, (0, ny).
+        """Take one step of a given size; its errors are empty, (0, ny).
 
         The carry is (a, u', h), (2 n + 1,): a and u' at the start of the next step, and the size of this one.
 
@@ -88,17 +115,34 @@ class GeneralizedAlpha(NewtonMethod):
         if out is not None:
             return out
         am, af, gamma, beta = map(float, (self.alpha_m, self.alpha_f, self.gamma, self.beta))
-        step, carry = system.second_order_step(t, h, state.y, self.stabilised), state.carry
-        n = step.size
-        if carry is None or len(carry) != 2 * n + 1:
-            carry = self.started(system, t, h, state.y, n)
-        rate, a = carry[n:-1], carry[n:-1] + h / carry[-1] * (carry[:n] - carry[n:-1])
+        step = system.second_order_step(t, h, state.y, self.stabilised)
+        rate, a = rescaled(self.carry_at(system, t, h, state), h)
         weight, known = (1 - af) / (1 - am), (af * rate - am * a) / (1 - am)
         u = h * ((1 - gamma) * a + gamma * known)
         step.predict(h * h * ((0.5 - beta) * a + beta * known), u, (h * gamma * weight, h * h * beta * weight), rate)
         du, z = solved(system, step)
         moved, lam = step.end(du, z)
         return end_of_step(system, state, moved, lam, np.concatenate([known + weight * du, du, [h]]))
+
+    def controlled_step(self, system: Any, t: float, h: float, state: State) -> Step:
+        """Take one step and estimate its errors, (1, ny), see the module; the carry is that of `step`.
+
+        Raises:
+            StepError: if Newton's method does not converge.
+            InputError: in index 3.
+        """
+        if not self.stabilised:
+            raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
+        carry, n = self.carry_at(system, t, h, state), system.ny - system.nv
+        out = self.step(system, t, h, state._replace(carry=carry))
+        change = out.state.carry[:n] - rescaled(carry, h)[1]
+        of_q, of_u = float(self.beta) * h * h * change[: system.nv], float(self.gamma) * h * change
+        return out._replace(errors=np.concatenate([of_q, of_u])[None])
+
+    def carry_at(self, system: Any, t: float, h: float, state: State) -> Array:
+        """Return the carry of a state, (2 n + 1,), see `step`; at a start that of `started`."""
+        n, carry = system.ny - system.nv, state.carry
+        return self.started(system, t, h, state.y, n) if carry is None or len(carry) != 2 * n + 1 else carry
 
     def started(self, system: System, t: float, h: float, y: Array, n: int) -> Array:
         """Return the carry (2 n + 1,) at a start: a = u' + (alpha_m - alpha_f) h u'', by a difference in the step."""
@@ -108,6 +152,12 @@ class GeneralizedAlpha(NewtonMethod):
         ahead = abs(offset) * h
         change = system.derivative(t + ahead, system.add(y, ahead * F))[0] - F
         return np.concatenate([(F + np.sign(offset) * change)[-n:], F[-n:], [h]])
+
+
+def rescaled(carry: Array, h: float) -> tuple[Array, Array]:
+    """Return u_0' and a_0, (n,) each, of a carry, a_0 for a step of size h."""
+    a, rate, last = np.split(carry, [len(carry) // 2, len(carry) - 1])
+    return rate, rate + h / last * (a - rate)
 
 
 def alpha_method(name: str) -> GeneralizedAlpha | None:

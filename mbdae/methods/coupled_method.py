@@ -30,6 +30,7 @@ class CoupledMethod(ABC):
     excludes: ClassVar[Mapping[str, str]] = {}
     blend = 1.0
     roundings = 0
+    position_pivot = np.inf
     noise = 0.0  # stages are iterated to rounding
     carries = False  # data of the previous step serve as a guess, or are z_n
     explicit_first = True

@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import InputError, StepError
 from ..system import Array, State, Step, System, VariationalStep
 from ..tolerances import BELOW_ROUNDING, ITERATION_ROUNDING
+from .controller import PI
 from .exact_numbers import exact, row
 from .tableau import Row, Text
 
@@ -26,13 +27,11 @@ SLOWEST_RATE = 0.5  # of a change: a later one that is larger is rounding, or Ne
 
 
 class NewtonMethod:
-    """A method with fixed steps, each solved by Newton's method to rounding."""
+    """A method whose steps are solved by Newton's method to rounding."""
 
     name: str
     in_core = True  # the compiled core takes its steps
-    order_embedded = 0
-    error_power = 0  # no step-size control
-    blend, noise = 1.0, 0.0
+    control, blend, noise = PI, 1.0, 0.0
 
     def steady(self, ny: int) -> float:
         """As for `mbdae.methods.tableau.Tableau.steady`."""
@@ -47,9 +46,6 @@ class NewtonMethod:
             slowest_rate=SLOWEST_RATE,
         )
 
-    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Reject step-size control."""
-        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
 
 
 @dataclass(frozen=True)
@@ -72,6 +68,8 @@ class Composition(NewtonMethod):
 
     family = "RATTLE"
     order_own = 1
+    order_embedded = error_power = 0  # no step-size control
+    position_pivot = np.inf
     carries, rounded = False, True
     excludes: ClassVar[Mapping[str, str]] = {
         "textbook": "it integrates the Lagrangian of a mechanism",
@@ -121,6 +119,14 @@ class Composition(NewtonMethod):
     def roundings(self) -> int:
         """Roundings of v per step that compensated summation does not remove: each substep solves for it from p."""
         return len(self.weights)
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Fail: steps of varying size would lose the bounded energy.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(f"method {self.name!r} takes fixed steps: give a step in place of rtol")
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take the substeps of one step; its errors are empty, (0, ny).
@@ -175,7 +181,8 @@ def solved(system: System, step: VariationalStep) -> tuple[Array, Array]:
         if rate * size <= BELOW_ROUNDING or (rate > SLOWEST_RATE and size <= ITERATION_ROUNDING * whole):
             return x, lam
         last = size
-    raise StepError("newton", f"{step}: Newton's method does not converge, take shorter steps")
+    where = f"the step of {step.h:g} s at t = {step.t:.17g}"
+    raise StepError("newton", f"{where}: Newton's method does not converge, take shorter steps")
 
 
 _SUZUKI = "0.414490771794375737142354062860761495711774604"

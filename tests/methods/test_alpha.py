@@ -15,6 +15,7 @@ from mbdae.methods import METHODS, method
 from mbdae.methods.alpha import GeneralizedAlpha
 from mbdae.methods.order.alpha import check_alpha
 from mbdae.methods.order.reports import check_claims
+from mbdae.system import State
 
 NAMES = [name for name, m in METHODS.items() if isinstance(m, GeneralizedAlpha)]
 SPANS = {"four_bar": 0.5, "heavy_top": 0.05, "bricard": 0.5}  # s
@@ -88,6 +89,78 @@ def test_an_independent_implementation_agrees(rho):
     assert np.abs(sol.q - independent(rho, 0.02, 20)).max() < 1e-9
 
 
+@pytest.mark.parametrize("speed", [0.0, 4.0])
+@pytest.mark.parametrize("rho", [0.6, 0.9, 1.0])
+def test_steps_are_those_of_exudyn(rho, speed):
+    """Index 3, in the same coordinates and from the same a_0 = v_0': q, v, v' and the force in the pin agree."""
+    pytest.importorskip("exudyn", reason="exudyn is not installed: pip install 'mbdae[crosscheck]'")
+    from crosscheck_exudyn import four_bar_tree
+
+    mech, h, n = mbdae.load("four_bar"), 0.01, 50
+    q, v = mech.assemble(None, {"crank": speed})
+    angles, speeds, rates, force = four_bar_tree(q, v, h, n, rho)
+    system, y = mech.system(), mech.point(q, v)
+    assert np.abs(system.derivative(0.0, y)[0][mech.nv : -1] - rates[0]).max() < 1e-6
+    start = [*rates[0], 0.0]
+    state = system.update_independent_rows(0.0, State(y, np.array([*start, *start, h])))
+    for i in range(n):
+        step = method(f"alpha{rho}_i3").step(system, i * h, h, state)
+        state = step.state
+        assert np.abs(state.y[:6] - [*angles[i + 1], *speeds[i + 1]]).max() < 1e-9
+        assert np.abs(state.carry[4:7] - rates[i + 1]).max() < 1e-9 * np.abs(rates).max()
+        assert abs(np.linalg.norm(step.z) - force[i + 1]) < 1e-9 * force.max()
+    assert np.ptp(angles, axis=0).min() > 0.1
+
+
+@pytest.mark.parametrize("backend", ["python", pytest.param("native", marks=pytest.mark.native)])
+@pytest.mark.parametrize("name", ["alpha", "alpha0.5", "hht"])
+def test_errors_and_steps_follow_the_tolerance(name, backend):
+    """The errors are proportional to rtol, so numbers of steps to rtol^-1/2, and few steps are rejected."""
+    mech, best, steps = mbdae.load("four_bar"), reference("four_bar"), []
+    for rtol in (1e-3, 1e-4):
+        sol = mbdae.solve(mech, (0, 0.5), method=name, rtol=rtol, atol=rtol, backend=backend)
+        assert sol.stats["backend"] == backend
+        assert sol.stats["rejected"] <= 4
+        steps.append(sol.stats["steps"])
+        error = max(np.abs(sol.q[-1] - best.q[-1]).max(), np.abs(sol.v[-1] - best.v[-1]).max() / np.abs(best.v).max())
+        assert 0.03 * rtol < error < 3 * rtol
+    assert 2.7 < steps[1] / steps[0] < 3.7
+
+
+@pytest.mark.native
+@pytest.mark.parametrize("name", ["alpha", "hht"])
+def test_controlled_steps_of_both_back_ends(name):
+    runs = [mbdae.solve("heavy_top", (0, 0.02), method=name, rtol=1e-4, backend=b) for b in ("python", "native")]
+    assert len({sol.stats["steps"] for sol in runs}) == 1
+    np.testing.assert_allclose(runs[0].t, runs[1].t, rtol=1e-9)
+    np.testing.assert_allclose(runs[0].y, runs[1].y, rtol=0, atol=1e-9 * np.abs(runs[0].y).max())
+
+
+def test_the_error_estimate_is_the_difference_to_the_explicit_step():
+    mech, m, h = mbdae.load("double_pendulum"), METHODS["alpha"], 1e-3
+    system, y, (q, v) = mech.system(), mech.point(), mech.start
+    F = system.derivative(0.0, y)[0][mech.nv :]
+    step = m.controlled_step(system, 0.0, h, State(y, np.concatenate([F, F, [h]])))
+    a, n = F[: mech.nv], mech.nv  # q and v of the step with a_1 = a_0
+    found = step.state.y - np.concatenate([q + h * v + h * h / 2 * a, v + h * a, y[2 * n :] + h * F[n:]])
+    np.testing.assert_allclose(step.errors[0], found, rtol=0, atol=1e-15)
+    assert np.abs(found[n : 2 * n]).max() > 1e-7
+
+
+def test_events_of_controlled_steps():
+    times = []
+    for used, rtol in (("alpha", 1e-6), ("pherk6", 1e-12)):
+        sol = mbdae.solve("four_bar", (0, 0.5), method=used, rtol=rtol, events="q.crank = 0.9")
+        times.append(sol.events[0][0][0])
+    assert 1e-12 < abs(times[0] - times[1]) < 3e-6
+
+
+def test_a_step_that_newton_cannot_take_is_shortened():
+    sol = mbdae.solve("four_bar", (0, 0.5), method="alpha", rtol=1e-3, first_step=0.5)
+    assert sol.ended
+    assert sol.stats["rejected"] >= 1
+
+
 @pytest.mark.parametrize("name", ["crane", "platform"])
 def test_drivers_and_their_work(name):
     mech, errors = getattr(driven, name)(), []
@@ -124,12 +197,17 @@ def test_another_step_size_keeps_the_order():
         ("pendulum_on_stop", {"step": 0.01}, "'rod stop'"),
         ("four_bar", {"step": 0.01, "formulation": "ggl"}, "formulation 'ggl'"),
         ("circle", {"step": 0.01}, "'Point on a circle'"),
-        ("four_bar", {"rtol": 1e-6}, "takes fixed steps"),
     ],
 )
 def test_refusals_name_the_reason(model, options, named):
     with pytest.raises(InputError, match="'alpha'.*" + named):
         mbdae.solve(model, (0, 0.1), method="alpha", **options)
+
+
+@pytest.mark.parametrize("name", ["alpha_i3", "hht0.2_i3"])
+def test_steps_of_index_3_are_fixed(name):
+    with pytest.raises(InputError, match=f"'{name}' takes fixed steps"):
+        mbdae.solve("four_bar", (0, 0.1), method=name, rtol=1e-4)
 
 
 def test_parameters_outside_of_their_range():

@@ -42,6 +42,7 @@ class ScipySolver:
 
     excludes: ClassVar[Mapping[str, str]] = {}
     in_core = True  # the compiled core evaluates its equations
+    error_power = 1  # positive: it controls its step sizes
 
     @property
     def solver(self) -> "type[OdeSolver]":

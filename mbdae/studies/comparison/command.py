@@ -51,8 +51,8 @@ def compare(
     """Compare errors, drift, work and time of methods. Also tells which method is best for a given accuracy.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
-    -m baumgarte=20,20:RK45. After Ctrl-C finished runs are shown; with -o they are stored, and the same command resumes
-    from them.
+    -m baumgarte=20,20:RK45. -m all takes every method that suits the model, and names the others. After Ctrl-C finished
+    runs are shown; with -o they are stored, and the same command resumes from them.
     """
     written = [*writable(*((path, TABLES) for path in outputs)), *out.written]
     tables, files = ([p for p in outputs if p.endswith(".tex") is tex] for tex in (True, False))

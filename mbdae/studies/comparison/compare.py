@@ -6,26 +6,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import InputError, require
+from ...errors import InputError
 from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find_method
 from ...mechanism import Mechanism
-from ...methods import obstacle
-from ...methods.fixed_step import FIXED_STEP, uncompiled
+from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
 from ...tolerances import INTERPOLATION, SUM_ROUNDING
-from ..method_variant import Variant, default_variants, variants
+from ..method_variant import Variant, variants
 from .comparison import Comparison
-from .reference_motion import ReferenceMotion, Trial
+from .reference_motion import ReferenceMotion
 from .run_queue import Progress, RunQueue
+from .selection import selected, trials_of
 
 __all__ = ["compare"]
 
-METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
-TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 REFERENCE = ("pherk6", "radau9")
 
 
@@ -67,11 +65,14 @@ def compare(
         v: consistent start velocity (nv,); the model's when left out.
         methods: names, or tableaus, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``,
             ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.method_variant`; a
-            textbook problem has index 2 only. When left out, the default of `mbdae.solve`, with its projection, and
-            those of `METHODS` whose formulation the problem supports.
+            textbook problem has index 2 only. ``"all"`` for all of `mbdae.METHODS`, and ``dop853`` with index 1, except
+            those that do not suit the problem, the back end or the step-size control: the result names these with
+            their reasons. When left out, the default of `mbdae.solve`, with its projection, and
+            those of `mbdae.studies.comparison.selection.METHODS` whose formulation the problem supports.
         formulations: for methods without one: index2, project, ggl. ``"index2"`` when left out.
         rtol: relative tolerances, 1e-4,1e-6; 1e-3 to 1e-10 when left out. atol is 0.01 rtol.
-        steps: numbers of fixed steps, instead of tolerances.
+        steps: numbers of fixed steps, instead of tolerances; with tolerances only for methods that take fixed steps
+            alone.
         reference: two methods of different families; errors are differences to the first.
         reference_rtol: their tolerance; if they cannot satisfy it, the next power of ten that they can.
         outputs: number of common times, equidistant, including the end.
@@ -93,10 +94,9 @@ def compare(
     """
     problem = problem_of(problem, "compare")
     motion = _motion(problem, t_span, q, v, outputs, max_steps)
-    chosen = _chosen(problem, methods, formulations, steps is not None)
-    trials = _trials(chosen, rtol, steps)
+    chosen, omitted = selected(problem, methods, formulations, rtol, steps, backend)
+    trials = trials_of(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
-    _reject_unsupported(problem, kinds, steps is None)
     runs = [(v.formulation, v.baumgarte) for v in kinds]
     shared, because = common_backend(problem, runs, backend)
     because = uncompiled([find_method(v.formulation, v.method) for v in kinds], because)
@@ -110,6 +110,7 @@ def compare(
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
     queue = RunQueue(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
+    queue.meta["omitted"] = omitted
     complete = False
     try:
         queue.compute_reference()
@@ -122,39 +123,6 @@ def compare(
     return queue.result(complete)
 
 
-def _chosen(
-    problem: Problem,
-    methods: str | Iterable[str | Variant] | None,
-    formulations: str | Iterable[str] | None,
-    fixed: bool,
-) -> list[Variant]:
-    """Return the methods to compare, for runs with fixed steps or with tolerances."""
-    if methods is None and formulations is None:
-        return default_variants(problem, METHODS, **({"step": 1.0} if fixed else {"rtol": TOLERANCES[0]}))
-    return variants(METHODS if methods is None else methods, formulations)
-
-
-def _reject_unsupported(problem: Problem, kinds: Iterable[Variant], controlled: bool) -> None:
-    """Reject methods by name that the problem does not admit, or not with tolerances, before the reference is computed.
-
-    Raises:
-        InputError: names them, and what they exclude; the switches, where only one formulation supports these.
-    """
-    for v in kinds:
-        found = find_method(v.formulation, v.method)
-        if reason := obstacle(found, problem.system(v.formulation)):
-            raise InputError(reason)
-        if controlled and isinstance(found, FIXED_STEP):
-            raise InputError(f"method {found.name!r} takes fixed steps: compare with numbers of steps")
-    if not isinstance(problem, Mechanism) or not problem.switches:
-        return
-    unsupported = [str(v) for v in kinds if v.formulation != "index2"]
-    if unsupported:
-        name = problem.switches[0].name
-        words = f"{name!r}: unilateral constraints and switches need formulation 'index2'"
-        raise InputError(f"{words}, leave out {', '.join(unsupported)}")
-
-
 def _motion(
     problem: Problem, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
 ) -> ReferenceMotion:
@@ -165,27 +133,3 @@ def _motion(
     start = (y[:n], y[n : n + problem.nv]) if isinstance(problem, Mechanism) else ()
     times = np.linspace(t0, t1, outputs + 1)[1:]
     return ReferenceMotion(problem, start, (t0, t1), times, max_steps)
-
-
-def _trials(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:
-    if rtol is not None and steps is not None:
-        raise InputError("a comparison takes tolerances or numbers of steps, not both")
-    if steps is not None:
-        numbers = _step_numbers(steps)
-        return [Trial(m, None, n) for m in methods for n in numbers]
-    tolerances = _tolerances(TOLERANCES if rtol is None else rtol)
-    return [Trial(m, r) for m in methods for r in tolerances]
-
-
-def _step_numbers(steps: Sequence[int]) -> list[int]:
-    require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
-    if not len(steps) or any(n < 1 or n != int(n) for n in steps):
-        raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
-    return sorted({int(n) for n in steps})
-
-
-def _tolerances(rtol: Sequence[float]) -> list[float]:
-    require(rtol, Sequence | np.ndarray, "rtol is a list of numbers")
-    if not len(rtol) or not all(0 < r < 1 for r in rtol):
-        raise InputError(f"rtol is a list of numbers between 0 and 1, got {rtol!r}")
-    return sorted({float(r) for r in rtol}, reverse=True)

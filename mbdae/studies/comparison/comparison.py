@@ -10,6 +10,8 @@ from ...backend import describe_backend
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
+from ...methods import METHODS
+from ...methods.variational import NewtonMethod
 from ...tabular import Columns, Tabular
 from .ranking import RankingEntry, rank, sentence, targets
 from .run_result import RunResult, nonnegative, read_point
@@ -53,6 +55,11 @@ class Comparison(Tabular):
     meta: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def omitted(self) -> dict[str, str]:
+        """Methods that do not suit the problem, with the reasons, of a comparison of all."""
+        return self.meta.get("omitted", {})
+
+    @property
     def requested(self) -> int:
         """Number of requested runs."""
         return self.meta.get("runs", len(self.points))
@@ -91,7 +98,10 @@ class Comparison(Tabular):
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
         stepped = [name for name in self.methods if name.rpartition(":")[2] in SCIPY]
         scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
-        return describe_backend(self.meta.get("backend", "unknown"), self.meta.get("because", "")) + scipy + where
+        sized = {p.method for p in self.points if p.rtol and isinstance(METHODS.get(p.method), NewtonMethod)}
+        sizes = f", step sizes of {', '.join(sorted(sized))} in Python" if sized else ""
+        backend = describe_backend(self.meta.get("backend", "unknown"), self.meta.get("because", ""))
+        return backend + scipy + sizes + where
 
     def of(self, method: str) -> list[RunResult]:
         """Return the completed runs of a method."""
@@ -174,8 +184,8 @@ class Comparison(Tabular):
         return [heads, *rows]
 
     def remarks(self) -> list[str]:
-        """Return which method is best for each accuracy."""
-        return self.sentences()
+        """Return which method is best for each accuracy, and which methods are omitted."""
+        return [*self.sentences(), *(f"omitted: {reason}" for reason in self.omitted.values())]
 
     def tabulated(self) -> Columns:
         """Return a row for each run; further data are JSON in the first row of the last column, ``about``."""

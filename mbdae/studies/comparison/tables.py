@@ -25,7 +25,8 @@ def comparison_table(result: "Comparison") -> str:
     ]
     heads, rows = comparison_rows(result)
     ranking = [t.replace(": ", ":\n  ", 1).replace("; fastest", "\n  fastest") for t in result.sentences()]
-    return "\n".join([*lines, *align_columns([heads, *rows]), "", *ranking]).rstrip()
+    omitted = ["", "omitted:", *(f"  {reason}" for reason in result.omitted.values())] if result.omitted else []
+    return "\n".join([*lines, *align_columns([heads, *rows]), "", *ranking, *omitted]).rstrip()
 
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
@@ -34,7 +35,9 @@ def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
     residuals = ("|g|", "|G v|", "energy") if "v" in result.quantities else ("|g|", "|g'|")
     counts = [ABBREVIATIONS.get(name, name) for name in COUNTS]
     errors = [f"error {name}" for name in result.quantities]
-    heads = ["method", "fixed steps" if fixed else "rtol", *errors, *residuals, *counts, "seconds"]
+    mixed = any(p.n is not None for p in result.points)
+    setting = "fixed steps" if fixed else "rtol or steps" if mixed else "rtol"
+    heads = ["method", setting, *errors, *residuals, *counts, "seconds"]
     return heads, [_row(result, p, len(residuals)) for p in result.points]
 
 

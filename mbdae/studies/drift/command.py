@@ -25,8 +25,10 @@ LIMIT = click.option(
 )
 
 
-@command("", TABLE, PLOT, shared=f"methods {RUN}", subject=TARGETS, more=[start_option, set_option, LIMIT])
-def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | None, **options: Any) -> None:
+@command("long", TABLE, PLOT, shared=f"methods {RUN}", subject=TARGETS, more=[start_option, set_option, LIMIT])
+def drift(
+    study: Study, out: Output, targets: tuple[str, ...], limit: float | None, long: bool | None, **options: Any
+) -> None:
     """Measure the drift of runs, or of saved solutions. Prints a JSON object, or a list of them for several runs.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m index1:dop853.
@@ -37,7 +39,7 @@ def drift(study: Study, out: Output, targets: tuple[str, ...], limit: float | No
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
     sols = _solutions(targets, **options)
-    found = [study(sol) for sol in sols]
+    found = [study(sol, long=bool(long)) for sol in sols]
     if out.paths["plot"]:
         _draw(found, out.paths["plot"])
     if output:

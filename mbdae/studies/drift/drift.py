@@ -13,6 +13,7 @@ from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
 from ..method_variant import variant_from_settings
+from .long_time import momentum_changes, reject_textbook, reversal_error
 from .trend import linear_trend
 
 if TYPE_CHECKING:
@@ -65,6 +66,10 @@ class Drift(Tabular):
         energy_trend: trend of E - E_0 - W in J/s, see `mbdae.studies.drift.trend.linear_trend`; None for a run of
             fewer than 100 nodes.
         energy_trend_error: its standard error in J/s.
+        momenta: the relative change of each conserved momentum by name, see
+            `mbdae.studies.drift.long_time.momentum_changes`; None unless asked for.
+        reversal: differences of q (m, rad) and v (m/s, rad/s) at the start after a run back from the end; None unless
+            asked for, or if that run ended early.
         history: residuals over time.
     """
 
@@ -84,6 +89,8 @@ class Drift(Tabular):
     energy_trend: float | None
     energy_trend_error: float | None
     history: History = field(repr=False, compare=False)
+    momenta: dict[str, float] | None = None
+    reversal: tuple[float, float] | None = None
 
     @property
     def energy_relative(self) -> float | None:
@@ -156,6 +163,12 @@ class Drift(Tabular):
             lines.append(f"  energy balance {self.energy_error:.2e} J, relative {relative}")
         if self.energy_trend is not None:
             lines.append(f"  energy trend {self.energy_trend:.1e} +- {self.energy_trend_error:.1e} J/s")
+        if self.momenta is not None:
+            changes = ", ".join(f"{name} {x:.1e}" for name, x in self.momenta.items())
+            lines.append(f"  conserved momenta, relative change: {changes or 'none'}")
+            q, v = self.reversal or (np.nan, np.nan)
+            back = f"|dq| {q:.1e}, |dv| {v:.1e}" if self.reversal else "ended early"
+            lines.append(f"  run back to the start: {back}")
         return "\n".join(lines)
 
 
@@ -188,7 +201,7 @@ def run_labels(sol: Solution) -> tuple[str, str]:
     return method, f"{method}, {control}"
 
 
-def drift(sol: Solution) -> Drift:
+def drift(sol: Solution, *, long: bool = False) -> Drift:
     """Measure the drift of a solution at its times.
 
     Position level: g(t, q) over all rows, monitored and not enforced. Velocity level: G v + g_t. Energy: kinetic and
@@ -198,15 +211,19 @@ def drift(sol: Solution) -> Drift:
 
     Args:
         sol: the solution, of a mechanism or a textbook problem.
+        long: measure the change of conserved momenta, and run back to the start: the error of a symmetric method is
+            rounding.
 
     Returns:
         Largest and last residuals, and their history.
 
     Raises:
-        InputError: for a solution without times, or another argument.
+        InputError: for a solution without times, or another argument; for a textbook problem with ``long``.
     """
     require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
     if isinstance(sol.problem, Hessenberg):
+        if long:
+            reject_textbook(sol.problem.title)
         return _textbook_drift(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
@@ -236,4 +253,6 @@ def drift(sol: Solution) -> Drift:
         energy_trend=trend,
         energy_trend_error=trend_error,
         history=history,
+        momenta=momentum_changes(sol) if long else None,
+        reversal=reversal_error(sol) if long else None,
     )

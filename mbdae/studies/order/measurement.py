@@ -1,9 +1,11 @@
 """Measurement of observed orders.
 
-The error is the largest over the ends of the steps of the coarsest run, ten or more. Errors count above 100 times the
+The error is the largest over the ends of the steps of the coarsest run, five or more. Errors count above 100 times the
 uncertainty of the reference plus the rounding floor; the floor of the method's multipliers is eps / (h min |ahat_ii|),
-separate from that of q and v. The reference is computed by two other methods, and their difference is its
-uncertainty. For fewer than four halvings coarser steps are added, down to ten.
+or of the order of eps / h^2 for forms of index 3 (Bottasso, Bauchau, Cardona, SIAM J. Sci. Comput. 29 (2007)), separate
+from that of q and v. The reference is computed by two other methods, and their difference is its uncertainty. The steps
+are halved; if four refinements are too few to judge, coarser steps are added, down to five, and then steps between
+halvings: a method of order 8 has two or three halvings between long steps and rounding.
 `mbdae.studies.order.rates` describes how a slope is fitted and judged.
 """
 
@@ -21,10 +23,11 @@ from ...methods import method as find_method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from ...tolerances import EPS, SOLUTION_ROUNDING
-from .rates import ABOVE, HALVINGS, above, done, fit
+from .rates import ABOVE, REFINEMENTS, above, done, fit
 from .result import ObservedOrder
 
-MIN_OUTPUTS = 10
+MIN_OUTPUTS = 5
+PARTS = 2, 4  # of a halving: intervals between additional steps
 LARGEST_RUN = 120_000  # solves in one run of the study
 Progress = Callable[[str], None]
 Found = TypeVar("Found")
@@ -154,7 +157,8 @@ class Measurement:
         """Return the rounding error of each quantity, of these sizes, with steps of h."""
         rounding = EPS * (1 + sizes) * np.sqrt(1 + tableau.roundings * self.T / h)
         rate = sizes[1] if self.mechanical else sizes[0]
-        rounding[-2] = EPS * (self.gain * rate / (h * tableau.smallest_pivot) + sizes[-2])
+        position_rate = (1 + sizes[0]) / (h * tableau.position_pivot)
+        rounding[-2] = EPS * (self.gain * (rate / tableau.smallest_pivot + position_rate) / h + sizes[-2])
         return rounding
 
     @cached_property
@@ -170,28 +174,54 @@ class Measurement:
         return found, len(found) if self.system.nz else len(found) - 2
 
     def judge(self, tableau: Method) -> tuple[ObservedOrder, ...]:
-        """Halve the steps of a method until its slopes can be judged, or cannot improve; then try coarser ones."""
+        """Halve the steps of a method until its slopes can be judged, or cannot improve; then add others."""
         reference, uncertainty = self.reference(tableau.name)
-        samples: dict[int, tuple[Array, ...]] = {}
-        n, stride = self.steps, 1
-        while n * tableau.solves <= self.largest:
-            sol = self.run(tableau, n)
-            if sol is not None:
-                samples[n] = self.sample(sol)
-                if all(done(s.errors, s.floors) for s in self._slopes(tableau, samples, reference, uncertainty)):
-                    break
-            n *= 2
+        samples, stride = self._halved(tableau, reference, uncertainty), 1
         slopes = self._slopes(tableau, samples, reference, uncertainty)
         while self.lower and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
-            stride *= 2
-            few = any(above(s.errors, s.floors) <= HALVINGS for s in slopes)
-            if not few or (sol := self.run(tableau, self.steps // stride)) is None:
+            if all(above(s.errors, s.floors) > REFINEMENTS for s in slopes):
                 break
+            stride *= 2
             reference, *previous = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
-            ns = [self.steps // stride, *samples]
-            samples = dict(zip(ns, [self.sample(sol, stride), *previous], strict=True))
+            samples = dict(zip(samples, previous, strict=True))
+            samples = self._added(tableau, [self.steps // stride], stride, samples)
             slopes = self._slopes(tableau, samples, reference, uncertainty)
+        for parts in PARTS:
+            useful = max((above(s.errors, s.floors) for s in slopes if not s.judged), default=0)
+            ns = self.between([*samples][:useful], parts, self.steps // stride)
+            samples = self._added(tableau, ns, stride, samples)
+            slopes = self._slopes(tableau, samples, reference, uncertainty) if ns else slopes
         return slopes
+
+    def _halved(
+        self, tableau: Method, reference: tuple[Array, ...], uncertainty: Array
+    ) -> dict[int, tuple[Array, ...]]:
+        """Return samples by number of steps, the steps halved until rates agree or errors are below their floors."""
+        samples: dict[int, tuple[Array, ...]] = {}
+        n = self.steps
+        while n * tableau.solves <= self.largest:
+            if n in (samples := self._added(tableau, [n], 1, samples)):
+                slopes = self._slopes(tableau, samples, reference, uncertainty)
+                if all(done(s.steps, s.errors, s.floors) for s in slopes):
+                    break
+            n *= 2
+        return samples
+
+    def _added(
+        self, tableau: Method, ns: list[int], stride: int, samples: dict[int, tuple[Array, ...]]
+    ) -> dict[int, tuple[Array, ...]]:
+        """Return samples with those of more runs, coarse steps first; runs that fail or are too long add none."""
+        runs = {n: self.run(tableau, n) for n in ns if n * tableau.solves <= self.largest}
+        new = {n: self.sample(sol, stride) for n, sol in runs.items() if sol is not None}
+        return dict(sorted((samples | new).items()))
+
+    def between(self, ns: list[int], parts: int, outputs: int) -> list[int]:
+        """Return numbers of steps between each of ns and its double, even multiples of the number of common times.
+
+        Errors of own multipliers alternate from step to step where R(inf) = -1.
+        """
+        new = [n + n * i // parts for n in ns for i in range(1, parts) if n * (parts + i) % (2 * parts * outputs) == 0]
+        return [n for n in new if n not in ns]
 
     def _slopes(
         self,

@@ -9,7 +9,7 @@ from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
-from ...methods.fixed_step import uncompiled
+from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
@@ -29,14 +29,14 @@ def order(
     """Measure the orders of methods on a problem with fixed steps and compare them with their claims.
 
     An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error over log
-    h, of at least four halvings above rounding and the uncertainty of a reference by another method. lam is that of the
-    hidden constraint, 0 = G v' + gamma, own lam that of the method. After Ctrl-C it returns the finished methods.
+    h, of at least four refinements above rounding and the uncertainty of a reference by another method. lam is that of
+    the hidden constraint, 0 = G v' + gamma, own lam that of the method. After Ctrl-C it returns the finished methods.
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
         methods: a name or several, or tableaus; all that the problem admits when left out.
         T: end time in s; the model's own when left out.
-        steps: coarsest number of steps, at least ten. When left out that of the model file, or fewer if slopes cannot
+        steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
         progress: called with the name of each run.
 

@@ -1,11 +1,11 @@
-"""Observed order from errors over steps: selection of halvings, fitted slope, and comparison with a claim.
+"""Observed order from errors over steps: selection of refinements, fitted slope, and comparison with a claim.
 
-The slope is a least-squares fit over the four finest halvings of the step whose rates agree, or else the four finest.
-With error = C h^p (1 + O(h)) the rate between two steps is p + O(h): each halving halves its remaining change. Rates
-that change more than that (long steps, or cancelling errors of several orders) are not the order. If they end above a
-claim, the slope is that of the last two halvings; if they have fallen through it, the result is undecided. They refute
-it only if the last one misses it even after the total change over the four, and if errors are small compared with the
-motion.
+The slope is a least-squares fit over the four finest refinements of the step whose rates agree, or else the four
+finest; a refinement is a halving or a smaller ratio. With error = C h^p (1 + O(h)) the rate between two steps is
+p + O(h): each halving halves its remaining change. Rates that change more than that (long steps, or cancelling errors
+of several orders) are not the order. If they end above a claim, the slope is that of the last two refinements; if they
+have fallen through it, the result is undecided. They refute it only if the last one misses it even after the total
+change over the four, and if errors are small compared with the motion.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import numpy as np
 from ...system import Array
 from .result import ObservedOrder
 
-HALVINGS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
+REFINEMENTS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
 LARGE = 0.1  # of the change of a quantity: larger errors are not dominated by the leading order
 CONSTANT = 0.1  # spread of the last slopes below which finer steps add nothing
 
@@ -36,10 +36,10 @@ def fit(
     Errors count above their floors; errors above a tenth of the change of the quantity cannot refute a claim.
     Reasons name the uncertainty of the reference, the largest number of solves, or the failure of the last run.
     """
-    end = asymptotic(errors[: above(errors, floors)])
+    end = asymptotic(ns, errors[: above(errors, floors)])
     record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
-    if end < HALVINGS + 1:
-        counted = f"only {end - 1} halvings" if end else "no error"
+    if end < REFINEMENTS + 1:
+        counted = f"only {end - 1} refinement{'s' * (end != 2)}" if end else "no error"
         if end == len(ns):
             none = f"no run was completed, {failure}" if failure else "no run was completed"
             what = f"{counted} within {largest} solves" if end else none
@@ -48,13 +48,13 @@ def fit(
         else:
             what = f"{counted} above {ABOVE:g} times rounding"
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
-    x, y = np.log2(ns[end - 1 - HALVINGS : end]), -np.log2(errors[end - 1 - HALVINGS : end])
+    x, y = np.log2(ns[end - 1 - REFINEMENTS : end]), -np.log2(errors[end - 1 - REFINEMENTS : end])
     last, verdict = judged(x, y, claimed - MARGIN)
     if not verdict:
         changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
-    if verdict == "misses" and errors[end - 1 - HALVINGS] > LARGE * change > 0:
-        what = f"errors are up to {errors[end - 1 - HALVINGS]:.1e}, where it changes by {change:.1e}"
+    if verdict == "misses" and errors[end - 1 - REFINEMENTS] > LARGE * change > 0:
+        what = f"errors are up to {errors[end - 1 - REFINEMENTS]:.1e}, where it changes by {change:.1e}"
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
     return ObservedOrder(
         quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)
@@ -67,7 +67,7 @@ def slope(x: Array, y: Array) -> float:
 
 
 def judged(x: Array, y: Array, lowest: float) -> tuple[int, str]:
-    """Compare four halvings, -log2 of the errors over log2 of the steps, with the smallest order that holds.
+    """Compare four refinements, -log2 of the errors over log2 of the steps, with the smallest order that holds.
 
     Returns:
         The number of last ones to which the slope is fitted, and ``"holds"``, ``"misses"``, or "" if undecided.
@@ -77,8 +77,8 @@ def judged(x: Array, y: Array, lowest: float) -> tuple[int, str]:
     if change > 2 * CONSTANT and last >= lowest and (fitted >= lowest or (increments > 0).all()):
         return LAST, "holds"
     if fitted >= lowest and (change <= 2 * CONSTANT or increments[-1] > 0):
-        return HALVINGS, "holds"
-    return HALVINGS, "misses" if rates[-1] + change < lowest else ""
+        return REFINEMENTS, "holds"
+    return REFINEMENTS, "misses" if rates[-1] + change < lowest else ""
 
 
 def above(errors: Sequence[float], floors: Sequence[float]) -> int:
@@ -87,19 +87,24 @@ def above(errors: Sequence[float], floors: Sequence[float]) -> int:
     return good.index(False) if False in good else len(good)
 
 
-def asymptotic(errors: Sequence[float]) -> int:
-    """Return the number of errors up to the last four halvings whose rates agree; all if there are none.
+def rates_between(ns: Sequence[int], errors: Sequence[float]) -> Array:
+    """Return the rates between successive numbers of steps, of which there may be more than errors."""
+    return -np.diff(np.log2(errors)) / np.diff(np.log2(ns[: len(errors)]))
+
+
+def asymptotic(ns: Sequence[int], errors: Sequence[float]) -> int:
+    """Return the number of errors up to the last four refinements whose rates agree; all if there are none.
 
     Steps are halved further for other quantities, which accumulates rounding of many steps beyond its floor.
     """
-    rates = np.diff(np.log2(errors))
-    ends = range(len(errors), HALVINGS, -1)
-    return next((end for end in ends if np.ptp(rates[end - 1 - HALVINGS : end - 1]) < CONSTANT), len(errors))
+    found = rates_between(ns, errors)
+    ends = range(len(errors), REFINEMENTS, -1)
+    return next((end for end in ends if np.ptp(found[end - 1 - REFINEMENTS : end - 1]) < CONSTANT), len(errors))
 
 
-def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
-    """Return whether an error reached its floor, or the slopes of the four finest halvings agree."""
+def done(ns: Sequence[int], errors: Sequence[float], floors: Sequence[float]) -> bool:
+    """Return whether an error reached its floor, or the slopes of the four finest refinements agree."""
     if above(errors, floors) < len(errors):
         return True
-    slopes = np.diff(np.log2(errors))[-HALVINGS:]
-    return len(slopes) == HALVINGS and float(np.ptp(slopes)) < CONSTANT
+    slopes = rates_between(ns, errors)[-REFINEMENTS:]
+    return len(slopes) == REFINEMENTS and float(np.ptp(slopes)) < CONSTANT

@@ -1,12 +1,7 @@
-"""Methods with fixed steps alone, and those whose steps are computed in Python."""
+"""Methods whose steps are computed in Python."""
 
 from collections.abc import Iterable
 from typing import Any
-
-from .implicit_tableau import ImplicitTableau
-from .variational import NewtonMethod
-
-FIXED_STEP = NewtonMethod, ImplicitTableau
 
 
 def uncompiled(methods: Iterable[Any], because: str) -> str:

@@ -1,0 +1,117 @@
+"""Selection of the methods of a comparison, and of the runs of each."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...errors import InputError, require
+from ...integrate.binding import common_backend
+from ...integrate.steppers.scipy_ivp import find_method
+from ...mechanism import Mechanism
+from ...methods import EXPLICIT, obstacle
+from ...methods import METHODS as ALL_METHODS
+from ...solution.solution import Problem
+from ..method_variant import Variant, default_variants, variants
+from .reference_motion import Trial
+
+ALL = "all"
+METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")  # after the default
+TOLERANCES = tuple(10.0**-k for k in range(3, 11))
+
+
+def selected(
+    problem: Problem,
+    methods: str | Iterable[str | Variant] | None,
+    formulations: str | Iterable[str] | None,
+    rtol: Sequence[float] | None,
+    steps: Sequence[int] | None,
+    backend: str,
+) -> tuple[list[Variant], dict[str, str]]:
+    """Return the methods to compare, and the reasons why others of ``"all"`` are omitted, by name.
+
+    Raises:
+        InputError: for a method, named by itself, that does not suit the problem, or if none does.
+    """
+    names = [methods] if isinstance(methods, str) else methods if methods is None else list(methods)
+    controlled, fixed = steps is None or rtol is not None, steps is not None
+    if names is None and formulations is None:
+        chosen = default_variants(problem, METHODS, **({"rtol": TOLERANCES[0]} if controlled else {"step": 1.0}))
+    elif names == [ALL]:
+        return _all_that_fit(problem, formulations, fixed, backend)
+    else:
+        chosen = variants(METHODS if names is None else names, formulations)
+    for v in chosen:
+        if reason := _reason(problem, v, fixed):
+            raise InputError(reason)
+    if reason := _reason_of_formulations(problem, chosen):
+        raise InputError(reason)
+    return chosen, {}
+
+
+def _all_that_fit(
+    problem: Problem, formulations: str | Iterable[str] | None, fixed: bool, backend: str
+) -> tuple[list[Variant], dict[str, str]]:
+    native = common_backend(problem, [("index2", None)], backend)[0] == "native"
+    explicit = [] if formulations else [f"index1:{name}" for name in EXPLICIT]
+    candidates, omitted = variants([*variants(ALL_METHODS, formulations), *explicit]), {}
+    for v in candidates:
+        reason = _reason(problem, v, fixed) or _reason_of_formulations(problem, [v])
+        if not reason and native and not find_method(v.formulation, v.method).in_core:
+            reason = f"steps of {v.name!r} are computed in Python: compare with the back end 'python'"
+        if reason:
+            omitted[str(v)] = reason
+    return [v for v in candidates if str(v) not in omitted], omitted
+
+
+def _reason(problem: Problem, v: Variant, fixed: bool) -> str:
+    """Return why a problem does not admit a method, or not without numbers of steps; or ""."""
+    found = find_method(v.formulation, v.method)
+    try:
+        if reason := obstacle(found, problem.system(v.formulation)):
+            return reason
+    except InputError as e:
+        return str(e)
+    if not fixed and not found.error_power:
+        return f"method {found.name!r} takes fixed steps: compare with numbers of steps"
+    return ""
+
+
+def _reason_of_formulations(problem: Problem, chosen: list[Variant]) -> str:
+    """Return which methods are in formulations that do not support the switches of the problem; or ""."""
+    unsupported = [str(v) for v in chosen if v.formulation != "index2"]
+    if not (unsupported and isinstance(problem, Mechanism) and problem.switches):
+        return ""
+    name = problem.switches[0].name
+    words = f"{name!r}: unilateral constraints and switches need formulation 'index2'"
+    return f"{words}, leave out {', '.join(unsupported)}"
+
+
+def trials_of(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:
+    """Return the runs of each method: with tolerances, with numbers of steps where these are given alone or needed.
+
+    Raises:
+        InputError: for invalid tolerances or numbers of steps.
+    """
+    numbers = [] if steps is None else _step_numbers(steps)
+    tolerances = [] if rtol is None and numbers else _tolerances(TOLERANCES if rtol is None else rtol)
+    controlled = [m for m in methods if tolerances and find_method(m.formulation, m.method).error_power]
+    if controlled == methods and numbers:
+        raise InputError("every method controls its steps: give tolerances or numbers of steps, not both")
+    out = []
+    for m in methods:
+        out += [Trial(m, r) for r in tolerances] if m in controlled else [Trial(m, None, n) for n in numbers]
+    return out
+
+
+def _step_numbers(steps: Sequence[int]) -> list[int]:
+    require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
+    if not len(steps) or any(n < 1 or n != int(n) for n in steps):
+        raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
+    return sorted({int(n) for n in steps})
+
+
+def _tolerances(rtol: Sequence[float]) -> list[float]:
+    require(rtol, Sequence | np.ndarray, "rtol is a list of numbers")
+    if not len(rtol) or not all(0 < r < 1 for r in rtol):
+        raise InputError(f"rtol is a list of numbers between 0 and 1, got {rtol!r}")
+    return sorted({float(r) for r in rtol}, reverse=True)

@@ -1,0 +1,78 @@
+"""Measures of runs over long times: change of conserved momenta, and the error after the way back."""
+
+import numpy as np
+
+from ...errors import InputError
+from ...integrate.solve import solve
+from ...mechanism.momentum import Momenta, momenta
+from ...solution.signals import units
+from ...solution.solution import Solution, uninterrupted
+from ...system import Array
+from ...tolerances import AGREEMENT, CLOSED
+from ..method_variant import variant_from_settings
+
+SAMPLES = 1000  # nodes at which momenta are evaluated
+WORLD = tuple(f"{kind}.{x}" for kind in ("momentum", "angular_momentum.origin") for x in "xyz")
+
+
+def momentum_changes(sol: Solution) -> dict[str, float]:
+    """Return the largest change of each conserved momentum, relative to the largest sum of the sizes of its terms.
+
+    A momentum is conserved if its rate by the equations of motion, at states of the run, is rounding. Candidates are
+    those of `mbdae.mechanism.momentum.Momenta`: by name ``momentum.x``, ``angular_momentum.origin.x`` (about the origin
+    of the world), and for ``v.joint`` the component ``p.joint`` of M v, conserved for a cyclic coordinate. Those whose
+    terms are all zero are omitted.
+    """
+    mech = sol.mechanism
+    at = np.unique(np.linspace(0, len(sol.t) - 1, SAMPLES).astype(int))
+    found = momenta(mech.model, sol.q[at], sol.v[at], sol.vdot[at])
+    names = [*WORLD, *(f"p.{name.removeprefix('v.')}" for name in units(mech) if name.startswith("v."))]
+    span = abs(float(sol.t[-1] - sol.t[0]))
+    return {name: _change(found, i) for i, name in enumerate(names) if _conserved(found, i, span)}
+
+
+def _change(found: Momenta, i: int) -> float:
+    return float(np.abs(found.value[:, i] - found.value[0, i]).max() / found.size[:, i].max())
+
+
+def _conserved(found: Momenta, i: int, span: float) -> bool:
+    """Return whether a momentum has terms, and its rate is rounding of its terms, or of a change over the span."""
+    kind = slice(3 * (i // 3), 3 * (i // 3) + 3) if i < len(WORLD) else slice(len(WORLD), None)
+
+    def largest(x: Array) -> float:
+        return float(np.abs(x).max(initial=0.0))
+
+    size = largest(found.size[:, kind])
+    fastest = largest(found.rate_size[:, kind]) + (size / span if span else 0.0)
+    return largest(found.size[:, i]) > AGREEMENT * size and largest(found.rate[:, i]) <= AGREEMENT * fastest
+
+
+def reversal_error(sol: Solution) -> tuple[float, float] | None:
+    """Return the largest differences of q and of v at the start after a run back from the end with the same settings.
+
+    Closures that drift has opened are closed first. None if the run back ends early. A symmetric method with constant
+    steps returns to rounding.
+
+    Raises:
+        InputError: for forces that cannot be integrated backward in time.
+    """
+    mech, settings = sol.mechanism, sol.settings
+    control = {name: settings[name] for name in ("step", "rtol", "atol") if name in settings}
+    q, v, s = sol.q[-1], sol.v[-1], sol.s[-1]
+    span = (float(sol.t[-1]), float(sol.t[0]))
+    if np.abs(mech.residual(q, v, span[0])[0]).max(initial=0.0) > CLOSED:
+        q, v = mech.assemble(q, v, t=span[0])
+    back = solve(mech, span, q, v, s, **variant_from_settings(settings).arguments(), **control)
+    if not uninterrupted(back).ended:
+        return None
+    dq = mech.manifold.difference(sol.q[0], back.q[-1])
+    return float(np.abs(dq).max(initial=0.0)), float(np.abs(back.v[-1] - sol.v[0]).max(initial=0.0))
+
+
+def reject_textbook(title: str) -> None:
+    """Reject a textbook problem.
+
+    Raises:
+        InputError: always.
+    """
+    raise InputError(f"{title!r} is a textbook problem: momenta and reversal are those of mechanisms")

@@ -1,0 +1,39 @@
+"""Comparison of all methods: those that suit a problem run, the others are named with their reasons."""
+
+import pytest
+
+import mbdae
+
+
+def test_all_methods_that_suit_a_mechanism():
+    """Each method runs or is named; with numbers of steps those with fixed steps alone run, too."""
+    study = mbdae.compare("four_bar", (0, 0.1), methods="all", rtol=[1e-3], steps=[20], repeats=0)
+    known = {*mbdae.METHODS, "index1:dop853"}
+    assert {*study.methods} | {*study.omitted} == known
+    assert not {*study.methods} & {*study.omitted}
+    assert all(p.success for p in study.points)
+    for p in study.points:
+        assert (p.n is None) == bool(p.method == "index1:dop853" or mbdae.METHODS[p.method].error_power)
+    assert max(p.errors["q"] for p in study.points) < 1e-2
+    assert all(name in str(study) for name in study.omitted)
+    study = mbdae.compare("bicycle", (0, 0.1), methods="all", rtol=[1e-3], repeats=0)
+    assert {"rattle4", "alpha", "gauss2"} <= {*study.omitted}
+    assert "'rear_wheel'" in study.omitted["alpha"]
+    assert "fixed steps" in study.omitted["gauss2"]
+    assert {"pherk6", "radau5"} <= {*study.methods}
+
+
+def test_all_methods_on_a_mechanism_with_stops_and_on_a_textbook_problem():
+    study = mbdae.compare("pendulum_on_stop", (0, 0.1), methods="all", rtol=[1e-3], repeats=0)
+    assert "need formulation 'index2'" in study.omitted["index1:dop853"]
+    assert "rod stop" in study.omitted["rattle2"]
+    study = mbdae.compare("circle", (0, 0.1), methods="all", rtol=[1e-3], steps=[10], repeats=0)
+    assert {"gauss2", "sdirk2", "pherk6"} <= {*study.methods}
+    assert {"alpha", "rattle8", "index1:dop853"} <= {*study.omitted}
+
+
+@pytest.mark.native
+def test_step_sizes_that_python_chooses_are_said():
+    study = mbdae.compare("four_bar", (0, 0.1), methods=["alpha", "pherk6"], rtol=[1e-3], repeats=0)
+    assert "step sizes of alpha in Python" in study.computed_by
+    assert study.meta["backend"] == "native"
