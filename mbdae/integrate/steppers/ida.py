@@ -77,6 +77,7 @@ class Ida(LibraryStepper):
             raise InputError("method 'ida' needs scikit-sundae: pip install \"mbdae[sundials]\"") from None
         self._create, self.system = solver, system
         self.solver: Any = None
+        self.unknowns: Any = ()
         self.raw = RawCoordinates(system)
         if self.atol.ndim and self.raw.units:
             raise InputError("method 'ida' takes one number as atol for quaternions and unbounded revolute joints")
