@@ -80,7 +80,7 @@ def test_an_elliptic_integral_an_event_and_the_way_back():
 
 
 class _Run:
-    """What a stepper takes from a run."""
+    """The part of a run that a stepper uses."""
 
     t, sign, h = 0.1, 1.0, None
 

@@ -1,4 +1,4 @@
-"""Solvers of other libraries, with their own step-size control: what their steppers have in common."""
+"""Solvers of other libraries, with their own step-size control, and the common part of their steppers."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
