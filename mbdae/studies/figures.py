@@ -64,7 +64,6 @@ STYLES = {  # a hue for a family, a shade and a marker for a method
     "lobatto_iiic2": ("#fcc5c0", "X"), "lobatto_iiic3": ("#7a0177", "8"), "sdirk2": ("#e7298a", "H"),
     "dop853": ("#000000", "P"),
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
-    "ida": ("#1a1a1a", "*"),
 }  # fmt: skip
 DEFAULT_STYLE = ("#17becf", "d")
 QUANTITY_NAMES = {  # by unit

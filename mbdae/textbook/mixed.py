@@ -30,7 +30,7 @@ class MixedHessenberg(Hessenberg):
         k: k(t, y, z, u) -> (nu,).
         u0: approximate start of u, (nu,).
         f_y, f_z, f_u: partial derivatives of f(t, y, z, u); finite differences when left out.
-        k_y, k_z, k_u: likewise of k.
+        k_y, k_z, k_u: partial derivatives of k(t, y, z, u).
 
     Raises:
         InputError: as for `Hessenberg`, and for a singular k_u at the start; the message names the components of u that
