@@ -41,6 +41,7 @@ SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.p
     "work_precision.png": [PACKAGE / x.format("comparison") for x in FIGURE],
     "convergence.png": [PACKAGE / x.format("order") for x in FIGURE],
     "drift.png": [PACKAGE / x.format("drift") for x in FIGURE],
+    "errors_over_time.png": [EXAMPLES / "errors_over_time.py", PACKAGE / "studies/figures.py"],
     "foot_path.png": [EXAMPLES / "foot_path.py"],
     "long_time_energy.png": [EXAMPLES / "long_time_energy.py", *(PACKAGE / x.format("drift") for x in FIGURE)],
     "optimal_control.png": [EXAMPLES / "optimal_control.py", *(PACKAGE / x.format("optimal_control") for x in FIGURE)],
@@ -54,6 +55,7 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     work_precision(folder)
     convergence(folder)
     drift(folder)
+    example("errors_over_time", folder)
     example("foot_path", folder)
     example("optimal_control", folder)
     example("long_time_energy", folder)

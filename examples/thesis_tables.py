@@ -6,6 +6,9 @@ Classical explicit tableaus used half-explicitly (kutta3, rk4, rule38) drop to o
 satisfy the conditions of the trees with fat vertices. HERK methods satisfy them with more stages; PHERK methods keep
 the classical tableau and add a second matrix for its stages: the 3/8 rule reaches order 4 with the same four solves.
 
+The last table names the command that shows a statement of the thesis on half-explicit and implicit methods for index
+2, whose chapter 2 is on implicit methods, and chapter 3 on half-explicit ones.
+
 Run: python examples/thesis_tables.py
 """
 
@@ -21,6 +24,21 @@ FAMILIES = {
     "classical, used as HERK": ("kutta3", "rk4", "rule38"),
 }
 STEPS = (20, 40, 80, 160, 320)
+COMMANDS = (  # statement, command
+    ("2: an index-2 problem in Hessenberg form", "mbdae info hessenberg_a"),
+    ("2: coefficients, B(p), C(q), D(r) and R(infinity)", "mbdae methods radau3 lobatto_iiic2 gauss2"),
+    ("Theorems 2.2.2, 2.2.3: orders of y and z", "mbdae order hessenberg_a -m radau3"),
+    ("their assumption |R(infinity)| < 1", "mbdae order hessenberg_a -m midpoint"),
+    ("figure 2.2: errors over time", "python examples/errors_over_time.py"),
+    ("3: stages off by delta change z by delta/h", "python examples/errors_over_time.py"),
+    ("3: order conditions of half-explicit methods", "mbdae methods --check herk3 pherk4"),
+    ("3: orders of half-explicit methods", "mbdae order hessenberg_a -m pherk3"),
+    ("3: order reduction of classical methods", "mbdae order hessenberg_a -m kutta3"),
+    ("mixed index 1 and 2", "mbdae order mixed_index -m herk3"),
+    ("drift of positions, and projection", "mbdae drift pendulum -m herk3 --step 0.01 -t 1"),
+    ("another problem of index 2", "mbdae compare driven_circuit -m pherk5,radau5 --rtol 1e-4,1e-6"),
+    ("cost of each family at equal error", "python examples/textbook_costs.py"),
+)
 
 
 def errors(method: str, steps: tuple[int, ...] = STEPS) -> np.ndarray:
@@ -53,6 +71,9 @@ def main(steps: tuple[int, ...] = STEPS) -> dict[str, np.ndarray]:
             ]
             m = METHODS[name]
             print(f"  {name:8s} {m.order}  {m.order_own}     {''.join(cells)}{e[-1, 1]:12.2e} {orders[-1, 1]:4.1f}")
+    print(f"\n{'statement of the thesis':52s}command")
+    for statement, command in COMMANDS:
+        print(f"{statement:52s}{command}")
     return result
 
 

@@ -72,6 +72,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.sweep.table import Sweep as Sweep
     from .studies.view.view import view as view
     from .textbook.hessenberg import Hessenberg as Hessenberg
+    from .textbook.mixed import MixedHessenberg as MixedHessenberg
 
     __version__: str
 
@@ -85,6 +86,7 @@ _CORE = {
     "progress": ["progress_bar"],
     "solution.solution": ["Solution"],
     "textbook.hessenberg": ["Hessenberg"],
+    "textbook.mixed": ["MixedHessenberg"],
 }
 
 

@@ -76,6 +76,9 @@ class Linearization(Protocol):
     def factorize(self, mu: complex) -> Solver:
         """Return the solver (r, c) -> (dk, dz) of (E - mu (E f)_x) dk - (E f)_z dz = r, mu g_x dk = c."""
 
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return E (ny, ny), (E f)_x (ny, ny), (E f)_z (ny, m) and g_x (m, ny)."""
+
 
 class Chart(Protocol):
     """A problem in tangent coordinates x (ny,) at the start of a step, y = y_n (+) x (n,); one chart per step.

@@ -196,3 +196,13 @@ def test_parameters_are_written_in_place(script, capsys):
     assert found["bound"] == 1
     assert found["made"] > 0
     assert "bound 1 times" in capsys.readouterr().out
+
+
+def test_a_free_choice_of_orders_is_bounded(script, capsys):
+    module = script("radau_orders")
+    (saved,) = module.main(["flyball_governor"], [1e-6]).values()
+    assert 0 <= saved < 0.5
+    assert "free choice" in capsys.readouterr().out
+    sol = mbdae.solve("pendulum", (0, 2), method="radau5", rtol=1e-6)
+    t = (np.arange(module.POINTS) + 0.5) / module.POINTS * 2
+    assert module.rate(sol, t).mean() * 2 == pytest.approx(sol.stats["solves"], rel=0.02), "the integral is the work"

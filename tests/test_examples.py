@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import call
 
 import mbdae
 
@@ -26,7 +27,49 @@ def test_thesis_tables(capsys):
     assert order["pherk3"] > 2.8
     assert order["pherk4"] > 3.8
     assert errors["pherk4"][-1, 0] < 1e-3 * errors["rule38"][-1, 0]
-    assert "classical" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "classical" in text
+    assert "statement of the thesis" in text
+
+
+def thesis_commands():
+    return list(dict.fromkeys(command for _, command in example("thesis_tables").COMMANDS))
+
+
+@pytest.mark.parametrize("command", [c for c in thesis_commands() if c.startswith("mbdae ")])
+def test_commands_of_the_thesis(command):
+    code, out, err = call(*command.split()[1:])
+    assert code == 0, out + err
+    assert len(out.splitlines()) > 3
+
+
+def test_scripts_of_the_thesis_are_run_here():
+    scripts = [Path(c.removeprefix("python ")).stem for c in thesis_commands() if c.startswith("python ")]
+    assert scripts
+    assert all(f'example("{name}").main(' in Path(__file__).read_text() for name in scripts)
+
+
+def test_textbook_costs(capsys):
+    methods = ("herk5", "pherk6", "hedop5", "radau5", "radau9")
+    found = example("textbook_costs").main(problems=["circle"], targets=[1e-5], rtol=[1e-3, 1e-5, 1e-7], bdf=False)
+    work = found["circle", 1e-5]
+    assert tuple(work) == methods
+    sol = mbdae.solve("circle", method="pherk6", rtol=1e-5)
+    assert 0.2 < work["pherk6"] / sol.stats["f"] < 5, "the run with rtol of the error costs about as much"
+    assert "not reached" in capsys.readouterr().out
+
+
+def test_errors_over_time(tmp_path, capsys):
+    changes = example("errors_over_time").main(plot=tmp_path / "errors.png")
+    for found in changes.values():
+        y, z = np.log2(found[0] / found[-1]) / 3  # powers of h, over three halvings
+        assert abs(y) < 0.1
+        assert -1.2 < z < -0.9
+    assert (tmp_path / "errors.png").stat().st_size > 20000
+    assert "power of h" in capsys.readouterr().out
+    _, y, z = example("errors_over_time").errors("radau5", 20)
+    assert y[-1] > 5 * y[1], "errors of y accumulate"
+    assert z[-1] < 10 * z[1], "those of z do not"
 
 
 def test_andrews_benchmark(capsys):

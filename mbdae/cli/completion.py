@@ -19,7 +19,7 @@ def problems() -> list[str]:
 
 
 def methods() -> list[str]:
-    """Return names of all methods, including those of installed packages, except scipy's."""
+    """Return names of all methods, including those of installed packages, except those of other libraries."""
     found = instance_names(
         "mbdae.methods", "Tableau", "RadauIIA", "ImplicitTableau", "Composition", "alpha_method", "ExplicitMethod"
     )

@@ -14,7 +14,8 @@ from .defaults import DEFAULTS
 from .events.event import Event, Events, as_events
 from .settings import complete_settings
 from .span import checked_span, checked_times, end_of_tables
-from .steppers.scipy_ivp import find_method
+from .steppers.library_solver import LibrarySolver
+from .steppers.solvers import find_method
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class RunOptions:
     """Options of a run, see the arguments of `mbdae.solve`.
 
     Attributes:
-        method: a method, or a solver of scipy, whose stepper uses nothing of the interface of methods.
+        method: a method, or a solver of another library, whose stepper uses nothing of the interface of methods.
         t1: end of the span.
         t_eval: output times; None for the nodes of the run.
         end: end of the run: t1, or the end of the table of a driver that is not extrapolated.
@@ -116,11 +117,13 @@ def projects_positions(
     """Return whether positions are projected after each step."""
     if project not in (True, False, "auto"):
         raise InputError(f"project is True, False or 'auto', got {project!r}")
+    one_step = formulation == "index2" and not isinstance(method, LibrarySolver)
     if project == "auto":
-        return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
+        return isinstance(problem, Mechanism) and one_step and step is None and problem.ng > 0
     if project and not isinstance(problem, Mechanism):
         raise InputError("project=True is for mechanisms: the method itself satisfies 0 = g of a textbook problem")
-    if project and formulation != "index2" and not isinstance(method, ExplicitMethod):
-        valid = f"project=True is for formulation 'index2', and for {', '.join(EXPLICIT)} of 'index1'"
+    if project and not one_step and not isinstance(method, ExplicitMethod):
+        others = f"{', '.join(EXPLICIT)} of 'index1'"
+        valid = f"project=True is for one-step methods of formulation 'index2', and for {others}"
         raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
     return bool(project)

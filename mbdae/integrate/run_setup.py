@@ -17,8 +17,8 @@ from .options import RunOptions
 from .run_state import RunState
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
+from .steppers.library_solver import LibrarySolver
 from .steppers.native import NativeStepper
-from .steppers.scipy_ivp import Scipy, ScipySolver
 from .steppers.stepper import PythonStepper
 
 NEWTON_TOLERANCE = NEGLIGIBLE  # of rtol, or sqrt(rtol) if smaller: tolerance of implicit stages, as in RADAU5
@@ -45,7 +45,7 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     if reason := obstacle(options.method, system):
         raise InputError(reason)
     inner = _stepper(system, options)
-    native = system.native and not isinstance(options.method, ScipySolver) and options.method.in_core
+    native = system.native and not isinstance(options.method, LibrarySolver) and options.method.in_core
     in_python = bool(inner.control) and isinstance(options.method, NewtonMethod)  # step-size control, not the steps
     stepper = NativeStepper(inner, system, options.method, options.project) if native and not in_python else inner
     if native and in_python:
@@ -65,8 +65,10 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
 
 def _stepper(system: System, o: RunOptions) -> PythonStepper:
     control = o.rtol, o.atol, o.first_step, o.max_step
-    if isinstance(o.method, ScipySolver):
-        return Scipy(o.method, system, o.step, *control)
+    if isinstance(o.method, LibrarySolver):
+        if o.step:
+            raise InputError(f"method {o.method.name!r} controls the step size: set rtol and atol instead of a step")
+        return o.method.stepper(system, *control)
     if o.step:
         return Fixed(o.step, o.t0, o.t1)
     if not o.method.error_power:

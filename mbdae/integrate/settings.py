@@ -7,7 +7,7 @@ from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..solution.solution import Problem
 from .defaults import DEFAULTS
-from .steppers.scipy_ivp import find_method
+from .steppers.solvers import find_method
 
 METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
 

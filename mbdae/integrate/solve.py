@@ -53,8 +53,9 @@ def solve(
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their defaults when left out.
-        method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; pherk6 when left out;
-            for ``"index1"`` dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
+        method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; ``"ida"``, SUNDIALS'
+            BDF (``pip install "mbdae[sundials]"``); pherk6 when left out; for ``"index1"`` dop853, or one of scipy's
+            RK45, DOP853, Radau, LSODA.
         formulation: ``"index2"``: closures enforced at velocity level, and see ``project``; ``"ggl"``: also at position
             level, by a second multiplier; ``"index1"``: neither, accelerations are integrated as a baseline.
             Mechanisms only.

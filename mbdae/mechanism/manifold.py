@@ -19,14 +19,12 @@ import pinocchio as pin
 from scipy.special import zeta
 
 from ..errors import StepError
-from ..finite_differences import numerical_jacobian
 from ..tolerances import BELOW_ROUNDING, ROUNDING
 from .frames import skew
 
 TERMS = 40
 MAX_ROTATION = 3.0  # rad within one step: below pi, so that both ends of a step determine it
 SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
-WIDTH = 1e-2  # of differences of components of q, which are linear in x, or sines and cosines of x
 
 Ad = Callable[[np.ndarray], np.ndarray]
 
@@ -64,6 +62,7 @@ class Manifold:
         self.group_starts: list[int] = []  # first index of each block in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
         self.angles: list[tuple[int, int]] = []  # tangent indices of angles, indices of their cosines and sines in q
+        self.unit_blocks: list[slice] = []  # components of q that form unit vectors: quaternions, cosines and sines
         self.angular = np.zeros(model.nv, bool)  # tangent components that are angles of unlimited range
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v, joint.idx_q)
@@ -82,11 +81,14 @@ class Manifold:
             self.group_joints.append((name, slice(idx_v, idx_v + joint.nv), ad, rotation))
             self.group_starts.append(idx_q)
             self.angular[idx_v : idx_v + joint.nv][rotation] = True
+            turned = idx_q + joint.nv - (rotation.stop - rotation.start)  # first component of the rotation
+            self.unit_blocks.append(slice(turned, idx_q + joint.nq))
             if ad is _se2:
                 self.angles.append((idx_v + 2, idx_q + 2))
         elif joint.nq != joint.nv:  # unbounded revolute: commutative, J = 1
             self.angular[idx_v : idx_v + joint.nv] = True
             self.circles.append(idx_v)
+            self.unit_blocks.append(slice(idx_q, idx_q + 2))
             self.angles.append((idx_v, idx_q))
 
     def integrate(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -171,7 +173,11 @@ class Manifold:
         """Return the partial derivatives of the components of q (+) x with respect to x at x = 0, (nq, nv)."""
         if self.flat:
             return np.eye(self.model.nv)
-        return numerical_jacobian(lambda x: pin.integrate(self.model, q, x), self.model.nv, WIDTH)
+        return pin.tangentMap(self.model, q).reshape(self.model.nq, self.model.nv)  # with nv = 1 it is a vector
+
+    def normalised(self, q: np.ndarray) -> np.ndarray:
+        """Return the configuration of raw coordinates q, (nq,): its unit vectors are divided by their lengths."""
+        return q if self.flat else pin.normalize(self.model, q)
 
     def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Return v = J(x)^-1 x', (nv,)."""

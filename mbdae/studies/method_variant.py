@@ -2,7 +2,8 @@
 
 ``pherk5`` enforces closures at velocity level (index 2); ``project:pherk5`` also projects the state onto g = 0, G v = 0
 after each step; ``ggl:radau5`` enforces closures at both levels; ``index1:dop853`` integrates accelerations,
-``index1:DOP853`` with scipy, and ``baumgarte=20,20:dop853`` with Baumgarte's alpha and beta in 1/s.
+``index1:DOP853`` with scipy, and ``baumgarte=20,20:dop853`` with Baumgarte's alpha and beta in 1/s. ``ggl:ida`` is
+SUNDIALS' BDF on the stabilised form.
 """
 
 from collections.abc import Iterable
@@ -12,7 +13,8 @@ from typing import Any
 from ..errors import InputError, UnknownNameError, as_list
 from ..integrate.options import projects_positions
 from ..integrate.settings import complete_settings
-from ..integrate.steppers.scipy_ivp import SCIPY, find_method
+from ..integrate.steppers.library_solver import LibrarySolver
+from ..integrate.steppers.solvers import SOLVERS, find_method
 from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_from_settings
 from ..solution.solution import Problem
@@ -26,7 +28,7 @@ class Variant:
     """A method in a formulation, see the module.
 
     Attributes:
-        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``; a custom tableau.
+        method: a name of `mbdae.METHODS`, ``"ida"``, or of scipy for ``"index1"``; a custom tableau.
         formulation: ``"index2"``, ``"ggl"`` or ``"index1"``, as in `mbdae.solve`.
         project: project the state after each step.
         baumgarte: alpha and beta in 1/s.
@@ -43,6 +45,8 @@ class Variant:
 
     def __post_init__(self) -> None:
         found = find_method(self.formulation, self.method)
+        if self.project and isinstance(found, LibrarySolver):
+            raise InputError(f"method {found.name!r} takes several steps into account: leave out 'project'")
         if isinstance(found, Tableau) and METHODS.get(found.name) is not found:
             object.__setattr__(self, "method", found)  # a tableau, or the contents of its file
 
@@ -101,7 +105,7 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
         elif isinstance(m, Tableau):
             out += [replace(Variant.parse(f"{f}:{PLACEHOLDER}"), method=m) for f in prefixes]
         elif not isinstance(m, str):
-            raise UnknownNameError("method", m, (*METHODS, *EXPLICIT, *SCIPY))
+            raise UnknownNameError("method", m, (*METHODS, *EXPLICIT, *SOLVERS))
         else:
             out += [Variant.parse(m)] if ":" in m else [Variant.parse(f"{f}:{m}") for f in prefixes]
     if not out:

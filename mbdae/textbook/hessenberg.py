@@ -64,6 +64,10 @@ class Hessenberg:
         """
         if formulation != "index2" or baumgarte is not None:
             raise InputError(f"a textbook problem has the formulation 'index2' only, got {formulation!r}")
+        return self.bound()
+
+    def bound(self) -> "HessenbergSystem":
+        """Return a new workspace of the problem."""
         return HessenbergSystem(self)
 
     def point(
@@ -93,7 +97,7 @@ class HessenbergSystem(System):
         self.measured = slice(None)
         y, z = np.array(problem.y0, float), np.array(problem.z0, float)
         self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, where Newton's method starts
-        F, g = problem.f(0.0, y, z), problem.g(0.0, y)
+        F, g = self.evaluate(0.0, y, z), problem.g(0.0, y)
         if np.shape(F) != (self.ny,) or np.shape(g) != (self.nz,):
             raise InputError(
                 f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
@@ -110,7 +114,7 @@ class HessenbergSystem(System):
 
     def new_workspace(self) -> "HessenbergSystem":
         """Return another workspace of the problem, with separate counters."""
-        return HessenbergSystem(self.problem)
+        return self.problem.bound()
 
     def chart(self, t: float, y: Array) -> "HessenbergChart":
         """Return the chart of a step from (t, y), with the stored z at y."""
@@ -184,10 +188,14 @@ class HessenbergSystem(System):
         """Return the norm of (g_y f_z)^-1: the change of z per unit residual of g_y y'."""
         return float(np.linalg.norm(np.linalg.inv(self.g_y(t, y) @ self.f_z(t, y, z)), 2))
 
+    def evaluate(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate f, (ny,)."""
+        return self.problem.f(t, y, z)
+
     def f(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate and count f."""
         self.counts.f += 1
-        F = np.asarray(self.problem.f(t, y, z), float)
+        F = np.asarray(self.evaluate(t, y, z), float)
         if not np.isfinite(F).all():
             raise StepError("nonfinite", f"f of {self.problem.title!r} is not finite at t = {t:.17g}")
         return F
@@ -215,13 +223,13 @@ class HessenbergSystem(System):
     def g_y(self, t: float, y: Array) -> Array:
         """Evaluate and count g_y, (nz, ny)."""
         self.counts.G += 1
-        return self.problem.g_y(t, y) if self.problem.g_y else _jacobian(lambda u: self.problem.g(t, u), y)
+        return self.problem.g_y(t, y) if self.problem.g_y else jacobian(lambda u: self.problem.g(t, u), y)
 
     def g_t(self, t: float, y: Array) -> Array:
         """Evaluate g_t, (nz,)."""
         if self.problem.g_t:
             return self.problem.g_t(t, y)
-        return _jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
+        return jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
 
     def hidden(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate the residual of the hidden constraint, g_t + g_y f(t, y, z), (nz,)."""
@@ -229,11 +237,11 @@ class HessenbergSystem(System):
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f_y, (ny, ny)."""
-        return self.problem.f_y(t, y, z) if self.problem.f_y else _jacobian(lambda u: self.problem.f(t, u, z), y)
+        return self.problem.f_y(t, y, z) if self.problem.f_y else jacobian(lambda u: self.problem.f(t, u, z), y)
 
     def f_z(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f_z, (ny, nz)."""
-        return self.problem.f_z(t, y, z) if self.problem.f_z else _jacobian(lambda u: self.problem.f(t, y, u), z)
+        return self.problem.f_z(t, y, z) if self.problem.f_z else jacobian(lambda u: self.problem.f(t, y, u), z)
 
 
 class HessenbergChart(HessenbergStages):
@@ -250,14 +258,11 @@ class HessenbergChart(HessenbergStages):
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
         """Return (y', z) with g(that, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
         s, y, base = self.system, self.y + x, self.y + xhat
-        z = s.solve(
-            t,
-            y,
-            lambda F: s.problem.g(that, base + factor * F),
-            lambda F: s.g_y(that, base + factor * F),
-            factor,
-            self.z,
-        )
+
+        def closed(F: Array) -> Array:
+            return s.problem.g(that, base + factor * F)
+
+        z = s.solve(t, y, closed, lambda F: s.g_y(that, base + factor * F), factor, self.z)
         self.z, self.last = z, (t, y, z)
         return s.f(t, y, z), z
 
@@ -283,7 +288,7 @@ def largest(x: Array) -> float:
     return float(max(x.max(), -x.min()))
 
 
-def _jacobian(function: Function, u: Array) -> Array:
+def jacobian(function: Function, u: Array) -> Array:
     """Return central differences of order four, (m, n)."""
     columns = []
     for i in range(len(u)):

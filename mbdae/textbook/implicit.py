@@ -80,6 +80,10 @@ class LinearizedHessenberg(NamedTuple):
         """Return e (ny,): all components are differential."""
         return e
 
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return the identity, f_y, f_z and g_y."""
+        return np.eye(len(self.f_y)), self.f_y, self.f_z, self.g_y
+
     def factorize(self, mu: complex) -> Solver:
         """Factorize [[1 - mu f_y, -f_z], [g_y, 0]], real or complex."""
         ny, nz = self.f_z.shape

@@ -1,4 +1,4 @@
-"""The index of a problem in Hessenberg form, from the rank of g_y f_z."""
+"""The index of a problem in Hessenberg form, from the ranks of g_y f_z and k_u."""
 
 import numpy as np
 from scipy.linalg import qr
@@ -22,14 +22,38 @@ def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
     if not (np.isfinite(g_y).all() and np.isfinite(f_z).all()):
         raise InputError(f"f_z or g_y of {title!r} is not finite at the start")
     sizes = np.linalg.norm(g_y, axis=1)[:, None] * np.linalg.norm(f_z, axis=0)
-    matrix = g_y @ f_z / np.where(sizes, sizes, 1.0)
+    what = f"{title!r} does not have index 2 at the start: g_y f_z"
+    _require_regular(what, g_y @ f_z / np.where(sizes, sizes, 1.0), "z", "g")
+
+
+def require_index_1(title: str, k_u: Array) -> None:
+    """Require a regular k_u, scaled by its rows and columns.
+
+    Args:
+        title: of the problem.
+        k_u: (nu, nu) at the start.
+
+    Raises:
+        InputError: for a singular one, with the components of u and k that depend on others or do not occur.
+    """
+    if not np.isfinite(k_u).all():
+        raise InputError(f"k_u of {title!r} is not finite at the start")
+    rows = np.linalg.norm(k_u, axis=1)[:, None]
+    scaled = k_u / np.where(rows, rows, 1.0)
+    columns = np.linalg.norm(scaled, axis=0)
+    what = f"0 = k of {title!r} does not determine u at the start: k_u"
+    _require_regular(what, scaled / np.where(columns, columns, 1.0), "u", "k")
+
+
+def _require_regular(what: str, matrix: Array, column: str, row: str) -> None:
+    """Require a regular scaled matrix (n, n), by pivoting; names are those of its columns and rows."""
     names = []
-    for a, name in ((matrix, "z"), (matrix.T, "g")):  # dependent columns, and rows
+    for a, name in ((matrix, column), (matrix.T, row)):  # dependent columns, and rows
         R, order = qr(a, mode="r", pivoting=True)
         rank = int((np.abs(R.diagonal()) > PIVOT_RANK).sum())
         names.append(", ".join(f"{name}.{i + 1}" for i in sorted(order[rank:].tolist())))
     if rank < len(matrix):
         raise InputError(
-            f"{title!r} does not have index 2 at the start: g_y f_z has rank {rank} of {len(matrix)}, "
+            f"{what} has rank {rank} of {len(matrix)}, "
             f"column {names[0]} and row {names[1]} depend on the others or are zero"
         )

@@ -1,1 +1,1 @@
-"""Steppers of a run: fixed steps, controlled steps, scipy's solvers, or the compiled core."""
+"""Steppers of a run: fixed steps, controlled steps, solvers of other libraries, or the compiled core."""

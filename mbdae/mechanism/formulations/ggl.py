@@ -216,6 +216,15 @@ class LinearizedGGL(Linearized):
 
     G_p: Array
 
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return E, (E f)_x, (E f)_z and g_x for z = (lam, mu), see `mbdae.system.Linearization`."""
+        E, A, L, C = super().matrices()
+        P, (J, _) = self.G_p, self.tangent_map
+        nv = len(J)
+        N = J @ np.linalg.solve(self.partials.E[:nv, :nv], P.T)
+        by_mu = np.vstack([N, np.zeros((len(E) - nv, len(P)))])
+        return E, A, np.hstack([L, by_mu]), np.vstack([C, padded(P @ np.linalg.inv(J), len(E))])
+
     def factorize(self, mu: complex) -> Solver:
         """Factorize the matrix, (n + r + k, n + r + k), n = nv + ns + 1, real or complex."""
         S, KS, BS, upper = self.stage_blocks(mu)

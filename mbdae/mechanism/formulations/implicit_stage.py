@@ -134,6 +134,17 @@ class Linearized(NamedTuple):
         nv = len(self.tangent_map[0])
         return np.concatenate([e[:nv], self.partials.E @ e[nv:]])
 
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return E, (E f)_x, (E f)_z and g_x, see `mbdae.system.Linearization`."""
+        (J, dJv), p = self.tangent_map, self.partials
+        nv, n, r = len(J), len(p.E), len(p.G)
+        back = np.linalg.inv(J)  # of x to the tangent at q
+        E, A = np.eye(nv + n), np.zeros((nv + n, nv + n))
+        E[nv:, nv:], A[:nv, :nv], A[:nv, nv : 2 * nv] = p.E, dJv, J
+        A[nv:, :nv], A[nv:, nv:] = p.K @ back, p.D
+        L = np.vstack([np.zeros((nv, r)), p.L])
+        return E, A, L, np.hstack([p.B @ back, padded(p.G, n)])
+
     def block_solver(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
         """Factorize a block matrix, count it, and return b -> matrix^-1 b."""
         self.counts.factorizations += 1

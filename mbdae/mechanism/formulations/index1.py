@@ -11,7 +11,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array, State
@@ -65,9 +64,7 @@ class Index1System(Index2System):
 
     def normal(self, y: Array) -> Array:
         """Return the point of raw coordinates with normalised quaternions and (cos, sin) pairs."""
-        if self.manifold.flat:
-            return y
-        return np.concatenate([pin.normalize(self.model, y[: self.nq]), y[self.nq :]])
+        return np.concatenate([self.manifold.normalised(y[: self.nq]), y[self.nq :]])
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
         """Return dy/dt = (T v, v', w') in raw coordinates, (nq + nv + 1,), and lam (ng,)."""
@@ -75,8 +72,7 @@ class Index1System(Index2System):
         F, lam = self.derivative(t, y)
         if self.manifold.flat:
             return F, lam
-        T = pin.tangentMap(self.model, y[: self.nq]).reshape(self.nq, self.nv)  # with nv = 1 it is a vector
-        dq = T @ F[: self.nv]
+        dq = self.manifold.coordinate_partials(y[: self.nq]) @ F[: self.nv]
         return np.concatenate([dq, F[self.nv :]]), lam
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError
 from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
-from ...integrate.steppers.scipy_ivp import find_method
+from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism
 from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KNOWN_ERROR_RATIO = 5.0  # to the uncertainty of the reference: larger errors are known
-Work = Literal["solves", "seconds"]
+Work = Literal["solves", "seconds", "f"]
 QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
 TEXTBOOK_QUANTITIES = ("y", "z")
 UNITS = {**{f"{what}_{name}": unit for what in ("error", "end") for name, unit in QUANTITIES.items()},

@@ -6,7 +6,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit, core_schema
 
 from ...errors import UnknownNameError
-from ...integrate.steppers.scipy_ivp import SCIPY
+from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism.formats.schema import MechanismFile
 from ...methods import EXPLICIT, METHODS
 from ..sweep.toml_file import SweepTable
@@ -54,5 +54,5 @@ def schema(file: str = "mechanism") -> dict[str, Any]:
     out = FILES[file].model_json_schema(schema_generator=FileSchema)
     tables = out.get("$defs", {})
     if "SolveSettings" in tables:
-        tables["SolveSettings"]["properties"]["method"] = {"enum": [*METHODS, *EXPLICIT, *SCIPY]}
+        tables["SolveSettings"]["properties"]["method"] = {"enum": [*METHODS, *EXPLICIT, *SOLVERS]}
     return {"$schema": DIALECT, **out, "title": f"mbdae {file} file"}

@@ -16,7 +16,7 @@ from ...backend import checked_backend, select_core
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...integrate.defaults import DEFAULTS
 from ...integrate.span import checked_span
-from ...integrate.steppers.scipy_ivp import find_method
+from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
 from ...mechanism.formats.model_library import model_names

@@ -7,6 +7,7 @@ from typing import Any
 
 from ...discovery import public_names
 from ..hessenberg import Hessenberg
+from ..mixed import MixedHessenberg
 
 TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {
     name: getattr(import_module(module), name) for name, module in public_names(__name__).items()
@@ -29,4 +30,5 @@ def _reduced(problem: Hessenberg) -> Any:
     return (_make, (problem.name,)) if listed(problem) else object.__reduce_ex__(problem, 2)
 
 
-copyreg.pickle(Hessenberg, _reduced)  # type: ignore[arg-type]
+for kind in (Hessenberg, MixedHessenberg):
+    copyreg.pickle(kind, _reduced)  # type: ignore[arg-type]

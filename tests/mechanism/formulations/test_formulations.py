@@ -132,7 +132,7 @@ REFUSED = [
     ({"baumgarte": (1.0, 1.0)}, ["baumgarte", "index1", "'index2'"]),
     ({"formulation": "index1", "method": "RK45", "baumgarte": (1.0, -1.0)}, ["baumgarte", "alpha, beta"]),
     ({"formulation": "index1", "method": "RK45", "baumgarte": 3.0}, ["baumgarte", "alpha, beta"]),
-    ({"formulation": "index1", "method": "RK45", "step": 0.1}, ["index1", "rtol and atol", "step"]),
+    ({"formulation": "index1", "method": "RK45", "step": 0.1}, ["'RK45'", "rtol and atol", "step"]),
     ({"formulation": "index1", "method": "RK45", "rtol": 0.0}, ["rtol = 0.0"]),
     ({"formulation": "index1", "method": "RK45", "atol": np.ones(4)}, ["atol", "6 components", "(4,)"]),
 ]

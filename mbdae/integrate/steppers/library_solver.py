@@ -1,0 +1,88 @@
+"""Solvers of other libraries, with their own step-size control, and the common part of their steppers."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ...errors import StepError
+from ...system import Array, State, Step, System
+from .adaptive import Adaptive
+
+if TYPE_CHECKING:
+    from ..run_state import RunState
+
+UNCONTROLLED = 1e30  # absolute tolerance of components whose error is not controlled
+
+
+@dataclass(frozen=True)
+class LibrarySolver(ABC):
+    """A solver of another library.
+
+    Attributes:
+        name: its name.
+        order: its order; the largest one, if it is variable.
+    """
+
+    name: str
+    order: int
+
+    excludes: ClassVar[Mapping[str, str]] = {}
+    in_core = True  # the compiled core evaluates its equations
+    error_power = 1  # positive: it controls its step sizes
+
+    @property
+    def order_linear(self) -> int:
+        """Order on mechanisms."""
+        return self.order
+
+    @abstractmethod
+    def stepper(
+        self,
+        system: System,
+        rtol: float,
+        atol: float | Array | None,
+        first_step: float | None,
+        max_step: float,
+    ) -> "LibraryStepper":
+        """Return the stepper of a run."""
+
+
+class LibraryStepper(Adaptive):
+    """Steps of a solver that has accepted them; rtol and atol as it defines them."""
+
+    any_size = False
+
+    @property
+    def control(self) -> None:
+        return None
+
+    @abstractmethod
+    def propose(self, run: "RunState") -> tuple[float, float]:
+        """Let the solver take a step; return its size and end time.
+
+        Raises:
+            StepError: if the solver fails.
+        """
+
+    def error(self, run: "RunState", step: Step) -> float:
+        """Return 0: the solver has accepted its step."""
+        return 0.0
+
+    def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
+        """Return False: the solver chooses its steps."""
+        return False
+
+    def accept_or_reject(self, run: "RunState", h: float, error: float) -> bool:
+        """Return True: the solver has accepted its step."""
+        return True
+
+    def first_size(self, run: "RunState") -> float | None:
+        """Return the size of the first step of a smooth interval; None for the estimate of the solver."""
+        return None if self.h is None else min(self.h, run.time_to_interval_end())
+
+    def end_of_step(self, y: Array, z: Array) -> Step:
+        """Return a step without errors."""
+        return Step(State(y), z, np.zeros((0, len(y))))

@@ -1,0 +1,125 @@
+"""Problems of mixed index 1 and 2: algebraic variables that solve locally, besides multipliers.
+
+    y' = f(t, y, z, u),   0 = k(t, y, z, u),   0 = g(t, y),   k_u and g_y (f_z - f_u k_u^-1 k_z) regular
+
+At each stage of a method 0 = k is solved for u. That is the method applied to y' = f(t, y, z, u(t, y, z)), 0 = g(t, y),
+so that the orders of index 2 hold. Source: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ..errors import InputError, StepError
+from ..system import Array
+from ..tolerances import ROUNDING, SEARCH_TOLERANCE
+from .hessenberg import Function, Hessenberg, HessenbergSystem, jacobian, largest
+from .index_check import require_index_1
+
+ITERATIONS = 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class MixedHessenberg(Hessenberg):
+    """The problem y' = f(t, y, z, u), 0 = k(t, y, z, u), 0 = g(t, y), with k_u and g_y (f_z - f_u k_u^-1 k_z) regular.
+
+    Args:
+        f, g, y0, z0, g_y, g_t, title, exact, name, duration: see `Hessenberg`.
+        k: k(t, y, z, u) -> (nu,).
+        u0: approximate start of u, (nu,).
+        f_y, f_z, f_u: partial derivatives of f(t, y, z, u); finite differences when left out.
+        k_y, k_z, k_u: partial derivatives of k(t, y, z, u).
+
+    Raises:
+        InputError: as for `Hessenberg`, and for a singular k_u at the start; the message names the components of u that
+            are not determined.
+    """
+
+    k: Function
+    u0: Sequence[float]
+    f_u: Function | None = None
+    k_y: Function | None = None
+    k_z: Function | None = None
+    k_u: Function | None = None
+
+    def bound(self) -> "MixedSystem":
+        return MixedSystem(self)
+
+    def local(self, t: Array, y: Array, z: Array) -> Array:
+        """Return u (n, nu) at successive points of a solution: t (n,), y (n, ny), z (n, nz).
+
+        Raises:
+            StepError: where 0 = k has no solution close to that before.
+        """
+        system = MixedSystem(self)
+        return np.array([system.local(*point) for point in zip(np.asarray(t).tolist(), y, z, strict=True)])
+
+
+class MixedSystem(HessenbergSystem):
+    """`mbdae.system.System` of a problem of mixed index, with u(t, y, z) by Newton's method from the last u."""
+
+    problem: MixedHessenberg
+
+    def __init__(self, problem: MixedHessenberg) -> None:
+        self._u, self._at = np.array(problem.u0, float), (np.nan, b"", b"")
+        self.problem = problem
+        y, z, u = (np.array(x, float) for x in (problem.y0, problem.z0, problem.u0))
+        k = problem.k(0.0, y, z, u)
+        if np.shape(k) != u.shape:
+            raise InputError(f"k of {problem.title!r} returns the shape {np.shape(k)}, expected {u.shape}")
+        require_index_1(problem.title, self._partials("k", 3, (0.0, y, z, u)))
+        super().__init__(problem)
+
+    def _partials(self, function: str, argument: int, at: tuple[float, Array, Array, Array]) -> Array:
+        """Return the partial derivatives of f or k by argument 1, 2 or 3: y, z or u."""
+        if given := getattr(self.problem, f"{function}_{'tyzu'[argument]}"):
+            return np.asarray(given(*at), float)
+        value = getattr(self.problem, function)
+
+        def along(x: Array) -> Array:
+            return value(*at[:argument], x, *at[argument + 1 :])
+
+        return jacobian(along, at[argument])  # type: ignore[arg-type]
+
+    def local(self, t: float, y: Array, z: Array) -> Array:
+        """Return u(t, y, z), (nu,), to rounding.
+
+        Raises:
+            StepError: if Newton's method does not converge, or k_u is singular.
+        """
+        at = t, y.tobytes(), z.tobytes()
+        if at == self._at:
+            return self._u
+        u, last = self._u, np.inf
+        for _ in range(ITERATIONS):
+            k = np.asarray(self.problem.k(t, y, z, u), float)
+            *_, du, info = dgesv(self._partials("k", 3, (t, y, z, u)), k)
+            size = largest(du)
+            if info or not np.isfinite(size):
+                break
+            u = u - du
+            if size <= ROUNDING * largest(u) or (last <= 2 * size and size <= SEARCH_TOLERANCE * (1 + largest(u))):
+                self._u, self._at = u, at
+                return u
+            last = size
+        name = f"0 = k of {self.problem.title!r}"
+        raise StepError("newton", f"Newton's method for u does not converge at t = {t:.17g} in {name}")
+
+    def evaluate(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate f(t, y, z, u(t, y, z)), (ny,)."""
+        return self.problem.f(t, y, z, self.local(t, y, z))
+
+    def f_y(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate f_y - f_u k_u^-1 k_y, (ny, ny)."""
+        return self._total(1, t, y, z)
+
+    def f_z(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate f_z - f_u k_u^-1 k_z, (ny, nz)."""
+        return self._total(2, t, y, z)
+
+    def _total(self, argument: int, t: float, y: Array, z: Array) -> Array:
+        at = t, y, z, self.local(t, y, z)
+        by_u = -np.linalg.solve(self._partials("k", 3, at), self._partials("k", argument, at))
+        return self._partials("f", argument, at) + self._partials("f", 3, at) @ by_u
