@@ -122,12 +122,7 @@ class Chart(Protocol):
 
 
 class VariationalStep(Protocol):
-    """Equations of one step of a variational integrator; unknown are x (nv,), q_1 = q_0 (+) x, and multipliers (m,).
-
-    Attributes:
-        t: its start in s.
-        h: its size in s.
-    """
+    """A step of a variational integrator, of size h from t; unknown are x (nv,), q_1 = q_0 (+) x, multipliers (m,)."""
 
     t: float
     h: float

@@ -278,25 +278,3 @@ def test_optimal_control(tmp_path, capsys):
     assert 0.3 < result["duration"] < 0.4
     assert (tmp_path / "torque.png").stat().st_size > 10_000
     assert "by collocation" in capsys.readouterr().out
-
-
-def test_generalised_alpha(capsys):
-    orders = example("generalised_alpha").main()
-    assert all(1.9 < order < 2.1 for found in orders.values() for order in found), orders
-    assert "orders" in capsys.readouterr().out
-
-
-def test_jax_provider(capsys):
-    pytest.importorskip("jax")
-    found = example("jax_provider").main(steps=8)
-    assert found["run"] < 1e-6
-    assert max(found["forward"], found["reverse"], found["acceleration"]) < 1e-9
-    assert "reverse" in capsys.readouterr().out
-
-
-def test_casadi_provider(capsys):
-    pytest.importorskip("casadi")
-    found = example("casadi_provider").main(steps=20)
-    assert found["jacobian"] < 1e-9
-    assert 1.9 < found["order"] < 2.1
-    assert "observed order" in capsys.readouterr().out

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ...backend import describe_backend
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
-from ...integrate.steppers.scipy_ivp import SCIPY
+from ...integrate.steppers.solvers import SOLVERS
 from ...methods import METHODS
 from ...methods.variational import NewtonMethod
 from ...tabular import Columns, Tabular
@@ -96,7 +96,7 @@ class Comparison(Tabular):
     def computed_by(self) -> str:
         """Back end and processor of the times, in words."""
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
-        stepped = [name for name in self.methods if name.rpartition(":")[2] in SCIPY]
+        stepped = [name for name in self.methods if name.rpartition(":")[2] in SOLVERS]
         scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
         sized = {p.method for p in self.points if p.rtol and isinstance(METHODS.get(p.method), NewtonMethod)}
         sizes = f", step sizes of {', '.join(sorted(sized))} in Python" if sized else ""

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...errors import InputError, require
 from ...integrate.binding import common_backend
-from ...integrate.steppers.scipy_ivp import find_method
+from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism
 from ...methods import EXPLICIT, obstacle
 from ...methods import METHODS as ALL_METHODS
