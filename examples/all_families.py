@@ -52,7 +52,7 @@ def main(
     print("| least | " + " | ".join(f"{x:.3g}" for x in best.values()) + " |")
     for method in dict.fromkeys(name for study in out.values() for name in study.methods):
         found = [(row.get(method), best[model]) for model, row in reached.items()]
-        cells = [f"{'<= ' * x.bound}{x.work / least:.2g}" if x else "-" for x, least in found]
+        cells = [f"{'<= ' * x.bound}{float(f'{x.work / least:.2g}'):g}" if x else "-" for x, least in found]
         print(f"| `{method}` | " + " | ".join(cells) + " |")
     return out
 
