@@ -209,7 +209,7 @@ def test_long_time_energy(tmp_path, capsys):
 
 
 def test_all_families(capsys):
-    result = example("all_families").main({"four_bar": 0.2}, rtol=(1e-3, 1e-5), steps=(20, 80), repeats=1)
+    result = example("all_families").main({"four_bar": 0.2}, rtol=(1e-3, 1e-5), steps=(20, 80))
     assert {"rattle4", "alpha", "radau5", "sdirk2", "index1:dop853"} <= {*result["four_bar"].methods}
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| `")]
     rows = dict(line.strip("| ").split(" | ") for line in lines)

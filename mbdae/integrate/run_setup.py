@@ -19,7 +19,7 @@ from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 from .steppers.library_solver import LibrarySolver
 from .steppers.native import NativeStepper
-from .steppers.stepper import PythonStepper
+from .steppers.stepper import PythonStepper, Stepper
 
 NEWTON_TOLERANCE = NEGLIGIBLE  # of rtol, or sqrt(rtol) if smaller: tolerance of implicit stages, as in RADAU5
 START_DRIFT = 100.0  # times rtol: largest constraint violation at the start, as after a run with drift
@@ -44,14 +44,9 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     system, fallback = bind(problem, options.formulation, options.baumgarte, options.backend)
     if reason := obstacle(options.method, system):
         raise InputError(reason)
-    inner = _stepper(system, options)
-    native = system.native and not isinstance(options.method, LibrarySolver) and options.method.in_core
-    in_python = bool(inner.control) and isinstance(options.method, NewtonMethod)  # step-size control, not the steps
-    stepper = NativeStepper(inner, system, options.method, options.project) if native and not in_python else inner
-    if native and in_python:
-        inner.backend = "native"
-    if inner.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
-        rtol = float(inner.control.rtol)
+    stepper = _stepper(system, options)
+    if stepper.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
+        rtol = float(stepper.control.rtol)
         system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
     run = RunState(problem, options, system, stepper, y)
     run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
@@ -63,7 +58,17 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
     return run
 
 
-def _stepper(system: System, o: RunOptions) -> PythonStepper:
+def _stepper(system: System, o: RunOptions) -> Stepper:
+    inner = _python_stepper(system, o)
+    if not system.native or isinstance(o.method, LibrarySolver) or not o.method.in_core:
+        return inner
+    if inner.control and isinstance(o.method, NewtonMethod):  # Python controls the sizes of steps of the core
+        inner.backend = "native"
+        return inner
+    return NativeStepper(inner, system, o.method, o.project)
+
+
+def _python_stepper(system: System, o: RunOptions) -> PythonStepper:
     control = o.rtol, o.atol, o.first_step, o.max_step
     if isinstance(o.method, LibrarySolver):
         if o.step:

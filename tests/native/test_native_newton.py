@@ -93,4 +93,4 @@ def test_malformed_numbers_are_refused():
     with pytest.raises(ValueError, match="beta, gamma > 0"):
         native.GeneralizedAlpha(alpha_m=0.1, alpha_f=0.2, beta=0.0, gamma=0.5, stabilised=True, iteration=iteration)
     with pytest.raises(InputError, match="takes fixed steps"):
-        mbdae.solve("four_bar", (0, 1), method="alpha", rtol=1e-6)
+        mbdae.solve("four_bar", (0, 1), method="rattle4", rtol=1e-6)

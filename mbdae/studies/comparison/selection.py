@@ -60,7 +60,9 @@ def _all_that_fit(
             reason = f"steps of {v.name!r} are computed in Python: compare with the back end 'python'"
         if reason:
             omitted[str(v)] = reason
-    return [v for v in candidates if str(v) not in omitted], omitted
+    if not (chosen := [v for v in candidates if str(v) not in omitted]):
+        raise InputError("no method suits: " + "; ".join(omitted.values()))
+    return chosen, omitted
 
 
 def _reason(problem: Problem, v: Variant, fixed: bool) -> str:

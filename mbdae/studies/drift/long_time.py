@@ -50,8 +50,8 @@ def _conserved(found: Momenta, i: int, span: float) -> bool:
 def reversal_error(sol: Solution) -> tuple[float, float] | None:
     """Return the largest differences of q and of v at the start after a run back from the end with the same settings.
 
-    Closures that drift has opened are closed first. None if the run back ends early. A symmetric method with constant
-    steps returns to rounding.
+    Closures that drift has opened are closed first. None if the run back ends early. A symmetric method returns to
+    rounding, if the span is a whole number of constant steps.
 
     Raises:
         InputError: for forces that cannot be integrated backward in time.
