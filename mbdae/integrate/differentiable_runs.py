@@ -5,6 +5,7 @@ from ..mechanism import Mechanism
 from ..methods import Tableau, method_from_settings
 from ..methods.radau import RadauIIA
 from ..solution.solution import Solution
+from .steppers.solvers import SOLVERS
 
 DIFFERENTIABLE = Tableau, RadauIIA
 
@@ -17,7 +18,8 @@ def require_differentiable(sol: Solution) -> Mechanism:
     """
     mech, s = sol.mechanism, sol.settings
     form = s.get("formulation")
-    if form not in ("index2", "ggl") or not isinstance(method_from_settings(s), DIFFERENTIABLE):
+    own = form in ("index2", "ggl") and s["method"] not in SOLVERS
+    if not own or not isinstance(method_from_settings(s), DIFFERENTIABLE):
         known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
         raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
     if not sol.ended:

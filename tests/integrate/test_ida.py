@@ -156,6 +156,15 @@ def test_the_extra_is_named(monkeypatch):
 
 
 @pytest.mark.usefixtures("sundials")
+@pytest.mark.parametrize("formulation", ["index2", "ggl"])
+def test_a_coarse_tolerance_is_reported_with_a_remedy_that_exists(formulation):
+    sol = mbdae.solve("four_bar", (0, 1), method="ida", formulation=formulation, rtol=1e-4)
+    assert sol.status == "doubtful"
+    assert sol.message.startswith("rows are not kept: |G v| reached")
+    assert sol.message.endswith("take a smaller rtol")
+
+
+@pytest.mark.usefixtures("sundials")
 def test_studies_take_it(tmp_path):
     study = mbdae.compare("four_bar", (0, 0.1), methods=["pherk6", "ida", "ggl:ida"], rtol=[1e-4, 1e-6], repeats=0)
     assert study.methods == ["pherk6", "ida", "ggl:ida"]
@@ -164,5 +173,7 @@ def test_studies_take_it(tmp_path):
     drift = mbdae.drift(mbdae.solve("four_bar", (0, 0.1), method="ida", formulation="ggl", rtol=1e-6))
     assert drift.method == "ggl:ida"
     sol = mbdae.solve("four_bar", (0, 0.1), method="ida", rtol=1e-6)
+    with pytest.raises(InputError, match=r"derivatives of runs .* got 'ida' in 'index2'"):
+        mbdae.sensitivity(sol, start=True)
     sol.save(tmp_path / "run.npz")
     assert mbdae.Solution.load(tmp_path / "run.npz").settings["method"] == "ida"
