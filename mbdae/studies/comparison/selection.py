@@ -6,6 +6,7 @@ import numpy as np
 
 from ...errors import InputError, require
 from ...integrate.binding import common_backend
+from ...integrate.steppers.ida import IDA
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism
 from ...methods import EXPLICIT, obstacle
@@ -52,8 +53,8 @@ def _all_that_fit(
     problem: Problem, formulations: str | Iterable[str] | None, fixed: bool, backend: str
 ) -> tuple[list[Variant], dict[str, str]]:
     native = common_backend(problem, [("index2", None)], backend)[0] == "native"
-    explicit = [] if formulations else [f"index1:{name}" for name in EXPLICIT]
-    candidates, omitted = variants([*variants(ALL_METHODS, formulations), *explicit]), {}
+    others = [] if formulations else [IDA.name, *(f"index1:{name}" for name in EXPLICIT)]
+    candidates, omitted = variants([*variants(ALL_METHODS, formulations), *others]), {}
     for v in candidates:
         reason = _reason(problem, v, fixed) or _reason_of_formulations(problem, [v])
         if not reason and native and not find_method(v.formulation, v.method).in_core:

@@ -8,7 +8,7 @@ import mbdae
 def test_all_methods_that_suit_a_mechanism():
     """Each method runs or is named; with numbers of steps those with fixed steps alone run, too."""
     study = mbdae.compare("four_bar", (0, 0.1), methods="all", rtol=[1e-3], steps=[20], repeats=0)
-    known = {*mbdae.METHODS, "index1:dop853"}
+    known = {*mbdae.METHODS, "ida", "index1:dop853"}
     assert {*study.methods} | {*study.omitted} == known
     assert not {*study.methods} & {*study.omitted}
     assert all(p.success for p in study.points)
