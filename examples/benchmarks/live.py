@@ -15,6 +15,8 @@ from mbdae import backend
 FLAGS = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
          "--disable-gpu-compositing", "--no-first-run", "--hide-scrollbars"]  # fmt: skip
 
+SETTLING = 8.0  # s, in which a slow page begins to draw coarsely
+
 
 def main(model: str = "panda_handle", seconds: float = 10.0, size: str = "800x600") -> float:
     """Print and return the frames per second that the page has drawn."""
@@ -29,6 +31,7 @@ def main(model: str = "panda_handle", seconds: float = 10.0, size: str = "800x60
             drawn = view.frames_drawn
             while view.frames_drawn < drawn + 3:  # the page has loaded its meshes
                 time.sleep(0.1)
+            time.sleep(SETTLING)
             drawn, simulated, started = view.frames_drawn, view.t, time.perf_counter()
             time.sleep(seconds)
             spent = time.perf_counter() - started

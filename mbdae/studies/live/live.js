@@ -14,6 +14,7 @@ const live = (() => {
     page.state = JSON.parse(data);
     if (page.state.camera && !page.frames) aimCamera(page.state.camera);
     say(page.state.text, page.state.wrong);
+    if (page.state.coarse && !page.coarse) drawCoarsely();
     requestAnimationFrame(() => {  // the viewer has drawn it by the next frame
       page.frames++;
       send({frame: page.state.frame});
@@ -63,6 +64,13 @@ const live = (() => {
     send({drop: true});
   };
   for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, drop, true);
+
+  // A browser without a graphics card draws a quarter of the pixels.
+  function drawCoarsely() {
+    page.coarse = true;
+    viewer.renderer.setPixelRatio(0.5 * Math.min(window.devicePixelRatio, 1));
+    viewer.set_dirty();
+  }
 
   // The camera looks at the mechanism; z of the mechanism is up.
   function aimCamera({position, target}) {

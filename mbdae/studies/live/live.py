@@ -14,6 +14,7 @@ from ...integrate.simulator import Simulator
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
+from .frame_rate import FrameRate
 from .live_scene import LiveScene
 from .pulls import Pulls
 
@@ -54,7 +55,7 @@ class LiveView:
         self.state, self.message = "running" if settings.play else "paused", ""
         self.runs: list[Solution] = []
         self._orders: SimpleQueue[dict[str, Any]] = SimpleQueue()
-        self._stopping, self._pace = Event(), 1.0
+        self._stopping, self._rate = Event(), FrameRate(simulator.t)
         self._start, self._q = simulator.save(), simulator.q
         self._scene = LiveScene(mechanism.scene, self._q, settings.shadows)
         from .server import Server
@@ -171,8 +172,7 @@ class LiveView:
 
     def _run(self) -> None:
         fps, speed = self._settings.fps, self._settings.speed
-        due = began = perf_counter()
-        simulated = self.t
+        due = perf_counter()
         while not self._stopping.is_set():
             self._obey()
             if self.playing:
@@ -182,9 +182,9 @@ class LiveView:
             due += 1 / fps
             now = perf_counter()
             due = now if now - due > LATE else due
-            if now - began > 1.0:
-                self._pace = (self.t - simulated) / (now - began)
-                began, simulated = now, self.t
+            self._rate.update(now, self.t, self.frames_drawn)
+            if self._rate.slow and not self._scene.coarse:
+                self._server.command(*self._scene.coarsen())
             self._stopping.wait(max(YIELD, due - now))  # the thread of the server needs time, too
 
     def _advance(self, dt: float) -> None:
@@ -234,11 +234,11 @@ class LiveView:
     def _described(self) -> dict[str, Any]:
         """Return the state for the pages, as text and data."""
         text = f"{self.mechanism.title}\nt = {self.t:.2f} s"
-        slow = self.playing and abs(self._pace - 1) > NOTICED and f" ({self._pace:.2g} of real time)"
+        slow = self.playing and abs(self._rate.pace - 1) > NOTICED and f" ({self._rate.pace:.2g} of real time)"
         text += slow or ("" if self.playing else f", {self.state}")
         text += f"\n{self.message}" if self.message else ""
-        camera = {"camera": self._scene.camera}
-        return {"text": text, "t": self.t, "state": self.state, "wrong": self.state == "stopped", **camera}
+        page = {"camera": self._scene.camera, "coarse": self._scene.coarse}
+        return {"text": text, "t": self.t, "state": self.state, "wrong": self.state == "stopped", **page}
 
     def _commands(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the scene and the controls for a new page."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...mechanism.scene.coarse import coarse
 from ...mechanism.scene.drawables import Drawable, Track, aligned_quaternions, drawables, motions, primitive
 from ...mechanism.scene.visible import Sight, bounds
 from ...system import Array
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 SUN_AT = np.array([0.2, -0.8, 2.8])  # from the mechanism, in extents
 CAMERA_AT = 0.6 * np.array([0.9, -0.9, 0.55])  # from the mechanism, in extents
+COARSE = 6000  # triangles
 PULL = Drawable("pull", primitive("cylinder", (1.0, 1.0)), rgba=(0.76, 0.09, 0.36, 1.0), style="mark")
 
 
@@ -30,10 +32,11 @@ class LiveScene:
     Attributes:
         bodies: the joint that carries each drawable, by name; without those between two joints, and without fixed ones.
         camera: position and target in m.
+        coarse: whether bodies are drawn with fewer triangles, see `coarsen`.
     """
 
     def __init__(self, scene: "Scene", q: Array, shadows: bool) -> None:
-        self.scene, self.shadows = scene.travelled(q[None]), shadows
+        self.scene, self.shadows, self.coarse = scene.travelled(q[None]), shadows, False
         self.drawables = drawables(self.scene)
         self.box, self.extent = bounds(self.scene, q[None]), Sight(self.scene, q[None]).visible().extent
         joints = self.scene.carriers
@@ -55,6 +58,11 @@ class LiveScene:
         yield from drawn([*(d for d in self.drawables if d.style != "closure"), PULL])
         resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
         yield from placed([d for d, _ in resting], [motion for _, motion in resting])
+
+    def coarsen(self) -> Iterator[dict[str, Any]]:
+        """Yield the commands that draw the bodies with fewer triangles, for a page that is slow."""
+        self.drawables, self.coarse = coarse(self.drawables, COARSE), True
+        yield from drawn([d for d in self.drawables if d.style != "closure"])
 
     def frame(self, q: Array, line: Array | None) -> Iterator[dict[str, Any]]:
         """Yield the commands that move the scene to q (nq,), and a line (2, 3) if a point is pulled."""

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from time import perf_counter
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,8 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.pulled_point import PulledPoint
+from mbdae.studies.live import frame_rate, live_scene
+from mbdae.studies.live.frame_rate import FrameRate
 from mbdae.studies.live.pulls import FREQUENCY, Pulls
 
 COMMANDS = ("live slider_crank --seconds 0.2",)
@@ -118,6 +121,33 @@ def test_the_page_is_moved_by_sliders_and_pointer(arm):
         waited(lambda: view._pulls.line is None)
         view.stop()
         waited(lambda: "has ended" in tab.evaluate("document.body.innerText"))
+
+
+def test_a_slow_page_draws_coarsely(monkeypatch):
+    monkeypatch.setattr(frame_rate, "PERIOD", 0.2)
+    monkeypatch.setattr(frame_rate, "FEWEST_FRAMES", 1e4)  # a page that draws fewer counts as slow
+    monkeypatch.setattr(live_scene, "COARSE", 600)
+    with mbdae.live("slider_crank", speed=0.1) as view:
+        before = sum(len(x.faces) for d in view._scene.drawables for x in d.solid.surfaces)
+        with Chromium().open(view.url, size=(300, 200), ready="window.viewer && live.frames") as tab:
+            waited(lambda: view._scene.coarse)
+            waited(lambda: tab.evaluate("live.coarse") is True)
+            assert tab.evaluate("viewer.renderer.getPixelRatio()") == 0.5
+            waited(lambda: 0 < tab.evaluate("viewer.renderer.info.render.triangles") < before / 2)
+            assert view.state == "running"
+        after = sum(len(x.faces) for d in view._scene.drawables for x in d.solid.surfaces)
+    assert after < 900 < before
+
+
+def test_only_pages_that_stay_slow_are_slow(monkeypatch):
+    rate, t = FrameRate(0.0), perf_counter()
+    for k, frames in enumerate((0, 0, 20, 40, 100, 110, 120)):  # no page, two slow seconds, a fast one, two slow ones
+        rate.update(t + 1.1 * (k + 1), 0.5 * (k + 1), frames)
+        assert not rate.slow
+    assert rate.pace == pytest.approx(0.5 / 1.1)
+    rate.update(t + 1.1 * 8, 4.0, 130)
+    assert rate.slow
+    assert rate.drawn == pytest.approx(10 / 1.1)
 
 
 def test_what_callers_do_is_checked_in_one_line(arm):

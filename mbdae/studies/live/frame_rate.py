@@ -1,0 +1,40 @@
+"""Pace of a live view, and the rate at which its pages draw."""
+
+from time import perf_counter
+
+PERIOD = 1.0  # s between measurements
+FEWEST_FRAMES = 25.0  # per second: a page that draws fewer draws coarsely
+PATIENCE = 3  # successive periods with fewer frames, since a page that loads is slow, too
+
+
+class FrameRate:
+    """Seconds of motion, and frames drawn by pages, per second.
+
+    Args:
+        t: simulated time in s.
+
+    Attributes:
+        pace: simulated seconds per second, over the last period.
+        drawn: frames per second that the slowest page has drawn.
+        slow: whether a page has drawn too few frames for several periods.
+    """
+
+    def __init__(self, t: float) -> None:
+        self.pace, self.drawn, self.slow = 1.0, 0.0, False
+        self._began, self._t, self._frames, self._slow_periods = perf_counter(), t, 0, 0
+
+    def update(self, now: float, t: float, frames: int) -> None:
+        """Measure if a period has passed.
+
+        Args:
+            now: time in s.
+            t: simulated time in s.
+            frames: number of frames that all pages have drawn; 0 without a page.
+        """
+        passed = now - self._began
+        if passed < PERIOD:
+            return
+        self.pace, self.drawn = (t - self._t) / passed, (frames - self._frames) / passed
+        self._slow_periods = self._slow_periods + 1 if 0 < self.drawn < FEWEST_FRAMES else 0
+        self.slow |= self._slow_periods >= PATIENCE
+        self._began, self._t, self._frames = now, t, frames
