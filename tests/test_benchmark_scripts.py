@@ -1,6 +1,7 @@
 """The scripts of examples/benchmarks run briefly, and all programs solve the same problem."""
 
 import importlib
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -183,6 +184,14 @@ def test_simulator_is_measured(script, capsys):
     found = script("simulator").main(5)
     assert all(mean > 0 and longest > 0 for mean, longest in found.values())
     assert "slider_crank" in capsys.readouterr().out
+
+
+def test_frames_of_a_live_view_are_counted(script, capsys, monkeypatch):
+    if shutil.which("chromium") is None:
+        pytest.skip("chromium is not installed")
+    monkeypatch.setattr(script("live"), "SETTLING", 0.0)
+    assert script("live").main("pendulum", 2.0, "200x150") > 0
+    assert "frames per second" in capsys.readouterr().out
 
 
 def test_optimal_control_is_measured(script, capsys):

@@ -23,7 +23,8 @@ def main(model: str = "panda_handle", seconds: float = 10.0, size: str = "800x60
     browser = shutil.which("chromium")
     if browser is None:
         raise SystemExit("chromium is not installed")
-    with mbdae.live(model, record=False) as view, tempfile.TemporaryDirectory() as profile:
+    profiles = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)  # processes of the browser end later
+    with mbdae.live(model, record=False) as view, profiles as profile:
         window = f"--window-size={size.replace('x', ',')}"
         command = [browser, *FLAGS, window, f"--user-data-dir={profile}", "--remote-debugging-port=0", view.url]
         page = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
