@@ -33,7 +33,7 @@ def effective_bounds(
     """
 
     def ends_at_zero(beyond: float) -> bool:
-        return _exists(make, {**start, name: 0.0}) and not _exists(make, {**start, name: beyond})
+        return not _exists(make, {**start, name: beyond}) and _exists(make, {**start, name: 0.0})
 
     low, high = pair
     return (

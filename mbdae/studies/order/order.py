@@ -6,6 +6,7 @@ from typing import Any
 from ...errors import InputError, as_list
 from ...integrate.binding import common_backend
 from ...integrate.span import checked_span
+from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism
 from ...methods import METHODS, Method, obstacle
 from ...methods import method as find_method
@@ -42,10 +43,12 @@ def order(
 
     Raises:
         UnknownNameError: for an unknown method.
-        InputError: for invalid T or steps, or an invalid problem.
+        InputError: for invalid T or steps, a method without fixed steps, or an invalid problem.
     """
     problem = problem_of(problem, "order")
     names = as_list(methods or _admitted(problem), "methods is a list of names")
+    if library := [name for name in names if isinstance(name, str) and name in SOLVERS]:
+        raise InputError(f"method {library[0]!r} controls the step size, orders are those of fixed steps")
     chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None

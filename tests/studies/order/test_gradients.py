@@ -88,3 +88,8 @@ def test_command(brief, tmp_path):
     assert (tmp_path / "orders.svg").stat().st_size > 5000
     with pytest.raises(InputError, match="check-gradients takes a mechanism"):
         CliRunner().invoke(cli, ["check-gradients", "hessenberg_a"], catch_exceptions=False)
+
+
+def test_solvers_without_fixed_steps_have_no_observed_order():
+    with pytest.raises(InputError, match=r"^method 'ida' controls the step size, orders are those of fixed steps$"):
+        mbdae.order("pendulum", "ida")
