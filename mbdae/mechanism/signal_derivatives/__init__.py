@@ -3,7 +3,7 @@
 from .contacts import contact_derivatives, path_derivatives
 from .efforts import driver_power_derivatives, effort_derivatives
 from .frame_motions import frame_motion_derivatives
-from .momentum import momentum_derivatives
+from .momentum import momentum_derivatives, shaking_derivatives
 from .motion_tangent import MotionTangent, TangentDirections
 from .reactions import reaction_derivatives
 
@@ -17,4 +17,5 @@ __all__ = [
     "momentum_derivatives",
     "path_derivatives",
     "reaction_derivatives",
+    "shaking_derivatives",
 ]

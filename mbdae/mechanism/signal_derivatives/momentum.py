@@ -1,4 +1,4 @@
-"""Derivatives of the centre of mass and the momenta."""
+"""Derivatives of the centre of mass, the momenta and the shaking force."""
 
 import numpy as np
 import pinocchio as pin
@@ -33,3 +33,28 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
     dc = (dfirst - np.outer(c, dmass)) / (mass or np.nan)
     moved = np.cross(dc.T, h[:3]).T + np.cross(c, dh[:3].T).T
     return np.concatenate([dc, dh[:3], dh[3:] - moved])
+
+
+def shaking_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
+    """Return the shaking force and moment, (2, 3), and their derivatives, (2, 3, m), see `mbdae.mechanism.momentum`.
+
+    A body's wrench f = I A + V x* (I V) at the world's origin moves with the body:
+
+        df = X x* f + I a + v x* (I V) + V x* (I v),   v = dV - X x V,   a = dA - X x A
+    """
+    total, derivatives = np.zeros(6), np.zeros((6, len(motion.d.t)))
+    for j, Y in enumerate(motion.model.inertias):
+        if not j:
+            continue
+        pose, X, V, A = motion.placements[j], motion.X[j], motion.V[j][:, None], motion.A[j][:, None]
+        inertia = pose.act(Y).matrix()
+        h = inertia.dot(V)
+        wrench = inertia.dot(A) + wrench_cross(V, h)
+        v, a = motion.dV[j] - motion_cross(X, V), motion.dA[j] - motion_cross(X, A)
+        total += wrench[:, 0]
+        derivatives += wrench_cross(X, wrench) + inertia.dot(a) + wrench_cross(v, h) + wrench_cross(V, inertia.dot(v))
+        local = pose.actInv(pin.Motion(motion.V[j])), pose.actInv(pin.Motion(motion.A[j]))
+        for p, dp in zip(motion.parameters.all, motion.d.p, strict=True):
+            if j in p.inertias:
+                derivatives += np.outer(pose.act(pin.Force(pin.bodyRegressor(*local) @ p.inertias[j])).vector, dp)
+    return -total.reshape(2, 3), -derivatives.reshape(2, 3, -1)

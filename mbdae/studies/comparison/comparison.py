@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 KNOWN_ERROR_RATIO = 5.0  # to the uncertainty of the reference: larger errors are known
 Work = Literal["solves", "seconds", "f"]
+SHOWN: tuple[Work, ...] = ("solves", "seconds")  # in sentences and reports
 QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
 TEXTBOOK_QUANTITIES = ("y", "z")
 UNITS = {**{f"{what}_{name}": unit for what in ("error", "end") for name, unit in QUANTITIES.items()},
@@ -148,11 +149,10 @@ class Comparison(Tabular):
     def sentences(self, quantity: str | None = None) -> list[str]:
         """Return a sentence for each power of ten that at least two methods reach."""
         name = self.quantity(quantity)
-        works: tuple[Work, ...] = ("solves", "seconds")
         unit = " or ".join(QUANTITIES[name].split(", ")) if name in QUANTITIES else ""
         out = []
         for target in self.targets(name):
-            parts = [sentence(self.ranking(target, work=work, quantity=name), work) for work in works]
+            parts = [sentence(self.ranking(target, work=work, quantity=name), work) for work in SHOWN]
             head = f"error in {name} of {target:.0e} {unit}".rstrip()
             out.append(f"{head}: " + "; ".join(p for p in parts if p))
         return out

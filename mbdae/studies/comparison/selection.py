@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...errors import InputError, require
+from ...errors import InputError, as_list, require
 from ...integrate.binding import common_backend
 from ...integrate.steppers.ida import IDA
 from ...integrate.steppers.solvers import find_method
@@ -33,7 +33,7 @@ def selected(
     Raises:
         InputError: for a method, named by itself, that does not suit the problem, or if none does.
     """
-    names = [methods] if isinstance(methods, str) else methods if methods is None else list(methods)
+    names = None if methods is None else as_list(methods, "methods is a list of names")
     controlled, fixed = steps is None or rtol is not None, steps is not None
     if names is None and formulations is None:
         chosen = default_variants(problem, METHODS, **({"rtol": TOLERANCES[0]} if controlled else {"step": 1.0}))

@@ -4,13 +4,13 @@ import base64
 import json
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
 from ...mechanism import Mechanism
 from ...mechanism.joints import file_kind
-from ..comparison.comparison import Work
+from ..comparison.comparison import SHOWN
 from ..comparison.ranking import RankingEntry
 from .templates import elements
 
@@ -35,7 +35,7 @@ def component_tables(mech: Mechanism) -> str:
 def ranking(result: "Comparison") -> str:
     """Return methods over accuracies: the work of each for an error in q, the best of a column in bold."""
     goals, out = result.targets(), []
-    for work in get_args(Work):
+    for work in SHOWN:
         rankings = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
         best_work = [min((p.work for p in found.values() if p.work is not None), default=0.0) for found in rankings]
         rows = [

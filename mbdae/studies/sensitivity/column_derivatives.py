@@ -9,7 +9,7 @@ import numpy as np
 from ...mechanism import Mechanism
 from ...mechanism.contacts import rolling_closures
 from ...mechanism.effort_signals import effort_units
-from ...mechanism.momentum import MOMENTUM
+from ...mechanism.momentum import MOMENTUM, SHAKING
 from ...mechanism.signal_derivatives import (
     MotionTangent,
     contact_derivatives,
@@ -19,6 +19,7 @@ from ...mechanism.signal_derivatives import (
     momentum_derivatives,
     path_derivatives,
     reaction_derivatives,
+    shaking_derivatives,
 )
 from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
 from ...system import Array
@@ -93,6 +94,7 @@ FAMILIES = (
     DerivativeFamily(lambda mech: _frame_columns(mech, False), _speeds, False),
     DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
     DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
+    DerivativeFamily(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
 )  # fmt: skip
 
 

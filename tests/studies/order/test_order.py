@@ -72,7 +72,7 @@ def test_orders_where_f_is_nonlinear_in_z(method, monkeypatch):
 
 
 SPANS = {"car_axis_equations": 0.2, "circle": 6.0, "fekete": 0.5, "hessenberg_a": 1.0}
-SPANS |= {"controlled_reactor": 3.0, "driven_circuit": 3.0, "stokes": 0.5}
+SPANS |= {"controlled_reactor": 3.0, "driven_circuit": 3.0, "mixed_index": 1.0, "stokes": 0.5}
 SOLVES = {"car_axis_equations": 2500}  # of a run; 1300 for the others
 
 
