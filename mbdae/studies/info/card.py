@@ -1,5 +1,6 @@
 """Model card: components of a mechanism, its degrees of freedom, and unsupported features."""
 
+import re
 import textwrap
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -167,10 +168,12 @@ class Card(Tabular):
 
 
 def wrapped(line: str) -> str:
-    """Return a line in lines of up to 100 characters, further ones indented."""
-    spaced = line.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}")  # kept together
-    filled = textwrap.fill(spaced, 100, subsequent_indent=" " * 14, break_long_words=False, break_on_hyphens=False)
-    return filled.replace("\N{NO-BREAK SPACE}", " ")
+    """Return a line in lines of about 100 characters that end after commas, further ones indented."""
+    text = line.lstrip()
+    kept = re.sub("(?<!,) ", "\N{NO-BREAK SPACE}", text)
+    wrapper = textwrap.TextWrapper(100, break_long_words=False, break_on_hyphens=False, subsequent_indent=" " * 14)
+    wrapper.initial_indent = " " * (len(line) - len(text))
+    return wrapper.fill(kept).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def readable(x: float) -> str:
