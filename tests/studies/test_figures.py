@@ -129,7 +129,7 @@ def test_every_method_has_a_distinct_style():
 
 
 def test_the_default_methods_differ_in_grey():
-    from mbdae.studies.comparison.compare import METHODS
+    from mbdae.studies.comparison.selection import METHODS
 
     styles = [figures.line_style(name) for name in METHODS]
     assert len({(s["marker"], s["markerfacecolor"] == "white", str(s["linestyle"])) for s in styles}) == len(METHODS)

@@ -26,7 +26,7 @@ def test_variants_are_written_as_they_are_read(text, four_bar):
 
 def test_the_first_method_is_the_default_with_its_projection(four_bar, monkeypatch):
     """Its run is that of `mbdae.solve`; mechanisms with mode switches have no other formulation than index 2."""
-    monkeypatch.setattr("mbdae.studies.comparison.compare.METHODS", ("pherk6", "ggl:pherk5"))
+    monkeypatch.setattr("mbdae.studies.comparison.selection.METHODS", ("pherk6", "ggl:pherk5"))
     study = mbdae.compare(four_bar, (0, 0.2), rtol=[1e-8], repeats=0)
     assert study.methods == ["project:pherk6", "pherk6", "ggl:pherk5"]
     sol = mbdae.solve(four_bar, (0, 0.2))
