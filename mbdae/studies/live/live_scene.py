@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SUN_AT = np.array([0.2, -0.8, 2.8])  # from the mechanism, in extents
 CAMERA_AT = 0.6 * np.array([0.9, -0.9, 0.55])  # from the mechanism, in extents
-COARSE = 6000  # triangles
+COARSE = 4000  # triangles
 PULL = Drawable("pull", primitive("cylinder", (1.0, 1.0)), rgba=(0.76, 0.09, 0.36, 1.0), style="mark")
 
 

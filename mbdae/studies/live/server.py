@@ -18,7 +18,7 @@ from ...errors import InputError
 from ..replay.html_page import viewer_folder
 
 HERE = Path(__file__).parent
-BEHIND = 2  # frames that a page may not have drawn yet
+BEHIND = 3  # frames that a page may not have drawn yet
 FIRST_PORT, PORTS = 7000, 100
 
 
