@@ -46,10 +46,7 @@ def order(
         InputError: for invalid T or steps, a method without fixed steps, or an invalid problem.
     """
     problem = problem_of(problem, "order")
-    names = as_list(methods or _admitted(problem), "methods is a list of names")
-    if library := [name for name in names if isinstance(name, str) and name in SOLVERS]:
-        raise InputError(f"method {library[0]!r} controls the step size, orders are those of fixed steps")
-    chosen = {m.name: m for m in map(find_method, names)}
+    chosen = {m.name: m for m in map(_stepped, as_list(methods or _admitted(problem), "methods is a list of names"))}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
@@ -62,6 +59,13 @@ def order(
     measure.lower = lower
     orders, missing = finished(chosen, measure.judge)
     return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing)
+
+
+def _stepped(name: str | Method) -> Method:
+    """Return a method, which takes fixed steps."""
+    if isinstance(name, str) and name in SOLVERS:
+        raise InputError(f"method {name!r} controls the step size, orders are those of fixed steps")
+    return find_method(name)
 
 
 def _admitted(problem: Problem) -> list[Method]:
