@@ -15,6 +15,7 @@ from mbdae import backend
 FLAGS = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
          "--disable-gpu-compositing", "--no-first-run", "--hide-scrollbars"]  # fmt: skip
 
+LOADING = 120.0  # s at most
 SETTLING = 8.0  # s, in which a slow page begins to draw coarsely
 
 
@@ -29,8 +30,11 @@ def main(model: str = "panda_handle", seconds: float = 10.0, size: str = "800x60
         command = [browser, *FLAGS, window, f"--user-data-dir={profile}", "--remote-debugging-port=0", view.url]
         page = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            drawn = view.frames_drawn
-            while view.frames_drawn < drawn + 3:  # the page has loaded its meshes
+            latest, opened = time.perf_counter() + LOADING, 0
+            while not opened or view.frames_drawn < opened + 3:  # the page loads its meshes
+                opened = opened or view.frames_drawn
+                if time.perf_counter() > latest:
+                    raise SystemExit(f"the page has drawn nothing within {LOADING:g} s")
                 time.sleep(0.1)
             time.sleep(SETTLING)
             drawn, simulated, started = view.frames_drawn, view.t, time.perf_counter()
