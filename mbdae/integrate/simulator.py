@@ -105,20 +105,20 @@ class Simulator(DifferentiableAdvance):
 
     def _continue(self, run: RunState) -> None:
         """Continue with a run, whose fixed steps are counted from the start of the simulator."""
-        self._current, self._stepper, run.continues = run, run.stepper, True
+        self._current, run.continues = run, True
         if isinstance(fixed := getattr(run.stepper, "inner", run.stepper), Fixed):
             fixed.n, fixed.t0 = ENDLESS, self.start
 
     @property
     def _run(self) -> RunState:
         """The run, all its steps recorded."""
-        self._stepper.record(self._current)
+        self._current.stepper.record(self._current)
         return self._current
 
     @property
     def _y(self) -> Array:
         """The point (n,) now."""
-        return self._stepper.point(self._current)
+        return self._current.stepper.point(self._current)
 
     def __repr__(self) -> str:
         return f"<Simulator of {self.mechanism.title} at t = {self.t:.9g} s: {self.status}>"
@@ -126,7 +126,7 @@ class Simulator(DifferentiableAdvance):
     @property
     def t(self) -> float:
         """Time in s."""
-        return self._stepper.time(self._current)
+        return self._current.stepper.time(self._current)
 
     @property
     def q(self) -> Array:
@@ -188,15 +188,15 @@ class Simulator(DifferentiableAdvance):
         require_positive(dt=dt)
         if not isfinite(dt):
             raise InputError(f"dt must be finite, got {dt}")
-        if not self.recorded and self._stepper.nodes(self._current) > FORGOTTEN:
+        if not self.recorded and self._current.stepper.nodes(self._current) > FORGOTTEN:
             self.save()
         self._last = self._differentiated = None
-        started, begin, node = perf_counter(), self.t, self._stepper.nodes(self._current) - 1
+        started, begin, node = perf_counter(), self.t, self._current.stepper.nodes(self._current) - 1
         target = self._on_grid(begin + dt)
         end = end_of_tables(self.mechanism.drivers, begin, target)
         try:
             restarts, stopped = self._restarts(dt), False
-            if restarts or not self._stepper.continue_unrecorded(self._current, end):
+            if restarts or not self._current.stepper.continue_unrecorded(self._current, end):
                 with np.errstate(over="ignore", invalid="ignore"):
                     restarts, stopped = self._loop(end, restarts)
         except StepError as e:

@@ -15,7 +15,6 @@ from .characteristic_rate import characteristic_rate
 from .equations_at_point import EquationsAtPoint
 from .forces import is_custom
 from .frames import frame_placement
-from .inputs import Inputs
 from .local_ode import LocalODE
 from .pinocchio_data import make_data
 
@@ -96,7 +95,7 @@ class DynamicsTerms:
             >>> q, v, s = ode.state(run.t[-1], run.y[:, -1])                     # doctest: +SKIP
         """
         point = self.at(t, q, v, s, backend=backend)
-        return LocalODE(Inputs(self), point.t, point.q, point.v, point.s, point.native)
+        return LocalODE(self, point.t, point.q, point.v, point.s, point.native)
 
     @cached_property
     def characteristic_length(self: Self_) -> float:

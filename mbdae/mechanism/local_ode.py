@@ -30,9 +30,9 @@ from .formulations.core_description import samplers_of
 from .formulations.equation_partials import rate_partials
 from .input_functions import InputSetting
 from .input_variation import AdvanceSpan, VariedInput
+from .inputs import Inputs
 
 if TYPE_CHECKING:
-    from .inputs import Inputs
     from .mechanism import Mechanism
 
 ITERATIONS = 10
@@ -59,7 +59,7 @@ class LocalODE:
     Call it as ``ode(t, x)`` or ``ode(t, x, u)``; not to be shared between threads.
 
     Args:
-        inputs: the inputs of a mechanism without stops, clutches or stiction.
+        mechanism: without stops, clutches or stiction; its inputs are u.
         t: time in s.
         q: consistent configuration (nq,), origin of the coordinates.
         v: consistent velocity (nv,).
@@ -79,10 +79,11 @@ class LocalODE:
     """
 
     def __init__(
-        self, inputs: "Inputs", t: float, q: Array, v: Array, s: Array, native: ModuleType | None = None
+        self, mechanism: "Mechanism", t: float, q: Array, v: Array, s: Array, native: ModuleType | None = None
     ) -> None:
-        self.inputs, self.mechanism, self.native = inputs, inputs.mechanism, native
-        m, self.input_names = self.mechanism, tuple(inputs.cells)
+        self.inputs = inputs = Inputs(mechanism)
+        self.mechanism, self.native, self.input_names = inputs.mechanism, native, tuple(inputs.cells)
+        m = self.mechanism
         self.u0 = np.array([cell.setting.value for cell in inputs.cells.values()])
         if m.switches:
             raise InputError(f"{m.title}: stops, clutches and stiction have modes, an ODE has none")
@@ -222,7 +223,7 @@ class LocalODE:
 
     def restart(self, t: float, x: Array) -> "LocalODE":
         """Return the ODE in new coordinates, with their origin at x; its ``x0`` is the same state."""
-        return LocalODE(type(self.inputs)(self.inputs.original), t, *self.state(t, x), native=self.native)
+        return LocalODE(self.inputs.original, t, *self.state(t, x), native=self.native)
 
     @cached_property
     def _sensitivity(self) -> AccelerationSensitivity:

@@ -36,7 +36,7 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     mass = sum(Y.mass for _, Y in bodies)
     for row, configuration, velocity in zip(out, q, v, strict=True):
         pin.forwardKinematics(model, data, configuration, velocity)
-        h = np.sum([data.oMi[j].act(Y * data.v[j]).vector for j, Y in bodies], axis=0)
+        h = _momenta_of_bodies(model, data).sum(axis=0)
         c = np.sum([Y.mass * data.oMi[j].act(Y.lever) for j, Y in bodies], axis=0) / (mass or np.nan)
         row[:3], row[3:6], row[6:] = c, h[:3], h[3:] - np.cross(c, h[:3])
     return dict(zip(MOMENTUM, out.T, strict=True))
@@ -73,7 +73,7 @@ def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
     data, out = make_data(model), Momenta(*np.empty((4, len(q), 6 + model.nv)))
     for i, (qi, vi, ai) in enumerate(zip(q, v, a, strict=True)):
         pin.forwardKinematics(model, data, qi, vi, ai)
-        h, dh = _of_bodies(model, data)
+        h, dh = _momenta_of_bodies(model, data), _inertia_wrenches(model, data)
         C = pin.computeCoriolisMatrix(model, data, qi, vi)
         dM = C + C.T
         M = pin.crba(model, data, qi)
@@ -106,14 +106,18 @@ def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str
     data, out = make_data(model), np.empty((len(q), 6))
     for row, configuration, velocity, acceleration in zip(out, q, v, vdot, strict=True):
         pin.forwardKinematics(model, data, configuration, velocity, acceleration)
-        row[:] = -_of_bodies(model, data)[1].sum(axis=0)
+        row[:] = -_inertia_wrenches(model, data).sum(axis=0)
     sizes = np.linalg.norm(out.reshape(-1, 2, 3), axis=2)
     return dict(zip(SHAKING, np.hstack([sizes[:, :1], out[:, :3], sizes[:, 1:], out[:, 3:]]).T, strict=True))
 
 
-def _of_bodies(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:
-    """Return the momenta of the bodies about the origin and their rates, (n, 6) each; kinematics are current."""
+def _momenta_of_bodies(model: pin.Model, data: pin.Data) -> Array:
+    """Return the momenta of the bodies about the origin, (n, 6); velocities are current."""
+    bodies = list(zip(data.oMi, model.inertias, data.v, strict=True))[1:]
+    return np.array([M.act(Y * w).vector for M, Y, w in bodies]).reshape(-1, 6)
+
+
+def _inertia_wrenches(model: pin.Model, data: pin.Data) -> Array:
+    """Return the rates of these momenta, (n, 6); accelerations are current."""
     bodies = list(zip(data.oMi, model.inertias, data.v, data.a, strict=True))[1:]
-    h = [M.act(Y * w).vector for M, Y, w, _ in bodies]
-    rates = [M.act(Y * a + w.cross(Y * w)).vector for M, Y, w, a in bodies]
-    return np.array(h).reshape(-1, 6), np.array(rates).reshape(-1, 6)
+    return np.array([M.act(Y * a + w.cross(Y * w)).vector for M, Y, w, a in bodies]).reshape(-1, 6)

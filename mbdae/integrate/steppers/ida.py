@@ -61,22 +61,13 @@ class Ida(LibraryStepper):
         InputError: without scikit-sundae; for several atol on a manifold.
     """
 
-    def __init__(
-        self,
-        method: IdaSolver,
-        system: System,
-        rtol: float,
-        atol: float | Array | None,
-        first_step: float | None,
-        max_step: float,
-    ) -> None:
-        super().__init__(method.order + 1, rtol, atol, first_step, max_step)
+    def __init__(self, method: IdaSolver, system: System, *control: Any) -> None:
+        super().__init__(method, system, *control)
         try:
             from sksundae.ida import IDA as solver
         except ModuleNotFoundError:
             raise InputError("method 'ida' needs scikit-sundae: pip install \"mbdae[sundials]\"") from None
         self._create, self.system = solver, system
-        self.solver: Any = None
         self.unknowns: Any = ()
         self.raw = RawCoordinates(system)
         if self.atol.ndim and self.raw.units:

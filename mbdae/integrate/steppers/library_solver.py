@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -51,9 +51,30 @@ class LibrarySolver(ABC):
 
 
 class LibraryStepper(Adaptive):
-    """Steps of a solver that has accepted them; rtol and atol as it defines them."""
+    """Steps of a solver that has accepted them; rtol and atol as it defines them.
+
+    Args:
+        method: the solver.
+        system: a workspace.
+        rtol: relative tolerance.
+        atol: absolute tolerance, a number or one for each component of (q, v).
+        first_step: first step in s; None for the estimate of the solver.
+        max_step: largest step in s.
+    """
 
     any_size = False
+
+    def __init__(
+        self,
+        method: LibrarySolver,
+        system: System,
+        rtol: float,
+        atol: float | Array | None,
+        first_step: float | None,
+        max_step: float,
+    ) -> None:
+        super().__init__(method.order + 1, rtol, atol, first_step, max_step)
+        self.solver: Any = None
 
     @property
     def control(self) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core
-MAX_UNRECORDED = 200  # steps: to record them takes less than a millisecond
+MAX_UNRECORDED = 200  # steps: to record them takes about a millisecond
 
 
 class NativeStepper(Stepper):

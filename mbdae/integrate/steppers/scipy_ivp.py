@@ -63,25 +63,14 @@ class Scipy(LibraryStepper):
     Args:
         baseline: the solver.
         system: the mechanism in the index-1 formulation.
-        rtol: relative tolerance.
-        atol: absolute tolerance, a number or one for each component of (q, v).
-        first_step: first step in s; None for the estimate of the solver.
-        max_step: largest step in s.
+        *control: see `LibraryStepper`.
 
     Raises:
         InputError: for an implicit solver or several atol on a manifold.
     """
 
-    def __init__(
-        self,
-        baseline: ScipySolver,
-        system: System,
-        rtol: float,
-        atol: float | Array | None,
-        first_step: float | None,
-        max_step: float,
-    ) -> None:
-        super().__init__(baseline.order + 1, rtol, atol, first_step, max_step)
+    def __init__(self, baseline: ScipySolver, system: System, *control: Any) -> None:
+        super().__init__(baseline, system, *control)
         if not isinstance(system, Index1System):
             raise InputError("formulation 'index1' is for mechanisms")
         if not system.manifold.flat:
@@ -97,7 +86,6 @@ class Scipy(LibraryStepper):
                 )
         self.baseline: ScipySolver = baseline
         self.system: Index1System = system
-        self.solver: Any = None
         self.backend = "native" if system.native else "python"
         self._last: tuple[float, Array, Array] | None = None
 

@@ -80,13 +80,7 @@ def gradient(
     """
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    return trajectory_gradient(Trajectory(sol, bind_parameters(sol, parameters, model)), cost, start, event)
-
-
-def trajectory_gradient(
-    trace: Trajectory, cost: Cost, start: bool = False, event: Event | Callable[..., float] | str | None = None
-) -> Gradient:
-    """Differentiate a cost of a trajectory with bound parameters, see `gradient`."""
+    trace = Trajectory(sol, bind_parameters(sol, parameters, model))
     found = run_cost(trace, cost)
     return Gradient(found.value, adjoint_gradient(trace, found, start, event))
 
