@@ -201,8 +201,9 @@ class LocalCoordinates:
     def coordinate_tangents(self, y: Array, dy: Array) -> Array:
         """Return the tangents (n, m) of `coordinates_of` at y for tangents dy (ny, m) of the point."""
         m, nv, manifold = self.mechanism, self.mechanism.nv, self.system.manifold
-        moved = manifold.difference(self.q0, y[: m.nq])
-        turned = np.column_stack([manifold.tangent(moved, d) for d in dy[:nv].T])
+        moved, turned = manifold.difference(self.q0, y[: m.nq]), np.zeros((nv, dy.shape[1]))
+        for k, d in enumerate(dy[:nv].T):
+            turned[:, k] = manifold.tangent(moved, d)
         D = self._scales[:, None]
         return np.vstack([self._N.T @ (turned / D), self._Nv.T @ (dy[nv : 2 * nv] / D), dy[2 * nv : -1]])
 

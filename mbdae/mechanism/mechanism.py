@@ -277,7 +277,11 @@ class Mechanism(DynamicsTerms):
         return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(
-        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None,
+        self,
+        q: Array | None = None,
+        v: Array | None = None,
+        t: float = 0.0,
+        s: Array | None = None,
         gap: float = INPUT_DIGITS,
     ) -> Array:
         """Return y = (q, v, s, w = 0) at time t; by default at the start state, with start values of s.

@@ -47,7 +47,6 @@ class NewtonMethod:
         )
 
 
-
 @dataclass(frozen=True)
 class Composition(NewtonMethod):
     """Weights of a symmetric composition of RATTLE steps.

@@ -1,6 +1,5 @@
 """Solutions in files: .npz contains the complete solution and can be read; .csv is a table of named columns."""
 
-
 import json
 import sys
 import warnings
@@ -41,6 +40,7 @@ DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
 )  # fmt: skip
+
 
 class _OpenModel(BaseModel):
     """Data of a run: fields named here are checked, others may be present."""

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 
-
 class Impact(NamedTuple):
     """An impact.
 

@@ -1,0 +1,151 @@
+"""First guesses of periodic motions: the period, full turns and advances, from runs."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...mechanism.time_functions import Harmonic
+from ...solution.solution import Solution
+from ...system import Array
+from ...tolerances import INPUT_DIGITS
+from .flow import Flow
+from .shooting import TWO_PI, Cycle, Guess
+from .symmetry import Symmetry
+
+MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
+NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
+SAMPLES = 4000  # of a run, in the search for returns
+
+
+def guess_of(
+    flow: Flow, y: Array, T: float | None, t: float, section: str | None, names: Sequence[str], parts: int | None
+) -> tuple[Cycle, Guess]:
+    """Return the kind of a motion and its first guess.
+
+    Raises:
+        InputError: without an estimate of the period, or for wrong values.
+        UnknownNameError: for an unknown symmetry.
+    """
+    mech = flow.mechanism
+    if parts is not None and (isinstance(parts, bool) or not isinstance(parts, int) or parts < 1):
+        raise InputError(f"parts must be a positive number, got {parts!r:.60}")
+    system, k = mech.system(), parts or (2 if section else 1)
+    if section and k < 2:
+        raise InputError("a motion with a section has at least 2 parts: the section is not monitored in the first one")
+    symmetries, free = Symmetry.named(system, names), is_autonomous(mech, t, y)
+    if section:
+        y, T = _on_section(flow, t, y, T or mech.duration, section)
+    elif not free:
+        T = T or _period_of_drivers(mech)
+    if T is None:
+        raise InputError("the equations do not depend on time: give an estimate of the period, T, or a section")
+    cycle = Cycle(t, k, section, not free and not section, free, symmetries)
+    nodes, at = [y], t
+    for i in range(k):
+        nodes.append(flow.run(at, nodes[-1], T / k, section if i == k - 1 else None).y[-1])
+        at += T / k
+    end = nodes.pop()
+    q, q1 = y[: mech.nq], end[: mech.nq]
+    moved = system.manifold.difference(q, q1)
+    turns = np.zeros(mech.nv)
+    angles = _revolute(mech)
+    turns[angles] = np.round(moved[angles] / TWO_PI)
+    sigma = np.zeros(len(symmetries))
+    if symmetries:
+        w = np.column_stack([symmetry.direction(q) for symmetry in symmetries])
+        turns[np.abs(w).max(axis=1) > 0] = 0.0
+        sigma = np.linalg.lstsq(w, moved - TWO_PI * turns, rcond=None)[0]
+    return cycle, Guess(nodes, T, sigma, turns)
+
+
+def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
+    """Return whether forces and drivers do not depend on time, judged at several times."""
+    q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
+    for k in range(3):
+        at = mech.at(t + k * mech.duration / np.e, q, v, s)
+        by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
+        if any(x.any() for x in by_time):
+            return False
+    return True
+
+
+def _on_section(flow: Flow, t: float, y: Array, longest: float, section: str) -> tuple[Array, float]:
+    """Return the first point of a motion on the section, and the time until it is there again."""
+    first = flow.run(t, y, longest, section)
+    start = first.y[0] if first.t[-1] == first.t[0] else first.y[-1]
+    again = flow.run(t, start, longest, section)
+    return start, float(again.t[-1] - again.t[0])
+
+
+def _period_of_drivers(mech: Mechanism) -> float:
+    """Return the common period of the harmonic functions of drivers and forces.
+
+    Raises:
+        InputError: for other functions of time, or frequencies without a small common multiple.
+    """
+    omegas = sorted({abs(x.omega) for x in _harmonics([*mech.drivers, *mech.forces])} - {0.0})
+    if not omegas:
+        raise InputError("forces or drivers depend on time, but not as harmonic functions: give their period, T")
+    for n in range(1, MAX_MULTIPLE + 1):
+        T = n * TWO_PI / omegas[0]
+        cycles = np.array(omegas) * T / TWO_PI
+        if np.abs(cycles - np.round(cycles)).max() <= INPUT_DIGITS:
+            return T
+    raise InputError("the frequencies of forces and drivers have no common period: give T")
+
+
+def _harmonics(values: Any) -> list[Harmonic]:
+    """Return the harmonic functions in tables of drivers and forces."""
+    if isinstance(values, Harmonic):
+        return [values]
+    if hasattr(type(values), "model_fields"):
+        values = [getattr(values, name) for name in type(values).model_fields]
+    return [x for value in values for x in _harmonics(value)] if isinstance(values, list | tuple) else []
+
+
+def _revolute(mech: Mechanism) -> Array:
+    """Return indices in v of revolute joints whose angle is a coordinate."""
+    joints = [j for j in mech.model.joints if (j.nq, j.nv) == (1, 1)]
+    return np.array([j.idx_v for j in joints if j.shortname().removeprefix("JointModel").startswith("R")], int)
+
+
+def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple[Array, float]:
+    """Return the end of a run that has nearly settled, and the time since it was there before.
+
+    The distance between states is measured in rad, characteristic lengths and per period of the fastest motion,
+    without the directions of symmetries.
+
+    Raises:
+        InputError: if the run was not near its end before.
+        UnknownNameError: for an unknown symmetry.
+    """
+    mech, y = sol.mechanism, sol.nodes[1][-1]
+    if T is not None:
+        return y, T
+    system = mech.system()
+    symmetries = Symmetry.named(system, names)
+    times = np.linspace(sol.t[0], sol.t[-1], SAMPLES)
+    points = np.array([np.concatenate(sol(x)) for x in times.tolist()])
+    q, v, x = mech.nq, mech.nv, []
+    speeds = np.abs(points[:, q : q + v]).max(axis=0) + INPUT_DIGITS
+    for point in points:
+        moved = system.manifold.difference(y[:q], point[:q]) / mech.coordinate_scales
+        x.append(np.concatenate([moved, (point[q : q + v] - y[q : q + v]) / speeds]))
+    distances = np.array(x)
+    if symmetries:
+        w = np.column_stack([symmetry.direction(y[:q]) for symmetry in symmetries]) / mech.coordinate_scales[:, None]
+        basis = np.linalg.qr(w)[0]
+        distances[:, :v] -= distances[:, :v] @ basis @ basis.T
+    angles = _revolute(mech)
+    distances[:, angles] -= TWO_PI * np.round(distances[:, angles] / TWO_PI)
+    size = np.linalg.norm(distances, axis=1)
+    middle = size[1:-1]
+    lowest = np.flatnonzero((middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max()))
+    if not len(lowest):
+        raise InputError("the run does not come back to where it ends: give T or a section, or a longer run")
+    best = size[lowest + 1].min()
+    latest = [i for i in lowest + 1 if size[i] <= max(2 * best, INPUT_DIGITS * size.max())]
+    return y, float(times[-1] - times[latest[-1]])

@@ -1,0 +1,136 @@
+"""A periodic motion with its Floquet multipliers."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...data_types import JsonObject
+from ...mechanism import Mechanism
+from ...mechanism.coordinate_units import coordinate_units
+from ...solution.signals import signals
+from ...solution.solution import Solution
+from ...system import Array
+from ...tabular import Columns, Tabular
+from ...tolerances import HALF_DIGITS
+from .shooting import Linearisation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__: list[str] = []
+
+
+@dataclass(frozen=True)
+class Neutral:
+    """A multiplier of magnitude 1 that a symmetry, the free phase or a conserved energy causes.
+
+    Attributes:
+        name: ``"time"``, a symmetry, or ``"energy"``.
+        error: relative distance of the tangent over a period from the known map of its direction.
+    """
+
+    name: str
+    error: float
+
+
+@dataclass(frozen=True)
+class PeriodicMotion(Tabular):
+    """Result of `periodic`.
+
+    Attributes:
+        mechanism: the mechanism.
+        T: period in s.
+        t: time of the start.
+        q: configuration at the start, (nq,).
+        v: velocity, (nv,).
+        s: states of forces, (ns,).
+        multipliers: Floquet multipliers without the neutral ones, complex, by decreasing magnitude.
+        neutral: the neutral ones, with their errors.
+        advances: of the symmetries over a period, by name, in rad or m.
+        gap: largest relative distance of the end from the start, of a whole period in rad, characteristic lengths.
+        runs: one run for each part of the period.
+        shooting: the equations at the solution.
+    """
+
+    mechanism: Mechanism
+    T: float
+    t: float
+    q: Array
+    v: Array
+    s: Array
+    multipliers: Array
+    neutral: tuple[Neutral, ...]
+    advances: dict[str, float]
+    gap: float
+    runs: tuple[Solution, ...]
+    shooting: Linearisation = field(repr=False)
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest magnitude of the multipliers that are not neutral; 0 if there are none."""
+        return float(np.abs(self.multipliers).max(initial=0.0))
+
+    @property
+    def stability(self) -> str:
+        """``"stable"``, ``"unstable"``, ``"neutral"`` within 1e-8, or ``"doubtful"`` if a neutral one is not 1."""
+        if any(not x.error <= HALF_DIGITS for x in self.neutral):
+            return "doubtful"
+        if abs(self.spectral_radius - 1) <= HALF_DIGITS:
+            return "neutral"
+        return "unstable" if self.spectral_radius > 1 else "stable"
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Coordinates and velocities at the start by name."""
+        first = self.runs[0]
+        return {name: float(x[0]) for name, x in signals(first, list(coordinate_units(self.mechanism))).items()}
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data; multipliers as pairs [re, im]."""
+        return {
+            "title": self.mechanism.title,
+            "T": self.T,
+            "t": self.t,
+            "q": self.q.tolist(),
+            "v": self.v.tolist(),
+            "s": self.s.tolist(),
+            "start": self.start,
+            "multipliers": [[z.real, z.imag] for z in self.multipliers.tolist()],
+            "neutral": {x.name: x.error for x in self.neutral},
+            "advances": self.advances,
+            "stability": self.stability,
+            "gap": self.gap,
+        }
+
+    def tabulated(self) -> Columns:
+        """Return coordinates and velocities over one period."""
+        units = {"t": "s", **coordinate_units(self.mechanism)}
+        pieces = [signals(run, list(units)) for run in self.runs]
+        return Columns({name: np.concatenate([piece[name] for piece in pieces]) for name in units}, units, "t")
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw one period in the phase plane, and the multipliers at the unit circle; optionally saved.
+
+        Raises:
+            InputError: for another format, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import motion
+
+        return figures.save_if_path(motion(self), path)
+
+    def __str__(self) -> str:
+        lines = [f"periodic motion of {self.mechanism.title}: T = {self.T:.12g} s, {self.stability}"]
+        lines += [f"  {name:24s} {x: .12g}" for name, x in self.start.items()]
+        lines += [f"  {name} advances by {x:.12g} per period" for name, x in self.advances.items()]
+        lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
+        lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]
+        return "\n".join(lines)
+
+
+def multiplier_text(z: complex) -> str:
+    """Return a multiplier, a conjugate pair or a real one, with its magnitude."""
+    number = f"{z.real:.10g}" if z.imag == 0 else f"{z.real:.10g} +- {z.imag:.10g} i"
+    return f"{number}, magnitude {abs(z):.10g}"
