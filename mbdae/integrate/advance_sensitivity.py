@@ -66,7 +66,7 @@ class AdvanceParameters:
             self.template = LoadedModel(inputs.original)
             values |= {name: parameter_value(self.template, name) for name in names}
         self.columns = list(values)
-        self.bound = Parameters(self._make, values, backend.load(), own=True, along=[at], mode=mode)
+        self.bound = Parameters(self._make, values, backend.load(), own=True, along=[(*at, mode)])
 
     def _make(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with a changed input or parameter."""

@@ -18,10 +18,11 @@ from ..methods import method_from_settings
 from ..methods.runge_kutta import RungeKutta
 from ..solution.solution import Solution
 from ..system import Array, State, System
-from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE
+from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE, ZERO_SPEED
 from .checkpoints import Checkpoints, RecordedStates
 from .differentiable_runs import require_differentiable
 from .events.jumps import MARGIN
+from .jump import ModeJumps
 from .native_trajectory import NativeStep, NativeTrajectory
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
@@ -86,8 +87,8 @@ class Trajectory:
         defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings
         self.given = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
-        self.mode = sol.mode(0) or self.system.mode
-        self._enter(parameters)
+        self.system.closure_friction.min_slip_speed = ZERO_SPEED * mech.characteristic_speed
+        self._enter(0, parameters)
         if self.system.closure_friction.can_stick:
             self.system.closure_friction.reject("a gradient of wheels that slide")
         self.controlled = "step" not in settings
@@ -100,6 +101,7 @@ class Trajectory:
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
+        self.jumps = ModeJumps(self)
         self.n_carry = self.sensitivity.n_carry if self.tableau.carries else 0
         self.restarted = np.zeros(len(self.ts), bool)
         self.checkpoints: Checkpoints | RecordedStates | None = None
@@ -113,18 +115,21 @@ class Trajectory:
             )
 
     def enter_node(self, i: int) -> None:
-        """Use the rows that were in use at node i."""
-        self._enter(self.core.varied)
+        """Use the mode and the rows that were in use at node i."""
+        self._enter(i, self.core.varied)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
         self.system.determine_rank(float(self.ts[i]), self.ys[i])
 
-    def _enter(self, parameters: Parameters) -> None:
-        """Enter the mode of the run in the workspaces."""
-        if self.system.mode != self.mode:
-            self.system.enter(self.mode)
-        parameters.enter(self.mode)
+    def _enter(self, i: int, parameters: Parameters) -> None:
+        """Enter the mode of node i in the workspaces."""
+        mode = self.sol.mode(i) or self.system.mode
+        if self.system.mode != mode:
+            self.system.enter(mode)
+        parameters.enter(mode)
+        if hasattr(self, "sensitivity"):
+            self.sensitivity.native = self.core.enter_mode()
 
     def state(self, i: int) -> State:
         """Return the state at which the step from node i starts."""
@@ -157,6 +162,11 @@ class Trajectory:
         """Yield the maps from node i to the next one."""
         self.enter_node(i)
         t1, y1, changed = float(self.ts[i + 1]), self.ys[i + 1], i + 1 in self.changes
+        if self.jumped[i] and self.system.mechanism.switches:
+            yield LinearMap(self.jumps[i].matrix, False)
+            self.enter_node(i + 1)
+            yield from self._carry_restart(t1, y1)
+            return
         if self.jumped[i]:
             yield LinearMap(self.sensitivity.jump(t1, self.ys[i]), False)
         else:
