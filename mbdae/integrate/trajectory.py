@@ -24,6 +24,7 @@ from .differentiable_runs import require_differentiable
 from .events.jumps import MARGIN
 from .jump import ModeJumps
 from .native_trajectory import NativeStep, NativeTrajectory
+from .reset_jump import ResetJumps
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 
@@ -101,7 +102,7 @@ class Trajectory:
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
-        self.jumps = ModeJumps(self)
+        self.jumps, self.resets = ModeJumps(self), ResetJumps(self)
         self.n_carry = self.sensitivity.n_carry if self.tableau.carries else 0
         self.restarted = np.zeros(len(self.ts), bool)
         self.checkpoints: Checkpoints | RecordedStates | None = None
@@ -162,8 +163,9 @@ class Trajectory:
         """Yield the maps from node i to the next one."""
         self.enter_node(i)
         t1, y1, changed = float(self.ts[i + 1]), self.ys[i + 1], i + 1 in self.changes
-        if self.jumped[i] and self.system.mechanism.switches:
-            yield LinearMap(self.jumps[i].matrix, False)
+        if i in self.resets or (self.jumped[i] and self.system.mechanism.switches):
+            jump = self.resets[i] if i in self.resets else self.jumps[i]
+            yield LinearMap(jump.matrix, False)
             self.enter_node(i + 1)
             yield from self._carry_restart(t1, y1)
             return

@@ -18,6 +18,7 @@ from .input_functions import Input
 from .joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
+from .reset import Reset
 from .singularity import Singular
 from .time_functions import Function
 
@@ -37,6 +38,7 @@ __all__ = [
     "NotCompiled",
     "Reaction",
     "Singular",
+    "Reset",
     "Stop",
     "contact",
     "depth_first",

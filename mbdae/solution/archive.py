@@ -85,6 +85,7 @@ class _Run(_OpenModel):
     in_use: tuple[tuple[int, tuple[int, ...]], ...] = ()
     modes: tuple[tuple[int, tuple[int, ...]], ...] = ()
     impacts: tuple[Impact, ...] = ()
+    resets: tuple[tuple[int, str], ...] = ()
     events: int = Field(default=0, ge=0)
     arrays: dict[str, tuple[int, ...]] | None = None
 
@@ -120,6 +121,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         "in_use": sol.in_use,
         "modes": sol.modes,
         "impacts": sol.impacts,
+        "resets": sol.resets,
         "events": len(sol.events),
         "arrays": {name: x.shape for name, x in arrays.items()},
         "versions": versions(),
@@ -229,7 +231,7 @@ def _arguments(
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
     passed, in_use = list(run.singular), list(run.in_use)
-    rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
+    rest |= {"modes": list(run.modes), "impacts": list(run.impacts), "resets": list(run.resets)}
     rest |= {"events": events, "singular": passed, "in_use": in_use}
     return {"problem": problem, **arrays, **rest, "steps": steps}
 

@@ -42,6 +42,7 @@ class IdaSolver(LibrarySolver):
     """IDA: BDF of orders 1 to 5."""
 
     excludes: ClassVar[Mapping[str, str]] = {
+        "events": "it does not restart where the state jumps",
         "switches": "it does not restart in modes of stops, stiction, clutches and contacts",
     }
     in_core = False

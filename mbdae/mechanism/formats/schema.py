@@ -16,6 +16,7 @@ from ..closures.unilateral_constraint import Stop
 from ..forces import AnyForce
 from ..input_functions import Input
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
+from ..reset import Reset
 from ..time_functions import TimeFunction
 
 Vector = tuple[float, float, float]
@@ -114,6 +115,7 @@ class MechanismFile(Table):
         driver: joints or distances that follow a function of time.
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
+        event: events at which the state jumps.
         force: springs, dampers, motors, controllers.
         input: inputs of forces and drivers.
         start: initial state.
@@ -135,6 +137,7 @@ class MechanismFile(Table):
     driver: tuple[Driver, ...] = ()
     stop: tuple[Stop, ...] = ()
     clutch: tuple[Clutch, ...] = ()
+    event: tuple[Reset, ...] = ()
     force: tuple[AnyForce, ...] = ()
     input: tuple[Input, ...] = ()
     start: Start = Start()

@@ -37,7 +37,14 @@ from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entr
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
 WHOLE_TABLES = ("duration", "gravity")  # with values for the whole table
-PARTS = {"closure": "closures", "clutch": "clutches", "driver": "drivers", "stop": "stops", "duration": "duration"}
+PARTS = {
+    "closure": "closures",
+    "clutch": "clutches",
+    "driver": "drivers",
+    "stop": "stops",
+    "event": "resets",
+    "duration": "duration",
+}
 CACHE_SIZE = 8  # mechanisms with other parameters, for several threads
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MbdaeError, is_number
+from ...integrate.signal_jacobian import differentiable
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
@@ -15,7 +16,6 @@ from ...solution.solution import Solution, uninterrupted
 from ...system import Array
 from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sensitivity.sensitivity import trajectory_sensitivity
-from ..sensitivity.signal_jacobian import differentiable
 from .data import Recording
 
 SAMPLES_PER_PARAMETER = 3  # fewest samples of a span

@@ -1,20 +1,22 @@
 """First guesses of periodic motions: the period, full turns and advances, from runs."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.symmetry import Symmetry
 from ...mechanism.time_functions import Harmonic
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from .flow import Flow
 from .shooting import TWO_PI, Cycle, Guess
-from .symmetry import Symmetry
 
+MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
 MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
 SAMPLES = 4000  # of a run, in the search for returns
@@ -36,6 +38,8 @@ def guess_of(
     if section and k < 2:
         raise InputError("a motion with a section has at least 2 parts: the section is not monitored in the first one")
     symmetries, free = Symmetry.named(system, names), is_autonomous(mech, t, y)
+    if mech.resets and free and not section:
+        y, T = _between_events(flow, t, y, T)
     if section:
         y, T = _on_section(flow, t, y, T or mech.duration, section)
     elif not free:
@@ -78,6 +82,24 @@ def _on_section(flow: Flow, t: float, y: Array, longest: float, section: str) ->
     start = first.y[0] if first.t[-1] == first.t[0] else first.y[-1]
     again = flow.run(t, start, longest, section)
     return start, float(again.t[-1] - again.t[0])
+
+
+def _between_events(flow: Flow, t: float, y: Array, T: float | None) -> tuple[Array, float]:
+    """Return a point half-way between two events at which the state jumps, and the time from one to the next, or T.
+
+    Shooting starts there, since an event at the end of a part would be lost or taken twice.
+
+    Raises:
+        InputError: if there are no two events.
+    """
+    mech = flow.mechanism
+    sol = flow.run(t, y, max(2.5 * T if T else 0.0, mech.duration), None)
+    times = [float(sol.nodes[0][i]) for i, _ in sol.resets]
+    if len(times) < 2:
+        names = ", ".join(repr(reset.name) for reset in mech.resets)
+        raise InputError(f"{names}: fewer than two events within {sol.t[-1]:.3g} s; start closer to a periodic motion")
+    first, second = max(pairwise(times[:MAX_EVENTS]), key=lambda pair: pair[1] - pair[0]) if T else times[:2]
+    return flow.run(t, y, (first + second) / 2 - t, None).y[-1], T or second - first
 
 
 def _period_of_drivers(mech: Mechanism) -> float:

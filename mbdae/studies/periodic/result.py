@@ -87,6 +87,17 @@ class PeriodicMotion(Tabular):
         first = self.runs[0]
         return {name: float(x[0]) for name, x in signals(first, list(coordinate_units(self.mechanism))).items()}
 
+    @property
+    def after(self) -> dict[str, dict[str, float]]:
+        """Coordinates and velocities just after each event at which the state jumps, by its name."""
+        out = {}
+        for run in self.runs:
+            columns = signals(run, list(coordinate_units(self.mechanism)))
+            for i, name in run.resets:
+                key = name if name not in out else f"{name} {sum(x.startswith(name) for x in out) + 1}"
+                out[key] = {name: float(x[i]) for name, x in columns.items()}
+        return out
+
     def to_dict(self) -> JsonObject:
         """Return JSON data; multipliers as pairs [re, im]."""
         return {
@@ -97,6 +108,7 @@ class PeriodicMotion(Tabular):
             "v": self.v.tolist(),
             "s": self.s.tolist(),
             "start": self.start,
+            "after": self.after,
             "multipliers": [[z.real, z.imag] for z in self.multipliers.tolist()],
             "neutral": {x.name: x.error for x in self.neutral},
             "advances": self.advances,
@@ -124,6 +136,8 @@ class PeriodicMotion(Tabular):
     def __str__(self) -> str:
         lines = [f"periodic motion of {self.mechanism.title}: T = {self.T:.12g} s, {self.stability}"]
         lines += [f"  {name:24s} {x: .12g}" for name, x in self.start.items()]
+        for event, values in self.after.items():
+            lines += [f"  after {event!r}", *(f"    {name:22s} {x: .12g}" for name, x in values.items())]
         lines += [f"  {name} advances by {x:.12g} per period" for name, x in self.advances.items()]
         lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
         lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]

@@ -18,10 +18,10 @@ import numpy as np
 from ...errors import InputError, MbdaeError
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.local_coordinates import LocalCoordinates
+from ...mechanism.symmetry import Symmetry
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
 from .flow import Flow, FlowEnd
-from .symmetry import Symmetry
 
 MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
 TWO_PI = 2 * np.pi

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...integrate.native_trajectory import NodeRange
+from ...integrate.signal_jacobian import SignalJacobian
 from ...integrate.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
-from .signal_jacobian import SignalJacobian
 from .terminal_event import EventTimeDerivative
 
 Cotangents = tuple[Array, Array, float]  # of (y, carry), (ny + nc,), of the parameters, (k,), and of time

@@ -11,6 +11,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events.event import Event
+from ...integrate.signal_jacobian import SignalJacobian
 from ...integrate.trajectory import Trajectory
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.solution import Solution
@@ -18,7 +19,6 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import COINCIDENT
 from .run_parameters import Model, Names, bind_parameters
-from .signal_jacobian import SignalJacobian
 from .terminal_event import terminal_event
 
 __all__ = ["sensitivity"]

@@ -6,11 +6,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...mechanism import Mechanism
-from ...mechanism.contacts import rolling_closures
-from ...mechanism.effort_signals import effort_units
-from ...mechanism.momentum import MOMENTUM, SHAKING
-from ...mechanism.signal_derivatives import (
+from ..mechanism import Mechanism
+from ..mechanism.contacts import rolling_closures
+from ..mechanism.effort_signals import effort_units
+from ..mechanism.momentum import MOMENTUM, SHAKING
+from ..mechanism.signal_derivatives import (
     MotionTangent,
     contact_derivatives,
     driver_power_derivatives,
@@ -21,9 +21,9 @@ from ...mechanism.signal_derivatives import (
     reaction_derivatives,
     shaking_derivatives,
 )
-from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
-from ...system import Array
-from ...tolerances import ITERATION_ROUNDING
+from ..solution.columns import CONTACT, frame_units, moving_frames, reaction_units
+from ..system import Array
+from ..tolerances import ITERATION_ROUNDING
 
 
 class DerivativeFamily(NamedTuple):

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError, UnknownNameError
-from ...mechanism.formulations.index2 import Index2System
-from ...system import Array
-from ...tolerances import CLOSED, EPS, SUM_ROUNDING
+from ..errors import InputError, UnknownNameError
+from ..system import Array
+from ..tolerances import CLOSED, EPS, SUM_ROUNDING
+from .formulations.index2 import Index2System
 
 TWISTS = {"x": 0, "y": 1, "z": 2, "turn": 5}  # component of a world twist: translations, and the turn about z
 ITERATIONS = 20
