@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..mechanism.reset import StateReset
+from ..mechanism.reset import Reset, StateReset
 from ..tolerances import VISIBLE
 from .events.level_crossing import parse_level_crossing
 from .jump import Jump
@@ -47,8 +47,17 @@ class ResetJumps:
         total = float(gradient[:ny] @ before + gradient[-1])
         if abs(total) <= VISIBLE * float(np.abs(gradient[:ny] * before).sum() + abs(gradient[-1])):
             raise InputError(f"event {reset.name!r} only grazes its level at t = {t:.9g} s: no derivative of the run")
-        R = StateReset(trace.system, reset).partials(sensitivity, t, y)
+        state_reset = StateReset(trace.system, reset)
+        for k, (p, others) in enumerate(
+            zip(sensitivity.parameters.all, state_reset.of_parameters(sensitivity), strict=True)
+        ):
+            gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
+        R = state_reset.partials(sensitivity, t, y)
         trace.enter_node(i + 1)
         after = trace.system.derivative(float(trace.ts[i + 1]), trace.ys[i + 1])[0]
         time = -gradient[:-1] / total
         return Jump(R[:, :-1] + np.outer(R[:, :ny] @ before + R[:, -1] - after, time), time)
+
+
+def _level(reset: Reset) -> float:
+    return parse_level_crossing(reset.signal).level

@@ -132,6 +132,10 @@ class StateReset:
         closed = self._closed(t, assigned)
         out = np.zeros((ny, ny + k + 1))
         out[:, np.r_[0:ny, -1]] = self._assigned_partials(t, y, assigned)
+        for i, (p, others) in enumerate(zip(sensitivity.parameters.all, self.of_parameters(sensitivity), strict=True)):
+            if any(other != self.reset for other in others.values()):
+                maps = {j: StateReset(s, other) for j, other in others.items()}
+                out[:, ny + i] = p.quotient({j: s.difference(assigned, m._assigned(t, y)) for j, m in maps.items()})
         if s.ng:
             q, rows = s.split(closed)[0], s.constraints.positional
             G = s.jacobian(q)[rows]
@@ -149,6 +153,11 @@ class StateReset:
         out[-1] += energy[1] @ moved
         out[-1, :-1] -= energy[0]
         return out
+
+    def of_parameters(self, sensitivity: "PointSensitivity") -> list[dict[int, Reset]]:
+        """Return this event of the mechanisms with perturbed parameters, by their numbers."""
+        i = [reset.name for reset in self.system.mechanism.resets].index(self.reset.name)
+        return [{j: mech.resets[i] for j, mech in p.perturbed.items()} for p in sensitivity.parameters.all]
 
     def _energy(self, y: Array) -> tuple[float, float]:
         return self.system.energy(*self.system.split(y))

@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...errors import InputError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
@@ -13,11 +11,10 @@ from ...mechanism.mechanism import Coordinates
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
-from ...tolerances import HALF_DIGITS, SAME_STATE
 from .flow import Flow
 from .guess import guess_of, settled_start
-from .multipliers import on_quotient, periodic_eigenvalues
-from .result import Neutral, PeriodicMotion
+from .motion import motion_of
+from .result import PeriodicMotion
 from .shooting import Cycle, Guess, Linearisation, newton
 
 __all__ = ["periodic"]
@@ -67,11 +64,21 @@ def periodic(
     """
     require_positive_period(T)
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
-    options = {"method": method or mech.settings.method or METHOD, "rtol": rtol}
     given = settled_start(model, T, symmetry) if isinstance(model, Solution) else None
     y0, T = given or (start_point(mech, q, v, s, t), T)
-    flow = Flow(mech, Parameters(lambda values: mech, {}), options)
+    flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
     return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts), rtol)
+
+
+def run_options(mech: Mechanism, method: str | None, rtol: float) -> dict[str, Any]:
+    """Return the options of the runs.
+
+    Raises:
+        InputError: for a tolerance that is not a positive number.
+    """
+    if not (is_number(rtol) and 0 < rtol < 1):
+        raise InputError(f"rtol is a number between 0 and 1, got {rtol!r:.60}")
+    return {"method": method or mech.settings.method or METHOD, "rtol": rtol}
 
 
 def require_positive_period(T: float | None) -> None:
@@ -100,49 +107,3 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     cycle, guess = kind
     found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
     return motion_of(newton(found.refined(), GAP * rtol))
-
-
-def motion_of(found: Linearisation) -> PeriodicMotion:
-    """Return the periodic motion of solved equations, with its multipliers."""
-    cycle, at, mech = found.cycle, found.at, found.flow.mechanism
-    q, v, s, _ = np.split(at.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
-    multipliers, neutral = floquet(found)
-    T = float(found.ends[-1].sol.t[-1]) - cycle.t
-    advances = {x.name: float(-sigma) for x, sigma in zip(cycle.symmetries, at.sigma, strict=True)}
-    runs = tuple(end.sol for end in found.ends)
-    return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, found.size, runs, found)
-
-
-def floquet(found: Linearisation) -> tuple[Array, tuple[Neutral, ...]]:
-    """Return the multipliers that are not neutral, and the neutral ones with their errors."""
-    factors, k = found.factors, found.cycle.parts
-    names = [x.name for x in found.cycle.symmetries]
-    known = [found.symmetry_directions(i) for i in range(k)]
-    flows = [found.flow_direction(i) for i in range(k)]
-    if found.cycle.free and min(np.linalg.norm(x) for x in flows) > HALF_DIGITS:
-        names, known = ["time", *names], [np.column_stack([f, w]) for f, w in zip(flows, known, strict=True)]
-    neutral = [Neutral(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
-    energies = [found.energy_gradient(i) for i in range(k)]
-    error = _left_error(factors, energies)
-    if error <= SAME_STATE:
-        neutral.append(Neutral("energy", error))
-        known = [np.column_stack([w, e]) for w, e in zip(known, energies, strict=True)]
-    return periodic_eigenvalues(on_quotient(factors, known)), tuple(neutral)
-
-
-def _right_error(factors: Sequence[Array], known: Sequence[Array], j: int) -> float:
-    """Return the largest relative distance of M_i w_i from the span of the known directions at the next node."""
-    errors = [0.0]
-    for M, here, there in zip(factors, known, [*known[1:], known[0]], strict=True):
-        image = M @ here[:, j]
-        rest = image - there @ np.linalg.lstsq(there, image, rcond=None)[0]
-        errors.append(float(np.linalg.norm(rest) / np.linalg.norm(here[:, j])))
-    return max(errors)
-
-
-def _left_error(factors: Sequence[Array], rows: Sequence[Array]) -> float:
-    """Return the largest relative distance of e_i+1 M_i from e_i; 1 for rows that vanish."""
-    if not all(row.any() for row in rows):
-        return 1.0
-    triples = zip(factors, rows, [*rows[1:], rows[0]], strict=True)
-    return max(float(np.linalg.norm(b @ M - a) / np.linalg.norm(a)) for M, a, b in triples)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -98,6 +98,15 @@ class PeriodicMotion(Tabular):
                 out[key] = {name: float(x[i]) for name, x in columns.items()}
         return out
 
+    def extrema(self, signal: str) -> tuple[float, float]:
+        """Return the least and the largest value of a signal at the nodes of the runs.
+
+        Raises:
+            UnknownNameError: for an unknown signal.
+        """
+        values = np.concatenate([signals(run, [signal])[signal] for run in self.runs])
+        return float(values.min()), float(values.max())
+
     def to_dict(self) -> JsonObject:
         """Return JSON data; multipliers as pairs [re, im]."""
         return {
@@ -142,6 +151,39 @@ class PeriodicMotion(Tabular):
         lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
         lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]
         return "\n".join(lines)
+
+
+class BranchPoint(NamedTuple):
+    """A point of a branch.
+
+    Attributes:
+        value: of the parameter.
+        motion: the periodic motion.
+        tangent: of the nodes, (k, ny), then of T, sigma and the parameter.
+    """
+
+    value: float
+    motion: PeriodicMotion
+    tangent: tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A named point of a branch.
+
+    Attributes:
+        kind: ``"fold"``, ``"doubling"``, ``"neimark-sacker"`` or ``"branch"``.
+        value: of the parameter.
+        motion: the periodic motion there.
+    """
+
+    kind: str
+    value: float
+    motion: PeriodicMotion
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data."""
+        return {"kind": self.kind, "value": self.value, "motion": self.motion.to_dict()}
 
 
 def multiplier_text(z: complex) -> str:
