@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism import Function as Function
     from .mechanism import Input as Input
     from .mechanism import Mechanism as Mechanism
+    from .mechanism import Reset as Reset
     from .mechanism import Stop as Stop
     from .mechanism import load as load
     from .mechanism import model_names as model_names
@@ -58,6 +59,8 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.optimize.optimize import optimize as optimize
     from .studies.order.gradients import check_gradients as check_gradients
     from .studies.order.order import order as order
+    from .studies.periodic.branch import periodic_branch as periodic_branch
+    from .studies.periodic.periodic import periodic as periodic
     from .studies.replay.replay import animate as animate
     from .studies.report.report import report as report
     from .studies.schema.schema import schema as schema

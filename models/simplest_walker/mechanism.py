@@ -14,6 +14,8 @@ def mechanism(slope: Annotated[float, Field(gt=0, lt=0.1)] = 0.009) -> dict:
     Args:
         slope: of the ground in rad.
     """
+    root = slope ** (1 / 3)
+    angle, rate = 0.970956 * root - 0.270837 * slope, -1.01472 * root + 1.249 * slope  # of the long gait, to 1e-3
     return {
         "title": "Simplest walker",
         "gravity": [sin(slope), 0.0, -cos(slope)],  # x down the slope, z normal to it
@@ -40,5 +42,8 @@ def mechanism(slope: Annotated[float, Field(gt=0, lt=0.1)] = 0.009) -> dict:
                 },
             }
         ],
-        "start": {"q": {"stance": 0.2, "swing": 0.4}, "v": {"stance": -0.2, "swing": -0.0155}},
+        "start": {
+            "q": {"stance": angle, "swing": 2 * angle},
+            "v": {"stance": rate, "swing": rate * (1 - cos(2 * angle))},
+        },
     }  # fmt: skip

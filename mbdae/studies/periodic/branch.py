@@ -21,8 +21,6 @@ from .shooting import newton
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...mechanism.mechanism import Coordinates
-
 __all__ = ["periodic_branch"]
 
 KINDS = {
@@ -139,10 +137,9 @@ def periodic_branch(
     last: float,
     *,
     T: float | None = None,
-    q: "Coordinates | Array | None" = None,
-    v: "Coordinates | Array | None" = None,
+    q: Mapping[str, float] | Array | None = None,
+    v: Mapping[str, float] | Array | None = None,
     s: Array | None = None,
-    t: float = 0.0,
     section: str | None = None,
     symmetry: Sequence[str] = (),
     parts: int | None = None,
@@ -157,14 +154,13 @@ def periodic_branch(
         name: of the parameter, as in `mbdae.sweep`.
         first: its value at the beginning.
         last: its value at the end.
-        T: period or estimate, see `mbdae.periodic`.
-        q: guess of the configuration at ``first``.
-        v: guess of the velocity.
-        s: guess of the states of forces.
-        t: time in s of the start.
-        section: see `mbdae.periodic`.
-        symmetry: see `mbdae.periodic`.
-        parts: see `mbdae.periodic`.
+        T: period in s: given if the mechanism is driven, else an estimate.
+        q: guess of the configuration at ``first``: joint = value, or (nq,).
+        v: guess of the velocity: joint = value, or (nv,).
+        s: guess of the states of forces, (ns,).
+        section: signal and level at which a period begins and ends.
+        symmetry: along which the motion advances in a period, see `mbdae.periodic`.
+        parts: of the period that are shot separately.
         method: of the runs.
         rtol: relative tolerance of the runs.
         start: other parameters, constant.
@@ -180,8 +176,8 @@ def periodic_branch(
     maker.check({n: x for n, x in {**rest, name: first}.items() if n not in maker.parameters})
     mech = maker.make({**rest, name: first})
     path = BranchPath(maker, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
-    y = start_point(mech, q, v, s, t)
-    cycle, guess = guess_of(path.flow(first, t, y), y, T, t, section, symmetry, parts)
+    y = start_point(mech, q, v, s)
+    cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts)
     found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
     path.options = found.flow.options
     begin = path.point(newton(found, path.tolerance), None)

@@ -15,6 +15,7 @@ theory, chapter 10.
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -25,7 +26,7 @@ from ...errors import InputError, MbdaeError
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.symmetry import Symmetry
 from ...system import Array
-from ...tolerances import HALF_DIGITS, SMALLEST_PART
+from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
 from ..path_location import locate
 from ..sweep.sweep_run import Maker
 from .flow import Flow
@@ -34,7 +35,7 @@ from .result import Bifurcation, BranchPoint
 from .shooting import Cycle, Guess, Linearisation
 
 FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, parts of the range
-MAX_POINTS, MAX_CORRECTIONS, GROWTH, MIN_COSINE = 500, 8, 1.5, 0.9
+MAX_POINTS, MAX_CORRECTIONS, MAX_HALVINGS, GROWTH, MIN_COSINE = 500, 8, 10, 1.5, 0.9
 
 
 class Range(NamedTuple):
@@ -140,10 +141,11 @@ class BranchPath:
 
     def corrected(self, at: Linearisation, before: BranchPoint) -> BranchPoint | None:
         """Return the point of the branch across the tangent of the point before; None if Newton's method fails."""
+        last = np.inf
         for _ in range(MAX_CORRECTIONS):
-            if at.size <= self.tolerance:
+            if at.size <= EVALUATION_ROUNDING or (at.size <= self.tolerance and at.size > last / 2):
                 break
-            scales, direction = self.scales(at), self.transported(at, before)
+            last, scales, direction = at.size, self.scales(at), self.transported(at, before)
             right = np.zeros(len(at.matrix) + 1)
             right[: len(at.residual)] = -at.residual
             x = np.linalg.lstsq(np.vstack([at.matrix * scales, direction]), right)[0] * scales
@@ -167,8 +169,7 @@ class BranchPath:
                     return points, found, f"ends at {self.over.name} = {here.value:.9g}: no motion is found beyond"
                 continue
             if ended := not low <= there.value <= high:
-                limit = low if there.value < low else high
-                h, there = locate(self.step, here, h, lambda p: p.value - limit, "periodic motions")  # noqa: B023
+                h, there = self.located(here, h, partial(_beyond, low if there.value < low else high))
             found += self.bifurcations(here, there, h)
             points.append(there)
             if ended:
@@ -176,16 +177,18 @@ class BranchPath:
             here, h = there, min(MAX_STEP, GROWTH * h)
         return points, found, f"ends at {self.over.name} = {here.value:.9g} after {MAX_POINTS} points"
 
+    def located(self, here: BranchPoint, h: float, value: Callable[[BranchPoint], float]) -> tuple[float, BranchPoint]:
+        """Return the step length at a sign change of a value, and the point."""
+        return locate(self.step, here, h, value, "periodic motions")
+
     def bifurcations(self, here: BranchPoint, there: BranchPoint, h: float) -> list[Bifurcation]:
         """Return the bifurcations of a step, in order."""
-        out, crossed = (
-            list[tuple[float, Bifurcation]](),
-            [kind for kind, test in TESTS.items() if _changes(test, here, there)],
-        )
+        out = list[tuple[float, Bifurcation]]()
+        crossed = [kind for kind, test in TESTS.items() if test(here) * test(there) < 0]
         if "fold" in crossed:
             crossed = [kind for kind in crossed if kind != "branch"]
         for kind in crossed:
-            length, at = locate(self.step, here, h, TESTS[kind], "periodic motions")
+            length, at = self.located(here, h, TESTS[kind])
             if kind != "neimark-sacker" or _has_complex_pair(at.motion.multipliers):
                 out.append((length, Bifurcation(kind, at.value, at.motion)))
         return [x for _, x in sorted(out, key=lambda pair: pair[0])]
@@ -212,15 +215,19 @@ class BranchPath:
         along[: 2 * k * base.n] = np.concatenate([*flips, *(-x for x in flips)])
         along /= np.linalg.norm(along)
         first = BranchPoint(at.value, motion_of(double), self.physical(double, along))
-        start = self.step(first, h)
+        start = None
+        for _ in range(MAX_HALVINGS):
+            if start := self.step(first, h):
+                break
+            h /= 2
         if start is None:
             raise InputError(f"no motion of twice the period is found near {self.over.name} = {at.value:.9g}")
         points, found, message = self.run(start, h)
         return [first, *points], found, message
 
 
-def _changes(test: Callable[[BranchPoint], float], here: BranchPoint, there: BranchPoint) -> bool:
-    return test(here) * test(there) < 0
+def _beyond(limit: float, p: BranchPoint) -> float:
+    return p.value - limit
 
 
 def _pairs(p: BranchPoint) -> float:

@@ -134,8 +134,8 @@ def _revolute(mech: Mechanism) -> Array:
     return np.array([j.idx_v for j in joints if j.shortname().removeprefix("JointModel").startswith("R")], int)
 
 
-def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple[Array, float]:
-    """Return the end of a run that has nearly settled, and the time since it was there before.
+def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple[float, Array, float]:
+    """Return the end of a run that has nearly settled, its time, and the time since it was there before.
 
     The distance between states is measured in rad, characteristic lengths and per period of the fastest motion,
     without the directions of symmetries.
@@ -144,9 +144,9 @@ def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple
         InputError: if the run was not near its end before.
         UnknownNameError: for an unknown symmetry.
     """
-    mech, y = sol.mechanism, sol.nodes[1][-1]
+    mech, t, y = sol.mechanism, float(sol.nodes[0][-1]), sol.nodes[1][-1]
     if T is not None:
-        return y, T
+        return t, y, T
     system = mech.system()
     symmetries = Symmetry.named(system, names)
     times = np.linspace(sol.t[0], sol.t[-1], SAMPLES)
@@ -170,4 +170,4 @@ def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple
         raise InputError("the run does not come back to where it ends: give T or a section, or a longer run")
     best = size[lowest + 1].min()
     latest = [i for i in lowest + 1 if size[i] <= max(2 * best, INPUT_DIGITS * size.max())]
-    return y, float(times[-1] - times[latest[-1]])
+    return t, y, float(times[-1] - times[latest[-1]])

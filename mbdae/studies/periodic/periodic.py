@@ -7,7 +7,6 @@ from typing import Any
 from ...errors import InputError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.mechanism import Coordinates
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
@@ -27,10 +26,9 @@ def periodic(
     model: Mechanism | Solution | str | Path,
     T: float | None = None,
     *,
-    q: Coordinates | Array | None = None,
-    v: Coordinates | Array | None = None,
+    q: Mapping[str, float] | Array | None = None,
+    v: Mapping[str, float] | Array | None = None,
     s: Array | None = None,
-    t: float = 0.0,
     section: str | None = None,
     symmetry: Sequence[str] = (),
     parts: int | None = None,
@@ -50,7 +48,6 @@ def periodic(
         q: guess of the configuration: joint = value, or (nq,); the model's start when left out.
         v: guess of the velocity: joint = value, or (nv,).
         s: guess of the states of forces, (ns,).
-        t: time in s of the start.
         section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
         symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"turn"`` about the vertical,
             or names of joints on whose angles nothing depends.
@@ -65,7 +62,7 @@ def periodic(
     require_positive_period(T)
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
     given = settled_start(model, T, symmetry) if isinstance(model, Solution) else None
-    y0, T = given or (start_point(mech, q, v, s, t), T)
+    t, y0, T = given or (0.0, start_point(mech, q, v, s), T)
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
     return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts), rtol)
 
@@ -91,11 +88,11 @@ def require_positive_period(T: float | None) -> None:
         raise InputError(f"the period T must be a positive number of seconds, got {T!r:.60}")
 
 
-def start_point(mech: Mechanism, q: Any, v: Any, s: Array | None, t: float) -> Array:
+def start_point(mech: Mechanism, q: Any, v: Any, s: Array | None) -> Array:
     """Return the consistent point (q, v, s, 0) near a guess."""
     if isinstance(q, Mapping) or isinstance(v, Mapping):
-        q, v = mech.assemble(q, v, t=t)
-    return mech.point(q, v, t, s)
+        q, v = mech.assemble(q, v)
+    return mech.point(q, v, s=s)
 
 
 def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMotion:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...data_types import JsonObject
+from ...integrate.result import joined
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.signals import signals
@@ -90,13 +91,28 @@ class PeriodicMotion(Tabular):
     @property
     def after(self) -> dict[str, dict[str, float]]:
         """Coordinates and velocities just after each event at which the state jumps, by its name."""
-        out = {}
+        out: dict[str, dict[str, float]] = {}
         for run in self.runs:
             columns = signals(run, list(coordinate_units(self.mechanism)))
             for i, name in run.resets:
                 key = name if name not in out else f"{name} {sum(x.startswith(name) for x in out) + 1}"
                 out[key] = {name: float(x[i]) for name, x in columns.items()}
         return out
+
+    @property
+    def run(self) -> Solution:
+        """One period as one run."""
+        return joined(self.runs)
+
+    def animate(self, path: str | Path) -> Path:
+        """Write a replay page of one period, which repeats.
+
+        Raises:
+            InputError: for another suffix, or an unwritable path.
+        """
+        from ..replay.replay import animate
+
+        return animate(self.run, path)
 
     def extrema(self, signal: str) -> tuple[float, float]:
         """Return the least and the largest value of a signal at the nodes of the runs.
