@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.formulations.equation_partials import time_partials
 from ...mechanism.symmetry import Symmetry
 from ...mechanism.time_functions import Harmonic
 from ...solution.solution import Solution
@@ -16,6 +17,7 @@ from ...tolerances import INPUT_DIGITS
 from .flow import Flow
 from .shooting import TWO_PI, Cycle, Guess
 
+SAMPLED_TIMES = 3  # at which time dependence is checked
 MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
 MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
@@ -67,10 +69,11 @@ def guess_of(
 
 def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
     """Return whether forces and drivers do not depend on time, judged at several times."""
-    q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
-    for k in range(3):
-        at = mech.at(t + k * mech.duration / np.e, q, v, s)
-        by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
+    system = mech.system()
+    (q, v), inner = system.split(y), system.element_states(y)
+    for k in range(SAMPLED_TIMES):
+        at = t + k * mech.duration / np.e
+        by_time = system.g_t(at), *time_partials(system, at, q, v, inner, np.zeros(mech.ng))
         if any(x.any() for x in by_time):
             return False
     return True
@@ -165,9 +168,12 @@ def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple
     distances[:, angles] -= TWO_PI * np.round(distances[:, angles] / TWO_PI)
     size = np.linalg.norm(distances, axis=1)
     middle = size[1:-1]
-    lowest = np.flatnonzero((middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max()))
+    low = (middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max())
+    away = np.maximum.accumulate(size[::-1])[::-1] > 2 * NEAR_RETURN * size.max()  # the motion leaves afterwards
+    lowest = np.flatnonzero(low & away[1:-1])
     if not len(lowest):
         raise InputError("the run does not come back to where it ends: give T or a section, or a longer run")
-    best = size[lowest + 1].min()
-    latest = [i for i in lowest + 1 if size[i] <= max(2 * best, INPUT_DIGITS * size.max())]
+    near = lowest + 1
+    resolution = np.maximum(np.abs(size[near + 1] - size[near]), np.abs(size[near] - size[near - 1]))  # of the samples
+    latest = near[size[near] <= 2 * size[near].min() + resolution]
     return t, y, float(times[-1] - times[latest[-1]])

@@ -24,6 +24,7 @@ from ...tolerances import AGREEMENT, TRUNCATION
 from .flow import Flow, FlowEnd
 
 MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
+SHORTEST = 0.5  # of the period before: one iteration may not do more
 TWO_PI = 2 * np.pi
 
 
@@ -196,8 +197,8 @@ class Linearisation:
             nodes.append(np.concatenate([q, v, s, [0.0]]))
         period = int(self.cycle.unknown_period)
         T = at.T + (step[n * k] if period else 0.0)
-        if not T > 0:
-            raise InputError(f"the period became {T:.3g} s: give a better guess of the motion or of T")
+        if not SHORTEST * sum(self.durations) < T:
+            raise InputError(f"the period shrank to {T:.3g} s: give a better guess of the motion or of T")
         advance = step[n * k + period : n * k + period + len(at.sigma)]
         return replace(at, nodes=nodes, T=float(T), sigma=at.sigma + advance)
 
