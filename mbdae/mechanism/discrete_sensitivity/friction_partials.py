@@ -16,6 +16,7 @@ from math import tanh
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ...finite_differences import numerical_jacobian
 from ...system import Array
@@ -70,10 +71,11 @@ def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> 
 
 def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[Array], Array]:
     """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
-    s.jacobian(q)
     friction, W = s.closure_friction, s.constraints.W
-    load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
     active = np.flatnonzero(friction.active)
+    pin.computeJointJacobians(s.model, s.workspace, q)
+    s.constraints.update_wrenches(friction.interfaces[k].closure.name for k in active)
+    load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
     return [friction.interfaces[k].sliding_jacobian(W) for k in active], load[active]
 
 
