@@ -24,6 +24,7 @@ from ..mechanism.hybrid.mode_point import AllRows, ModePoint
 from ..mechanism.hybrid.switches import unswitched_rows
 from ..system import Array
 from ..tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
+from .native_trajectory import NativeStep
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
@@ -86,11 +87,13 @@ class ModeJumps:
             jumped[:, :-1] = self.sensitivity.jump(t, before)
             before = self.system.jump(t, before)
         point = ModePoint(self.system, self.all_rows, t, before)
-        rates, gradient = self.system.derivative(t, before)[0], None if at_known_time else self._event(i, point)
+        rates, time = np.zeros(ny), np.zeros(ny + self.sensitivity.k)
+        if varies := not at_known_time and self._varies(i):
+            rates = self._rate_before(i)
+            time = self._event(i, point, rates)
         R = self._map(point, jumped)
-        if gradient is None:
-            return self._projected(i, Jump(R[:, :-1], np.zeros(ny + self.sensitivity.k)))
-        time = -gradient[:-1] / (gradient[:ny] @ rates + gradient[-1])
+        if not varies:
+            return self._projected(i, Jump(R[:, :-1], time))
         trace.enter_node(i + 1)
         after = self.system.derivative(t, trace.ys[i + 1])[0]
         change = R[:, :ny] @ rates + R[:, -1] - after
@@ -129,18 +132,27 @@ class ModeJumps:
         last = {name: x.t for x in self.trace.sol.impacts if x.t < t for name in x.where}
         return {s.index for s in self.switches if t - last.get(s.name, -np.inf) < s.rest}
 
-    def _event(self, i: int, point: ModePoint) -> Array | None:
-        """Return the derivatives of the guard that ends a mode by (y, p, t); None for a change at a known time.
+    def _rate_before(self, i: int) -> Array:
+        """Return F-, (ny,): the derivative of the end of the last step by its size, equal to y' within its error.
+
+        Friction that changes its sign with the normal force within that step has kinks, which y' does not show.
+        """
+        ny, k = self.sensitivity.ny, self.sensitivity.k
+        zeros = np.zeros((ny, 1)), np.zeros((self.trace.n_carry, 1)), np.zeros((k, 1))
+        rate = NativeStep(self.trace.core, i - 1).forward(*zeros, np.ones(1))[0][:, 0]
+        self.trace.enter_node(i)
+        return rate
+
+    def _event(self, i: int, point: ModePoint, rates: Array) -> Array:
+        """Return the derivatives of the time at which a guard ends a mode by (y, p), (ny + k,).
 
         Raises:
             InputError: for grazing and for simultaneous events of different derivatives.
         """
         trace, ny = self.trace, self.sensitivity.ny
-        if i == 0 or trace.jumped[i - 1]:
-            return self._immediate(i)
         m = max(k for k in self.first_nodes if k <= i)
         first = ModePoint(self.system, self.all_rows, float(trace.ts[m]), trace.ys[m])
-        mode, rates = self.system.mode, point.derivative[0]
+        mode = self.system.mode
         guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
         for g in guards:
             g.value(first)
@@ -155,15 +167,15 @@ class ModeJumps:
             if abs(total) <= VISIBLE * np.abs(terms).sum():
                 grazing = grazing or g.name
             elif total < 0:
-                found.append((g.name, gradient / total))
+                found.append((g.name, -gradient[:-1] / total))
         if not found:
             name = grazing or self.switches[0].name
             raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
         self._require_one_time(point, found)
         return found[0][1]
 
-    def _immediate(self, i: int) -> None:
-        """Allow a change of mode just after a jump at a known time.
+    def _varies(self, i: int) -> bool:
+        """Return whether the time of a change of mode varies: not at the start, or just after a jump at a known time.
 
         Raises:
             InputError: just after an event, whose time varies.
@@ -171,8 +183,11 @@ class ModeJumps:
         first = i
         while first > 0 and self.trace.jumped[first - 1]:
             first -= 1
+        if first == i:
+            return i > 0
         if first > 0 and self.trace.ts[first] == self.trace.ts[first + 1]:
             raise InputError(f"the mode changes twice at t = {self.trace.ts[i]:.9g} s: no derivative of the run")
+        return False
 
     def _require_one_time(self, point: ModePoint, found: list[tuple[str, Array]]) -> None:
         """Require that simultaneous events remain simultaneous: the derivatives of their times agree.
@@ -188,7 +203,7 @@ class ModeJumps:
         rows = np.vstack([g[active][self.system.constraints.positional[active]], rate[active]])[:, :-1]
         _, sizes, right = np.linalg.svd(rows)
         free = right[int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0))) :]
-        times = [x[np.r_[0 : 2 * nv, ny : len(x) - 1]] @ free.T for _, x in found]
+        times = [x[np.r_[0 : 2 * nv, ny : len(x)]] @ free.T for _, x in found]
         if any(np.abs(x - times[0]).max() > INPUT_DIGITS * np.abs(times[0]).max() for x in times[1:]):
             names = " and ".join(repr(name) for name, _ in found)
             raise InputError(f"{names} switch at the same time, t = {point.t:.9g} s: their order has no derivative")

@@ -5,6 +5,7 @@ same time, up to rounding, are a jump. Besides the nodes, a trajectory stores th
 (`mbdae.integrate.checkpoints`), and the nodes where the carry was restarted; stages are recomputed on demand.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, cast
 
@@ -16,6 +17,7 @@ from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
 from ..methods import method_from_settings
 from ..methods.runge_kutta import RungeKutta
+from ..solution.sampling import set_slip_directions
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from ..tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE, ZERO_SPEED
@@ -90,8 +92,6 @@ class Trajectory:
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
         self.system.closure_friction.min_slip_speed = ZERO_SPEED * mech.characteristic_speed
         self._enter(0, parameters)
-        if self.system.closure_friction.can_stick:
-            self.system.closure_friction.reject("a gradient of wheels that slide")
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -129,8 +129,28 @@ class Trajectory:
         if self.system.mode != mode:
             self.system.enter(mode)
         parameters.enter(mode)
+        if self.system.closure_friction.can_stick:
+            self._set_slip_directions(i, parameters)
         if hasattr(self, "sensitivity"):
             self.sensitivity.native = self.core.enter_mode()
+
+    def _set_slip_directions(self, i: int, parameters: Parameters) -> None:
+        """Set the directions of exact sliding friction in the mode of node i: they do not change in a mode.
+
+        Raises:
+            InputError: for a slip that has several components, whose direction changes.
+        """
+        friction = self.system.closure_friction
+        for k in np.flatnonzero(friction.active):
+            if friction.interfaces[k].force.sticks and len(friction.directions[k]) > 1:
+                name = friction.interfaces[k].closure.name
+                raise InputError(f"closure {name!r} slides in two directions: no derivative of the run")
+        starts = [first for first, _ in self.sol.modes]
+        at = bisect_right(starts, i)
+        last = starts[at] if at < len(starts) else len(self.ys)
+        set_slip_directions(self.system, self.ys[starts[at - 1] : last])
+        for found in (parameters.system, *(s for near in parameters.perturbed_systems for s in near.values())):
+            found.closure_friction.slip_directions[:] = friction.slip_directions
 
     def state(self, i: int) -> State:
         """Return the state at which the step from node i starts."""

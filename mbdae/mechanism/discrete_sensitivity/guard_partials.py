@@ -52,11 +52,9 @@ class GuardPartials:
 
     def _along(self, guard: "Guard", j: int) -> float:
         """Return the derivative along one direction: of y, of a parameter, or of time."""
-        changes = [(self.g, self.point.g), (self.rate, self.point.rate)]
-        if self.loads:
-            changes.append((self.loads[1], self.point.lam))
-        relative = [float(np.abs(d[:, j]).max(initial=0.0) / (np.abs(x).max(initial=0.0) + 1.0)) for d, x in changes]
-        h = WIDTH / max(1.0, *relative)
+        h = WIDTH
+        if self.loads:  # guards are linear in all but the loads
+            h /= max(1.0, float(np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)))
         return float(numerical_derivative(lambda x: guard.value(self._moved(j, x)), h))
 
     def _moved(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:

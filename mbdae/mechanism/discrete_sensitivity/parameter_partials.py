@@ -209,6 +209,8 @@ class Parameters:
         """
         out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
         for i, (p, near) in enumerate(zip(self.all, self.perturbed_systems, strict=True)):
+            if not (p.forces or p.specs or p.placements or p.frames):
+                continue  # neither friction nor its geometry
             for s in near.values():
                 s.enter(self.system.mode)
             found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in near.items()})
