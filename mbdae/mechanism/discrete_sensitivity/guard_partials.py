@@ -11,6 +11,7 @@ import numpy as np
 
 from ...finite_differences import numerical_derivative
 from ...system import Array
+from ...tolerances import TINY
 from ..hybrid.mode_point import AllRows, ModePoint
 from .impact_sensitivity import row_rate_partials
 

@@ -80,7 +80,9 @@ class OpposedClutches(Switch):
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, 0.0),)
 
-    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
+    def next_state(
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
+    ) -> int:
         return LOCKED
 
 
@@ -148,7 +150,9 @@ class Ratchet(OneWayClutch):
     def load_candidates(self, point: "ModePoint", state: int, tolerance: float) -> tuple[LoadCandidate, ...]:
         return super().load_candidates(point, state, tolerance) if state == LOCKED or self._in_tooth(point) else ()
 
-    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
+    def next_state(
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
+    ) -> int:
         if active:
             return LOCKED
         speed = self.speed(point)

@@ -52,7 +52,9 @@ class CommandedClutch(Switch):
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
         return (ImpactRow(self.row, 0.0),) if self.commanded_state(point) == ENGAGED else ()
 
-    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
+    def next_state(
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
+    ) -> int:
         return self.commanded_state(point)
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .mode_point import ModePoint
 
 
+
 class Impact(NamedTuple):
     """An impact.
 

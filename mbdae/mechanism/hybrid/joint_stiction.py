@@ -80,7 +80,9 @@ class JointStiction(Switch):
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:
         return FORWARDS if v[self.column] > 0 else BACKWARDS if v[self.column] < 0 else IDLE
 
-    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
+    def next_state(
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
+    ) -> int:
         if active:
             return STICKING
         return FORWARDS if (rates[0] if len(rates) else point.v[self.column]) > 0 else BACKWARDS

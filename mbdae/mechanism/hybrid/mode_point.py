@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 
+
 class AllRows:
     """All rows of a mechanism in any mode, evaluated in a separate workspace."""
 

@@ -104,7 +104,9 @@ class RollingStiction(Switch):
         if size:
             point.system.closure_friction.directions[self.friction_index][:] = -lam[self.no_slip] / size
 
-    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
+    def next_state(
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
+    ) -> int:
         if active:
             return STICKING
         if point.system.mode[self.index] == STICKING:

@@ -21,7 +21,8 @@ SAMPLED_TIMES = 3  # at which time dependence is checked
 MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
 MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
-SAMPLES = 4000  # of a run, in the search for returns
+SAMPLES, REFINED = 4000, 41  # of a run, and of a return, in the search for returns
+MAX_RETURNS = 50  # the last ones of a run
 
 
 def guess_of(
@@ -153,27 +154,43 @@ def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple
     system = mech.system()
     symmetries = Symmetry.named(system, names)
     times = np.linspace(sol.t[0], sol.t[-1], SAMPLES)
-    points = np.array([np.concatenate(sol(x)) for x in times.tolist()])
-    q, v, x = mech.nq, mech.nv, []
-    speeds = np.abs(points[:, q : q + v]).max(axis=0) + INPUT_DIGITS
-    for point in points:
-        moved = system.manifold.difference(y[:q], point[:q]) / mech.coordinate_scales
-        x.append(np.concatenate([moved, (point[q : q + v] - y[q : q + v]) / speeds]))
-    distances = np.array(x)
-    if symmetries:
-        w = np.column_stack([symmetry.direction(y[:q]) for symmetry in symmetries]) / mech.coordinate_scales[:, None]
-        basis = np.linalg.qr(w)[0]
-        distances[:, :v] -= distances[:, :v] @ basis @ basis.T
-    angles = _revolute(mech)
-    distances[:, angles] -= TWO_PI * np.round(distances[:, angles] / TWO_PI)
-    size = np.linalg.norm(distances, axis=1)
+    distance = _DistanceFrom(sol, y, symmetries)
+    size = distance(times)
     middle = size[1:-1]
     low = (middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max())
     away = np.maximum.accumulate(size[::-1])[::-1] > 2 * NEAR_RETURN * size.max()  # the motion leaves afterwards
     lowest = np.flatnonzero(low & away[1:-1])
     if not len(lowest):
         raise InputError("the run does not come back to where it ends: give T or a section, or a longer run")
-    near = lowest + 1
-    resolution = np.maximum(np.abs(size[near + 1] - size[near]), np.abs(size[near] - size[near - 1]))  # of the samples
-    latest = near[size[near] <= 2 * size[near].min() + resolution]
-    return t, y, float(times[-1] - times[latest[-1]])
+    best = []
+    for i in (lowest + 1)[-MAX_RETURNS:]:
+        nearby = np.linspace(times[i - 1], times[i + 1], REFINED)
+        sizes = distance(nearby)
+        best.append((float(sizes.min()), float(nearby[sizes.argmin()])))
+    least = min(best)[0]
+    latest = max(when for far, when in best if far <= 2 * least + INPUT_DIGITS * size.max())
+    return t, y, float(times[-1] - latest)
+
+
+class _DistanceFrom:
+    """Distance of the states of a run from one of them, in rad, characteristic lengths and parts of the speeds."""
+
+    def __init__(self, sol: Solution, y: Array, symmetries: Sequence[Symmetry]) -> None:
+        mech = sol.mechanism
+        self.sol, self.y, self.nq, self.nv, self.scales = sol, y, mech.nq, mech.nv, mech.coordinate_scales
+        self.manifold, self.angles = mech.manifold, _revolute(mech)
+        self.speeds = np.abs(sol.v).max(axis=0) + INPUT_DIGITS
+        self.basis = np.zeros((self.nv, 0))
+        if symmetries:
+            w = np.column_stack([symmetry.direction(y[: self.nq]) for symmetry in symmetries])
+            self.basis = np.linalg.qr(w / self.scales[:, None])[0]
+
+    def __call__(self, times: Array) -> Array:
+        """Return the distances at several times, (n,)."""
+        found, nq = self.sol(times), self.nq
+        moved = np.array([self.manifold.difference(self.y[:nq], q) for q in found.q])
+        moved[:, self.angles] -= TWO_PI * np.round(moved[:, self.angles] / TWO_PI)
+        moved /= self.scales
+        moved -= moved @ self.basis @ self.basis.T
+        faster = (found.v - self.y[nq : nq + self.nv]) / self.speeds
+        return np.linalg.norm(np.hstack([moved, faster]), axis=1)
