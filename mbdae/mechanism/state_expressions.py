@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError, StepError, UnknownNameError
+from ..errors import InputError, MbdaeError, StepError, UnknownNameError
 from ..system import Array
 from ..tolerances import TINY
 from .coordinate_units import component_suffixes
@@ -69,6 +69,8 @@ class Expression:
                 raise ValueError
             self._tree = ast.parse(self.text.strip(), mode="eval").body
             self._check(self._tree)
+        except MbdaeError:
+            raise
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise InputError(
                 f"expected numbers, coordinates, + - * / **, brackets and functions, got {self.text!r:.80}"

@@ -21,7 +21,7 @@ SAMPLED_TIMES = 3  # at which time dependence is checked
 MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
 MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
-SAMPLES, REFINED = 4000, 41  # of a run, and of a return, in the search for returns
+SAMPLES, REFINED, ZOOMS = 4000, 11, 4  # of a run, and of a return, in the search for returns
 MAX_RETURNS = 50  # the last ones of a run
 
 
@@ -157,16 +157,20 @@ def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple
     distance = _DistanceFrom(sol, y, symmetries)
     size = distance(times)
     middle = size[1:-1]
-    low = (middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max())
+    falls = (middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max())
     away = np.maximum.accumulate(size[::-1])[::-1] > 2 * NEAR_RETURN * size.max()  # the motion leaves afterwards
-    lowest = np.flatnonzero(low & away[1:-1])
+    lowest = np.flatnonzero(falls & away[1:-1])
     if not len(lowest):
         raise InputError("the run does not come back to where it ends: give T or a section, or a longer run")
     best = []
     for i in (lowest + 1)[-MAX_RETURNS:]:
-        nearby = np.linspace(times[i - 1], times[i + 1], REFINED)
-        sizes = distance(nearby)
-        best.append((float(sizes.min()), float(nearby[sizes.argmin()])))
+        low, high = times[i - 1], times[i + 1]
+        for _ in range(ZOOMS):
+            nearby = np.linspace(low, high, REFINED)
+            sizes = distance(nearby)
+            k = int(sizes.argmin())
+            low, high = nearby[max(k - 1, 0)], nearby[min(k + 1, REFINED - 1)]
+        best.append((float(sizes.min()), float(nearby[k])))
     least = min(best)[0]
     latest = max(when for far, when in best if far <= 2 * least + INPUT_DIGITS * size.max())
     return t, y, float(times[-1] - latest)

@@ -24,6 +24,7 @@ from ...tolerances import AGREEMENT, TRUNCATION
 from .flow import Flow, FlowEnd
 
 MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
+GAIN = 0.1  # of the residual: less is rounding
 SHORTEST = 0.5  # of the period before: one iteration may not do more
 TWO_PI = 2 * np.pi
 
@@ -249,10 +250,10 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
         right[: len(here.residual)] = -here.residual
         free = here.matrix[:, : here.matrix.shape[1] - here.p]
         step = np.linalg.lstsq(free, right, rcond=TRUNCATION**2)[0]
-        there = _shortened(here, step)
+        there = _shortened(here, step, 1 if here.size <= tolerance else MAX_HALVINGS)
         if there is None:
             break
-        improved = there.size < 0.5 * here.size
+        improved = there.size < GAIN * here.size
         here = there if there.size < here.size else here
         if here.size <= tolerance and not improved:
             break
@@ -264,10 +265,10 @@ def newton(here: Linearisation, tolerance: float) -> Linearisation:
     return here
 
 
-def _shortened(here: Linearisation, step: Array) -> Linearisation | None:
+def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation | None:
     """Return the equations after a step, halved until the residual falls; after the whole step if it never does."""
     best = None
-    for _ in range(MAX_HALVINGS):
+    for _ in range(trials):
         try:
             there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
             best = best or there
