@@ -36,7 +36,7 @@ from .joint_stops import resolve_stops
 from .joints import is_depth_first
 from .manifold import Manifold
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
-from .reset import Reset, assignments
+from .reset import Reset, checked_resets
 from .scene.scene import Scene
 
 Coordinates = Mapping[str, float | Sequence[float]]
@@ -121,27 +121,10 @@ class Mechanism(DynamicsTerms):
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
-        self.resets = tuple(resets)
-        self._check_resets()
+        self.resets = checked_resets(self, resets)
         self._starts: dict[float, tuple[Array, Array]] = {}
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)
-
-    def _check_resets(self) -> None:
-        """Reject events with unknown coordinates, equal names, or in a mechanism whose rows open and close."""
-        names = [reset.name for reset in self.resets]
-        if len(set(names)) < len(names):
-            raise InputError(f"events need different names, got {', '.join(names)}")
-        for reset in self.resets:
-            assignments(self, reset)
-            if self.switches:
-                raise InputError(
-                    f"event {reset.name!r}: {self.switches[0].name!r} switches rows, which events do not know"
-                )
-            if self.drivers and self.ng:
-                raise InputError(
-                    f"event {reset.name!r}: impacts of an event do not act against driver {self.drivers[0].name!r}"
-                )
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.title}: nq {self.nq}, nv {self.nv}, {self.ng} closure rows>"

@@ -8,7 +8,7 @@ positions that are not in the table close them, and velocities satisfy them by t
 The energy that is lost or added counts as work.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -225,3 +225,22 @@ def assignments(mech: "Mechanism", reset: Reset) -> dict[str, Expression]:
         if name not in columns:
             raise UnknownNameError(f"coordinate of event {reset.name!r}", name, columns)
     return {name: Expression(value, columns) for name, value in reset.state.items()}
+
+
+def checked_resets(mech: "Mechanism", resets: Sequence[Reset]) -> tuple[Reset, ...]:
+    """Return the events of a mechanism.
+
+    Raises:
+        InputError, UnknownNameError: for unknown coordinates, equal names, or a mechanism whose rows open and close.
+    """
+    names = [reset.name for reset in resets]
+    if len(set(names)) < len(names):
+        raise InputError(f"events need different names, got {', '.join(names)}")
+    for reset in resets:
+        assignments(mech, reset)
+        if mech.switches:
+            raise InputError(f"event {reset.name!r}: {mech.switches[0].name!r} switches rows, which events do not know")
+        if mech.drivers:
+            driver = mech.drivers[0].name
+            raise InputError(f"event {reset.name!r}: impacts of an event do not act against driver {driver!r}")
+    return tuple(resets)

@@ -230,9 +230,8 @@ def _arguments(
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-    passed, in_use = list(run.singular), list(run.in_use)
-    rest |= {"modes": list(run.modes), "impacts": list(run.impacts), "resets": list(run.resets)}
-    rest |= {"events": events, "singular": passed, "in_use": in_use}
+    rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
+    rest["events"] = events
     return {"problem": problem, **arrays, **rest, "steps": steps}
 
 
