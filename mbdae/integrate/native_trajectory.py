@@ -138,16 +138,16 @@ class NativeTrajectory:
         states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
         return RecomputedStates(states, restarted[1 : steps + 1], i + steps == j)
 
-    def adjoint(self, nodes: NodeRange, extra: Array, bar: Array) -> tuple[Array, Array]:
-        """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
+    def adjoint(self, nodes: NodeRange, extra: Array, bars: Array) -> tuple[Array, Array]:
+        """Return the cotangents of y and carry at the first node, (costs, ny + nc), and of the parameters, (costs, k).
 
         Args:
             nodes: nodes of a sequence of steps.
-            extra: cotangents that are added at each node, (m + 1, ny + nc); ignored at the first and the last node.
-            bar: the cotangents at the last node, (ny + nc,).
+            extra: cotangents that are added at each node, (m + 1, costs, ny + nc); ignored at the first and the last.
+            bars: the cotangents at the last node, (costs, ny + nc).
         """
         given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
-        along = np.ascontiguousarray(extra), np.ascontiguousarray(bar)
+        along = np.ascontiguousarray(extra), np.ascontiguousarray(bars)
         return self._checked(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
 
     def tangent(self, nodes: NodeRange, first: Array, dp: Array, dh: Array | None = None) -> Array:
@@ -195,7 +195,7 @@ class NativeStep(NamedTuple):
         return found[:ny], found[ny:]
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
-        """Return the cotangents of y, of the carry and of the parameters, (..., 1)."""
-        bar = np.concatenate([y, carry])[:, 0]
-        at, p = self.core.adjoint(self.core.nodes(self.i, self.i + 1), np.zeros((2, len(bar))), bar)
-        return at[: len(y), None], at[len(y) :, None], p[:, None]
+        """Return the cotangents of y, of the carry and of the parameters, (..., costs)."""
+        bars = np.concatenate([y, carry]).T
+        at, p = self.core.adjoint(self.core.nodes(self.i, self.i + 1), np.zeros((2, *bars.shape)), bars)
+        return at[:, : len(y)].T, at[:, len(y) :].T, p.T
