@@ -1,5 +1,5 @@
-// Sensitivity of projections (mbdae/mechanism/formulations/projection.py): states onto the closures, and velocities onto
-// rows newly in use. A correction is the x of least x^T M x with G x = r, so that with multipliers eta
+// Sensitivity of projections (mbdae/mechanism/formulations/steps/projection.py): states onto the closures, and
+// velocities onto rows newly in use. A correction is the x of least x^T M x with G x = r, so that with multipliers eta
 //
 //   M dx - G^T deta = d(G^T eta) dq + (G^T eta - M x)_p dp - dM x dq_0,   G dx = dr - d(G x) dq - (G x)_p dp
 //

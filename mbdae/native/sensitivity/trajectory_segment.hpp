@@ -1,4 +1,4 @@
-// Recompute many steps of a run: carries, tangents and adjoints (mbdae/integrate/trajectory.py).
+// Recompute many steps of a run: carries, tangents and adjoints (mbdae/integrate/trajectory/trajectory.py).
 #pragma once
 
 #include "sensitivity/projection_sensitivity.hpp"

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...integrate.native_trajectory import NodeRange
-from ...integrate.trajectory import Trajectory, TrajectoryPart
+from ...integrate.trajectory.native_trajectory import NodeRange
+from ...integrate.trajectory.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
 from .signal_jacobian import SignalJacobian
 from .terminal_event import EventTimeDerivative

@@ -9,7 +9,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import require
 from ...integrate.events.event import Event
-from ...integrate.trajectory import Trajectory
+from ...integrate.trajectory.trajectory import Trajectory
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular

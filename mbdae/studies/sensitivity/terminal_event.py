@@ -9,7 +9,7 @@ from ...errors import InputError
 from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...integrate.events.event import Event, event_value
 from ...integrate.events.level_crossing import TWO_PI, parse_level_crossing
-from ...integrate.trajectory import LinearMap, Trajectory, TrajectoryPart
+from ...integrate.trajectory.trajectory import LinearMap, Trajectory, TrajectoryPart
 from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
 from ...system import Array
