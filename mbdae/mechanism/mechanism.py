@@ -13,7 +13,7 @@ from ..errors import InputError, UnknownNameError
 from ..system import Array
 from ..tolerances import INPUT_DIGITS
 from .appearance import appearance
-from .assembly import assemble, require_consistent
+from .assembly.assembly import assemble, require_consistent
 from .closures.brake import Brake
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -21,7 +21,7 @@ from .closures.clutch import Clutch
 from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
-from .dynamics_terms import DynamicsTerms
+from .equations.dynamics_terms import DynamicsTerms
 from .forces import bind_forces, named_force, stiction_joints
 from .forces.elements import ForceElements
 from .formulations.closure_friction import ClosureFriction
@@ -30,14 +30,14 @@ from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
 from .formulations.workspace_pool import WorkspacePool
-from .frames import find_joint, joint_names
+from .hybrid.reset import Reset, checked_resets
 from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
-from .joints import is_depth_first
-from .manifold import Manifold
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
-from .reset import Reset, checked_resets
 from .scene.scene import Scene
+from .tree.frames import find_joint, joint_names
+from .tree.joints import is_depth_first
+from .tree.manifold import Manifold
 
 Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}
@@ -121,8 +121,7 @@ class Mechanism(DynamicsTerms):
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
-        self.resets = checked_resets(self, resets)
-        self._starts: dict[float, tuple[Array, Array]] = {}
+        self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)
 
@@ -178,13 +177,9 @@ class Mechanism(DynamicsTerms):
         """Shapes and placements for the replay."""
         return appearance(self)
 
-    # -- forces ---------------------------------------------------------------------------------------
-
     def bind_forces(self, data: pin.Data) -> ForceElements:
         """Bind every force to a workspace, see `make_workspace`."""
         return bind_forces(self.forces, self.model, data)
-
-    # -- states --------------------------------------------------------------------------------------------------
 
     def system(
         self,
@@ -281,11 +276,7 @@ class Mechanism(DynamicsTerms):
         return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(
-        self,
-        q: Array | None = None,
-        v: Array | None = None,
-        t: float = 0.0,
-        s: Array | None = None,
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None,
         gap: float = INPUT_DIGITS,
     ) -> Array:
         """Return y = (q, v, s, w = 0) at time t; by default at the start state, with start values of s.

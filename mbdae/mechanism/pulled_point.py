@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..system import Array
 from ..tolerances import TINY
 from .mechanism import Mechanism
-from .pinocchio_data import make_data
+from .tree.pinocchio_data import make_data
 
 
 class Pull(NamedTuple):

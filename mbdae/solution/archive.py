@@ -231,8 +231,7 @@ def _arguments(
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
     rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
-    rest["events"] = events
-    return {"problem": problem, **arrays, **rest, "steps": steps}
+    return {"problem": problem, **arrays, **rest, "steps": steps, "events": events}
 
 
 def _check_announced(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -> None:

@@ -8,15 +8,15 @@ from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.reset import StateReset
+from ...mechanism.hybrid.reset import StateReset
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
 from .level_crossing import SignalEvent, parse_level_crossing
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
-    from ..step_map import StepMap
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
 
 MAX_RESETS = 100  # at one time
 

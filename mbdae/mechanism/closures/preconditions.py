@@ -12,7 +12,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import RANK, THREE_DIGITS
-from ..frames import Pair, find_joint
+from ..tree.frames import Pair, find_joint
 from .closure import Closure
 
 if TYPE_CHECKING:

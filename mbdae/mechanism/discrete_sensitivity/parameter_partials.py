@@ -28,8 +28,8 @@ from ..closures.constraints import Constraints
 from ..forces.joint_friction import KineticFrictionElement
 from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
-from ..frames import support
 from ..hybrid.switches import Mode, inactive_rows
+from ..tree.frames import support
 from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences

@@ -8,8 +8,8 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
-from ..frames import WORLD, find_frame, frame_names
 from ..imported_model import ImportedModel
+from ..tree.frames import WORLD, find_frame, frame_names
 from .inertias import checked_inertia
 from .joint_tree import JOINT_MODELS, Tree, resolve_joints, rotation_from_z
 from .schema import Body, Frame, MechanismFile, Source

@@ -16,10 +16,10 @@ from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..forces import FORCES
+from ..hybrid.reset import Reset
 from ..imported_model import ImportedModel, not_carried_over
 from ..mechanism import Mechanism
 from ..model_settings import Motor
-from ..reset import Reset
 from .build import build
 from .error_context import with_error_context
 from .merge import merge_sources

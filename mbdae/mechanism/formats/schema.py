@@ -14,10 +14,10 @@ from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..forces import AnyForce
-from ..input_functions import Input
+from ..hybrid.reset import Reset
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
-from ..reset import Reset
-from ..time_functions import TimeFunction
+from ..time_functions.input_functions import Input
+from ..time_functions.time_functions import TimeFunction
 
 Vector = tuple[float, float, float]
 ReplacementKind = Literal[

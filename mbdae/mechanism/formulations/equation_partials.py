@@ -1,8 +1,8 @@
 """Exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
 Those of M v' + nle come from Pinocchio on the expanded tree; rows and laws provide theirs: see
-`mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials` and the modules of closures and forces. A Python
-function of the user without partial derivatives is differentiated alone, by central differences.
+`mbdae.mechanism.tree.expanded_tree`, `mbdae.mechanism.tree.wrench_partials` and the modules of closures and forces. A
+Python function of the user without partial derivatives is differentiated alone, by central differences.
 """
 
 from typing import TYPE_CHECKING, NamedTuple

@@ -9,7 +9,7 @@ import pinocchio as pin
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, PIVOT_RANK, SOLUTION_ROUNDING
 from ..closures.constraints import Constraints
-from ..pinocchio_data import make_data
+from ..tree.pinocchio_data import make_data
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..pinocchio_data import make_data
+from ..tree.pinocchio_data import make_data
 from .meshes import Mesh
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame

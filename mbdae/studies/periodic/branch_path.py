@@ -24,7 +24,7 @@ import numpy as np
 from ... import backend
 from ...errors import InputError, MbdaeError
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.symmetry import Symmetry
+from ...mechanism.equations.symmetry import Symmetry
 from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
 from ..path_location import locate

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
 from .branch import Branch
 from .result import PeriodicMotion

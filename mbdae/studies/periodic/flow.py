@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import InputError
 from ...integrate.events.event import Event
 from ...integrate.solve import solve
-from ...integrate.trajectory import Trajectory
+from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...errors import InputError
 from ...mechanism import Mechanism
+from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.equation_partials import time_partials
-from ...mechanism.symmetry import Symmetry
-from ...mechanism.time_functions import Harmonic
+from ...mechanism.time_functions.time_functions import Harmonic
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import INPUT_DIGITS

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...data_types import JsonObject
-from ...integrate.result import joined
+from ...integrate.run.result import joined
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.signals import signals
 from ...solution.solution import Solution
 from ...system import Array

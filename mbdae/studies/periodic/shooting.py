@@ -4,9 +4,9 @@ Unknown: the states at k nodes of a period, the period T unless it is given, adv
 
     0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) phi_k-1(y_k-1)) - x_0
 
-with coordinates x of states near y_i+1 (`mbdae.mechanism.local_coordinates`), so closures are not among the equations.
-S takes multiples of 2 pi from angles. An autonomous motion without a section has free phases: the first node moves
-across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the computed steps.
+with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
+equations. S takes multiples of 2 pi from angles. An autonomous motion without a section has free phases: the first node
+moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the computed steps.
 Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
 """
 
@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from ...errors import InputError, MbdaeError
+from ...mechanism.equations.local_coordinates import LocalCoordinates
+from ...mechanism.equations.symmetry import Symmetry
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.local_coordinates import LocalCoordinates
-from ...mechanism.symmetry import Symmetry
 from ...system import Array
 from ...tolerances import AGREEMENT, TRUNCATION
 from .flow import Flow, FlowEnd

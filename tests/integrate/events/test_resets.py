@@ -146,9 +146,9 @@ def test_wrong_input_is_one_line(tmp_path, old, new, message):
 
 
 def test_what_does_not_know_events_says_so(file):
-    with pytest.raises(InputError, match="event 'back'.*backward"):
+    with pytest.raises(InputError, match=r"event 'back'.*backward"):
         mbdae.solve(file, (0, -1))
-    with pytest.raises(InputError, match="event 'back'.*'index1'"):
+    with pytest.raises(InputError, match=r"event 'back'.*'index1'"):
         mbdae.solve(file, (0, 1), formulation="index1", method="dop853")
     with pytest.raises(InputError, match="'back'"):
         mbdae.solve(file, (0, 1), method="rattle2", step=0.1)

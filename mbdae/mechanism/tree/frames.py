@@ -1,0 +1,255 @@
+"""Points and axes fixed to the links of a Pinocchio model, by name or by index."""
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import UnknownNameError
+from .expanded_tree import Branches, branches
+from .pinocchio_data import make_data
+
+WORLD = "world"
+LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+_NEXT, _LAST = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])  # a_2 b_3 - a_3 b_2, ...
+
+
+class Anchor(NamedTuple):
+    """A frame fixed to a joint's body: rotation R (3, 3) and position p (3,) in m, in the joint frame."""
+
+    name: str
+    joint: int
+    R: np.ndarray
+    p: np.ndarray
+
+
+def find_frame(model: pin.Model, name: str) -> pin.Frame:
+    """Return the frame called ``name``; a link or an extra frame has precedence over a joint of the same name.
+
+    Raises:
+        UnknownNameError: lists the valid names.
+    """
+    return model.frames[frame_index(model, name)]
+
+
+def frame_index(model: pin.Model, name: str) -> int:
+    """Return the index of a frame in the model, see `find_frame`."""
+    if name == WORLD:
+        return 0
+    links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
+    indices = links or [i for i, f in enumerate(model.frames) if f.name == name and i]
+    if not indices:
+        raise UnknownNameError("frame", name, frame_names(model))
+    return min(indices)
+
+
+def fixed_links(model: pin.Model) -> list[str]:
+    """Return the names of the links that are fixed to the world: no joint moves them."""
+    kind = pin.FrameType.BODY
+    return [f.name for f in model.frames if not f.parentJoint and f.type == kind and f.name not in ("universe", WORLD)]
+
+
+def frame_placement(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
+    """Return the placement of a frame in the world; kinematics must be current.
+
+    Raises:
+        UnknownNameError: lists the valid names.
+    """
+    frame = find_frame(model, name)
+    return data.oMi[frame.parentJoint] * frame.placement
+
+
+def frame_names(model: pin.Model) -> list[str]:
+    """Return the names of all frames, ``"world"`` first."""
+    return list(dict.fromkeys([WORLD, *(f.name for f in model.frames if f.name != "universe")]))
+
+
+def anchor(model: pin.Model, name: str) -> Anchor:
+    """Return the frame called ``name`` as an anchor."""
+    frame = find_frame(model, name)
+    return Anchor(name, frame.parentJoint, frame.placement.rotation.copy(), frame.placement.translation.copy())
+
+
+def frame_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
+    """Return the origins of frames in the world in m, (n, m, 3), at configurations q (m, nq).
+
+    Raises:
+        UnknownNameError: lists the valid names.
+    """
+    return _anchor_paths(model, [anchor(model, name) for name in names], q)
+
+
+def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
+    """Return the origins of joints in the world in m, (n, m, 3), at configurations q (m, nq).
+
+    Raises:
+        UnknownNameError: lists the valid names.
+    """
+    return _anchor_paths(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
+
+
+def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
+    data, out = make_data(model), np.empty((len(anchors), len(q), 3))
+    for k, configuration in enumerate(q):
+        pin.forwardKinematics(model, data, configuration)
+        for path, a in zip(out, anchors, strict=True):
+            path[k] = data.oMi[a.joint].act(a.p)
+    return out
+
+
+def frame_origin(model: pin.Model, data: pin.Data, q: np.ndarray, frame: int) -> np.ndarray:
+    """Return the origin of a frame, by its index in the model, in the world in m, (3,)."""
+    at = model.frames[frame]
+    pin.forwardKinematics(model, data, q)
+    return np.asarray(data.oMi[at.parentJoint].act(at.placement.translation))
+
+
+def frame_motions(
+    model: pin.Model, names: Sequence[str], q: np.ndarray, v: np.ndarray, vdot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return positions, velocities and accelerations of the origins of frames in the world, (n, m, 3) each.
+
+    Args:
+        model: a model.
+        names: of n frames.
+        q: configurations, (m, nq).
+        v: velocities, (m, nv).
+        vdot: accelerations, (m, nv).
+
+    Raises:
+        UnknownNameError: lists the valid names.
+    """
+    anchors = [anchor(model, name) for name in names]
+    data, p, V, A = make_data(model), np.empty((len(names), len(q), 3)), *np.empty((2, len(names), len(q), 6))
+    for k, point in enumerate(zip(q, v, vdot, strict=True)):
+        pin.forwardKinematics(model, data, *point)
+        for i, a in enumerate(anchors):
+            placement = data.oMi[a.joint]
+            p[i, k] = placement.act(a.p)
+            V[i, k], A[i, k] = placement.act(data.v[a.joint]).vector, placement.act(data.a[a.joint]).vector
+    velocity = V[..., :3] + np.cross(V[..., 3:], p)
+    return p, velocity, A[..., :3] + np.cross(A[..., 3:], p) + np.cross(V[..., 3:], velocity)
+
+
+def joint_names(model: pin.Model) -> list[str]:
+    """Return the names of the moving joints, in the order of q."""
+    return [n for n in model.names if n != "universe"]
+
+
+def find_joint(model: pin.Model, name: str) -> pin.JointModel:
+    """Return the joint called ``name``.
+
+    Raises:
+        UnknownNameError: lists the valid names.
+    """
+    if not isinstance(name, str) or name == "universe" or not model.existJointName(name):
+        raise UnknownNameError("joint", name, joint_names(model))
+    return model.joints[model.getJointId(name)]
+
+
+def find_joints(model: pin.Model, names: str | Iterable[str]) -> list[pin.JointModel]:
+    """Return the joints of one or several names."""
+    return [find_joint(model, n) for n in ([names] if isinstance(names, str) else names)]
+
+
+class Pair:
+    """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
+
+    ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
+    -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` (nv,) is true where a
+    joint moves a or b or both.
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
+        self.model, self.a, self.b = model, a, b
+        self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
+        self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
+        self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it is a vector
+        support_a, support_b = support(model, a.joint), support(model, b.joint)
+        self.sign, self.columns = support_b - support_a, (support_a + support_b) > 0
+
+    @cached_property
+    def branches(self) -> Branches:
+        """Columns of J that move only one of the anchors."""
+        return branches(self.model, self.a.joint, self.b.joint)
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """The columns of J that move only one of the anchors, (6, c)."""
+        return self._J[:, self.branches.at]
+
+    def locate(self) -> None:
+        """Update rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
+        self.Ra, self.pa = self._Ra.dot(self.a.R), self._Ra.dot(self.a.p) + self._pa
+        self.Rb, self.pb = self._Rb.dot(self.b.R), self._Rb.dot(self.b.p) + self._pb
+
+    def twist(self) -> None:
+        """Update the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""
+        self.Va, self.Vb = self._in_world(self._data.v)
+
+    def bias(self) -> np.ndarray:
+        """Return the relative spatial acceleration of b with respect to a, (6,); data.a holds those for v' = 0.
+
+        This is not Jdot v: Pinocchio's dJ omits the change of a joint's axes (universal and composite joints).
+        """
+        Aa, Ab = self._in_world(self._data.a)
+        return Ab - Aa
+
+    def _in_world(self, motions: Sequence[pin.Motion]) -> list[np.ndarray]:
+        return [self._data.oMi[x.joint].act(motions[x.joint]).vector for x in (self.a, self.b)]
+
+    def relative(self, v: np.ndarray) -> np.ndarray:
+        """Return the spatial velocity (6,) of b relative to a at the world's origin, for velocities v (nv,)."""
+        return self._J.dot(self.sign * v)
+
+    def torque(self, wrench: np.ndarray) -> np.ndarray:
+        """Return the generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
+        return self.sign * wrench.dot(self._J)
+
+
+def support(model: pin.Model, joint: int) -> np.ndarray:
+    """Return a mask of the velocities that move a joint, (nv,): 1 for these, 0 for the others."""
+    mask = np.zeros(model.nv)
+    starts, sizes, parents = model.idx_vs, model.nvs, model.parents
+    while joint:
+        mask[starts[joint] : starts[joint] + sizes[joint]] = 1.0
+        joint = parents[joint]
+    return mask
+
+
+def skew(p: np.ndarray) -> np.ndarray:
+    """Return the matrix of p x ., (3, 3)."""
+    return pin.skew(p)
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the products a x b column by column, (3, m); `numpy.cross` is ten times slower on small arrays."""
+    x = a.take(_NEXT, 0) * b.take(_LAST, 0)
+    return x[:3] - x[3:]
+
+
+def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the products a x b of motions column by column, (6, m)."""
+    return np.concatenate([cross(a[3:], b[:3]) + cross(a[:3], b[3:]), cross(a[3:], b[3:])])
+
+
+def point_velocities(motions: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the velocities (3, m) of a point p (3,) under motions (6, m) at the world's origin."""
+    return motions[:3] + np.cross(motions[3:].T, p).T
+
+
+def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
+    """Return the matrix of the product d x* wrench with motions d, (6, 6)."""
+    out = np.zeros((6, 6))
+    out[:3, 3:] = out[3:, :3] = -skew(wrench[:3])
+    out[3:, 3:] = -skew(wrench[3:])
+    return out
+
+
+def unit_gap(pair: Pair) -> tuple[float, np.ndarray]:
+    """Return the distance of both origins in m and the unit vector (3,) from a to b; the x axis if they coincide."""
+    gap = pair.pb - pair.pa
+    distance = np.sqrt(gap @ gap)
+    return (distance, gap / distance) if distance.real > 0 else (np.finfo(float).tiny, np.array([1.0, 0.0, 0.0]))
