@@ -139,10 +139,10 @@ void StageEquations::friction() {
     by_unknowns(ny - 1, ny + i) -= by_lam(0, nv);
   }
   Numbers K(n * nv), D(n * n);
-  slid_.resize(parameters_.count() * n);
-  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, slid_);
+  friction_columns_.resize(parameters_.count() * n);
+  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, friction_columns_);
   x.block(nv, 0, n_, nv) -= RowsIn(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= RowsIn(D.data(), n_, n_);
-  if (forward_) p.middleRows(nv, n_) -= RowsIn(slid_.data(), p.cols(), n_).transpose();
+  if (forward_) p.middleRows(nv, n_) -= RowsIn(friction_columns_.data(), p.cols(), n_).transpose();
 }
 
 void StageEquations::positions(const StageValues& at) {
@@ -172,7 +172,7 @@ void StageEquations::add_parameters(const double* mu) {
   Numbers above(mu + nv, mu + ny), below(mu + ny, mu + ny + r_);
   for (double& w : below) w = -w;
   parameters_.add(point_, above.data(), below.data());
-  if (!slid_.empty()) parameters_.add_columns(slid_, above.data());
+  if (!friction_columns_.empty()) parameters_.add_columns(friction_columns_, above.data());
   if (!position_rows_) return;
   above.assign(n_, 0.0), std::copy_n(mu + ny + r_, nv, above.begin());
   below.assign(mu + ny + r_ + nv, mu + m_);
