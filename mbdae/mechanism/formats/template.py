@@ -183,7 +183,7 @@ def _check_path(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = first_key(at, rest, name, entry_keys(at))
+        key, rest = first_key(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number as a function of time
         return
@@ -205,7 +205,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
     entries = getattr(Body(name=joint, parent=""), key)
-    _ = index and first_key(entries, index, f"joint.{path}", entry_keys(entries))
+    _ = index and first_key(entries, index, f"joint.{path}")
     return joint, rest
 
 
