@@ -131,7 +131,7 @@ function drawChart(found) {
 
 const columns = {
   runs: [["model"], ["method"], ["setting", "rtol or steps"], ["q", "error q"], ["v", "error v"], ["lam", "error lam"], ["g", "|g|"], ["Gv", "|G v|"], ["energy"], ["steps"], ["solves"], ["f"], ["factorizations", "fact."], ["seconds", "CPU s"]],
-  long: [["model"], ["method"], ["step", "step in s"], ["trend", "trend, J/s"], ["trend_error", "± J/s"], ["relative", "relative, 1/s"], ["energy", "largest error"], ["g", "|g|"], ["Gv", "|G v|"], ["solves"], ["status"]],
+  long: [["model"], ["method"], ["step", "step in s"], ["trend", "trend, J/s"], ["trend_error", "± J/s"], ["rate", "rate at most, 1/s"], ["energy", "largest error"], ["g", "|g|"], ["Gv", "|G v|"], ["solves"], ["status"]],
   failed: [["model"], ["method"], ["setting"], ["status"], ["reason"]],
 };
 function compareBy(key, sign) {

@@ -20,6 +20,7 @@ REPEATS = 3  # of each run, for its time
 LONG = 0.1  # s: longer runs are not repeated
 LARGEST_REFINED = 20_000  # linear solves of a run, above which no finer one follows
 LONG_SPAN, LONG_REFINEMENT = 10, 2  # of a long run: durations of the model; steps over its coarsest number
+SIGMAS = 3  # standard errors of a trend, within which it is none
 RAISED = "error"  # status of a run that raised an error
 
 
@@ -54,11 +55,16 @@ class LongRun:
     solves: int = 0
 
     @property
-    def relative_trend(self) -> float | None:
-        """Size of the trend over the scale, in 1/s; 0 if it is within three standard errors."""
+    def largest_rate(self) -> float | None:
+        """The largest rate of the energy that the trend admits, with three standard errors, over the scale, in 1/s."""
         if self.trend is None or self.trend_error is None or not self.scale:
             return None
-        return abs(self.trend) / self.scale if abs(self.trend) > 3 * self.trend_error else 0.0
+        return (abs(self.trend) + SIGMAS * self.trend_error) / self.scale
+
+    @property
+    def has_trend(self) -> bool:
+        """Whether the trend exceeds three standard errors."""
+        return self.trend is not None and self.trend_error is not None and abs(self.trend) > SIGMAS * self.trend_error
 
 
 @dataclass(frozen=True)
@@ -143,10 +149,9 @@ class MethodTask:
         if not sol.ended:
             return LongRun(step, end, sol.status, sol.message)
         d = drift(sol)
-        return LongRun(
-            step, end, sol.status, "" if sol.status == "finished" else sol.message, d.energy_trend, d.energy_trend_error, d.energy_relative, d.energy_scale,
-            d.g_max, d.Gv_max, sol.stats["solves"],
-        )  # fmt: skip
+        message = "" if sol.status == "finished" else sol.message
+        energies = (d.energy_trend, d.energy_trend_error, d.energy_relative, d.energy_scale)
+        return LongRun(step, end, sol.status, message, *energies, d.g_max, d.Gv_max, sol.stats["solves"])
 
 
 def _timed(motion: ReferenceMotion, trial: Trial, stop: Stop | None) -> tuple[Solution, float]:

@@ -20,7 +20,13 @@ from .result import WORKS, Atlas
 if TYPE_CHECKING:
     from .method_runs import LongRun, MethodRuns
 
-SECTIONS = {"wins": "Which method wins", "chart": "Error over work", "runs": "Runs", "long": "Energy", "failed": "Failures"}
+SECTIONS = {
+    "wins": "Which method wins",
+    "chart": "Error over work",
+    "runs": "Runs",
+    "long": "Energy",
+    "failed": "Failures",
+}
 COUNTS = ("steps", "rejected", "solves", "f", "factorizations")
 DIGITS = 4  # of numbers on the page
 
@@ -34,9 +40,10 @@ def page(atlas: Atlas) -> str:
     style, script = (Markup(here.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     text = json.dumps(finite(_data(atlas)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     meta = atlas.meta
+    program, *words = meta["command"]
     return environment.get_template("atlas.htm").render(
         counts=atlas.counts, complete=atlas.complete, meta=meta, noise=f"{atlas.noise:.2f}", sections=SECTIONS,
-        command=shlex.join([Path(meta["command"][0]).name, *meta["command"][1:]]), versions=_listed(meta["versions"].items()),
+        command=shlex.join([Path(program).name, *words]), versions=_listed(meta["versions"].items()),
         families=sorted({Variant.parse(r.method).family for r in atlas.runs}),
         style=style, script=script, data=Markup(text),
     )  # fmt: skip
@@ -72,7 +79,7 @@ def _data(atlas: Atlas) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _floors(atlas: Atlas, model: str) -> dict[str, float]:
+def _floors(atlas: Atlas, model: str) -> dict[str, float | None]:
     """Return the smallest known errors, by quantity."""
     return {name: short(atlas.comparisons[model].floor(name)) for name in QUANTITIES}
 
@@ -98,7 +105,7 @@ def _run(p: RunResult) -> list[Any]:
 
 def _long(r: "MethodRuns", x: "LongRun") -> dict[str, Any]:
     """Return a long run; its step has all digits, since the command that repeats it has them."""
-    values = {"trend": x.trend, "trend_error": x.trend_error, "relative": x.relative_trend, "energy": x.energy}
+    values = {"trend": x.trend, "trend_error": x.trend_error, "rate": x.largest_rate, "energy": x.energy}
     more = {"g": x.g, "Gv": x.Gv, "solves": x.solves}
     known = {name: short(value) for name, value in {**values, **more}.items()}
     return {"model": r.model, "method": r.method, "step": x.step, "end": x.t_end, "status": x.status, **known}

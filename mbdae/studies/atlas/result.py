@@ -20,6 +20,8 @@ from .model_motion import ModelMotion
 
 PAGE, DATA = ".html", ".json"
 WORKS: tuple[Work, ...] = ("solves", "f", "seconds")
+SHOWN_WORKS: tuple[Work, ...] = ("solves", "seconds")  # in the summary
+STIFF = "stiff"  # status of finished runs that warn of it
 NOISE = 0.9  # quantile of the spread of times that counts as noise
 SHOWN = (1e-2, 1e-4, 1e-6, 1e-8)  # errors in the text
 
@@ -120,7 +122,8 @@ class Atlas(Tabular):
             for p in r.points:
                 if not p.success or p.message:
                     setting = f"rtol {p.rtol:g}" if p.rtol else f"{p.n} steps"
-                    out.append(Failure(r.model, r.method, setting, p.status, p.message))
+                    status = STIFF if p.status == "finished" else p.status
+                    out.append(Failure(r.model, r.method, setting, status, p.message))
             if r.long and r.long.message:
                 out.append(Failure(r.model, r.method, f"long, step {r.long.step:g} s", r.long.status, r.long.message))
         return out
@@ -151,7 +154,11 @@ class Atlas(Tabular):
         where = f"{self.meta['backend']} back end, {self.meta['machine']}"
         done = "" if self.complete else f" (stopped: {len(self.runs)} of {self.requested} methods on models so far)"
         failed = Counter(f.status for f in self.failures)
-        lines = [f"atlas of {self.counts}{done}", f"all runs: {where}; CPU times vary by a factor of {self.noise:.2f}", ""]
+        lines = [
+            f"atlas of {self.counts}{done}",
+            f"all runs: {where}; CPU times vary by a factor of {self.noise:.2f}",
+            "",
+        ]
         failures = ", ".join(f"{status} {n}" for status, n in failed.most_common())
         return "\n".join(
             [*lines, *align_columns(self.cells()), "", *self.summary(), *([f"failures: {failures}"] if failed else [])]
@@ -163,24 +170,26 @@ class Atlas(Tabular):
         return {x: {work: c.ranking(x, work=work, quantity=quantity) for work in WORKS} for x in c.targets(quantity)}
 
     def to_dict(self) -> JsonObject:
-        """Return JSON data: of each model the work to errors of q, long runs and failures; the data file has the rest."""
+        """Return JSON data: for each model the work to errors of q, rates of the energy, and failures.
+
+        Works are in the order of the methods, negative for upper bounds; the data file has all runs.
+        """
         models = {m.model: self._model_data(m) for m in self.motions}
-        wins = [w._asdict() for w in self.wins]
-        return {"meta": self.meta, "complete": self.complete, "noise": self.noise, "models": models, "wins": wins}
+        return {"meta": self.meta, "complete": self.complete, "noise": round(self.noise, 3), "models": models}
 
     def _model_data(self, m: ModelMotion) -> JsonObject:
-        """Return the data of a model; works are in the order of its methods, negative for upper bounds."""
+        """Return the data of a model, see `to_dict`."""
         out: JsonObject = {
             "title": m.title, "duration": m.duration, "reference": m.reference, "witness": m.witness,
             "uncertainty": m.uncertainty, "methods": m.methods, "omitted": m.omitted, "failure": m.failure,
         }  # fmt: skip
         if m.model in self.comparisons:
             out["work"] = {
-                f"{target:.0e}": {work: _works(entries, m.methods) for work, entries in found.items()}
+                f"{target:.0e}": {work: _works(found[work], m.methods) for work in SHOWN_WORKS}
                 for target, found in self.rankings(m.model, "q").items()
             }
         runs = [r for r in self.runs if r.model == m.model]
-        out["energy_trend"] = {r.method: _rounded(r.long.relative_trend) for r in runs if r.long}
+        out["energy_rate"] = {r.method: [_rounded(r.long.largest_rate), r.long.has_trend] for r in runs if r.long}
         out["failed"] = {
             r.method: status
             for r in runs
