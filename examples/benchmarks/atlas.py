@@ -1,11 +1,12 @@
 """Which methods need the fewest linear solves on how many models, from the atlas of all models.
 
-`atlas.json` is written by ``mbdae atlas --data atlas.jsonl -o atlas.json``, which takes a quarter of an hour on two
-cores and resumes; the same command with ``-o atlas.html`` writes the page. Linear solves repeat exactly. A cell has
-the number of models on which a method needs the fewest solves, to 1 %, the geometric mean of its solves over the fewest
-ones, and the number of models on which it reaches the error.
+`atlas.json` is written by ``mbdae atlas --data atlas.jsonl -o examples/benchmarks/atlas.json``, which resumes; the
+same command with ``-o atlas.html`` writes the page. Linear solves repeat exactly. A cell of the first table has the
+number of models on which a method needs the fewest solves, to 1 %, the geometric mean of its solves over the fewest
+ones, and the number of models on which it reaches the error. The second has rates of the energy of conservative models
+over ten durations, relative to it, with three standard errors. With ``--guide`` the tables are written into the guide.
 
-Run: python examples/benchmarks/atlas.py [atlas.json]
+Run: python examples/benchmarks/atlas.py [--guide]
 """
 
 import json
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 DATA = Path(__file__).with_name("atlas.json")
+GUIDE = Path(__file__).parents[1] / "guide" / "methods.md"
+BEGIN, END = "<!-- atlas: written by examples/benchmarks/atlas.py --guide -->", "<!-- end of atlas -->"
 TARGETS = ("1e-02", "1e-04", "1e-06", "1e-08")  # rad or m, of q
 EQUAL = 1.01  # ratio of numbers of solves that count as equal
 Ratios = dict[str, list[float]]  # solves over the fewest ones, on each model that a method reaches
@@ -79,13 +82,24 @@ def markdown(table: Iterator[list[str]]) -> str:
     return "\n".join([first, "|" + "---|" * (first.count("|") - 1), *rest]) + "\n"
 
 
-def main(path: str | Path = DATA) -> str:
-    """Print and return both tables."""
+def written(page: str, text: str) -> str:
+    """Return a page with other tables between the comments that enclose them."""
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    return f"{before}{begin}\n\n{text}\n{end}{after}"
+
+
+def main(path: str | Path = DATA, guide: str | Path | None = None) -> str:
+    """Print and return both tables, and write them into the guide if its path is given."""
     data = json.loads(Path(path).read_text("utf-8"))
-    text = f"{markdown(rows(data))}\n{markdown(energies(data))}"
+    about, n = data["meta"], len([m for m in data["models"].values() if "work" in m])
+    first = f"{n} models, {about['backend']} back end, {about['machine']}, {about['date']}:"
+    text = f"{first}\n\n{markdown(rows(data))}\n{markdown(energies(data))}"
     print(text)
+    if guide:
+        Path(guide).write_text(written(Path(guide).read_text("utf-8"), text), "utf-8")
     return text
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2])
+    main(guide=GUIDE if "--guide" in sys.argv[1:] else None)

@@ -24,7 +24,7 @@ class AtlasData:
 
     Args:
         path: of the file; None for none.
-        about: what all results have in common.
+        about: settings that all results have in common.
         fresh: replace an existing file, once the first result is finished.
 
     Attributes:

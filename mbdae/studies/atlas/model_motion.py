@@ -24,9 +24,9 @@ from ..method_variant import Variant, variants
 from ..workers import Stop
 
 OUTPUTS = 20  # common times of errors, as in `mbdae.compare`
-REFERENCE_RTOL = 1e-12  # as there
 MAX_STEPS = 20_000  # of a run
-PROBE = ("radau5", 1e-3)  # method and tolerance of the run whose steps are the coarsest number of fixed steps
+PROBE = "radau5"  # the steps of its run are the coarsest number of fixed steps
+RUN_TOLERANCES = {"reference": 1e-12, PROBE: 1e-3}  # rtol; of the reference as there
 LOADED = 4  # mechanisms that a worker keeps
 
 
@@ -152,10 +152,10 @@ def _methods(mech: Mechanism, settings: Settings) -> tuple[tuple[str, ...], dict
 def _motion(model: str, key: str, mech: Mechanism, settings: Settings, stop: Stop | None) -> ModelMotion:
     """Return the motion of a mechanism, without its methods."""
     motion = common_motion(mech, settings.backend)
-    probe = motion.solve(Trial(Variant(PROBE[0]), PROBE[1]), stop)
+    probe = motion.solve(Trial(Variant(PROBE), RUN_TOLERANCES[PROBE]), stop)
     if not probe.ended:
-        raise InputError(f"no number of fixed steps: {PROBE[0]} ends with {probe.status}, {probe.message}")
-    (reference, witness), samples, uncertainty = motion.reference(variants(REFERENCE), REFERENCE_RTOL)
+        raise InputError(f"no number of fixed steps: {PROBE} ends with {probe.status}, {probe.message}")
+    (reference, witness), samples, uncertainty = motion.reference(variants(REFERENCE), RUN_TOLERANCES["reference"])
     return ModelMotion(
         model, key, mech.title, mech.duration,
         steps=OUTPUTS * -(-probe.stats["steps"] // OUTPUTS),

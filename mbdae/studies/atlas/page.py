@@ -7,7 +7,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ...tabular import finite
@@ -15,6 +14,7 @@ from ..comparison.comparison import QUANTITIES
 from ..comparison.run_result import RunResult
 from ..figures import line_style
 from ..method_variant import Variant
+from ..report.templates import rendered
 from .result import WORKS, Atlas
 
 if TYPE_CHECKING:
@@ -33,15 +33,14 @@ DIGITS = 4  # of numbers on the page
 
 def page(atlas: Atlas) -> str:
     """Return the page as text."""
-    environment = Environment(
-        loader=PackageLoader(__package__, ""), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    here = files(__package__)
+    package = str(__package__)
+    here = files(package)
     style, script = (Markup(here.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     text = json.dumps(finite(_data(atlas)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     meta = atlas.meta
     program, *words = meta["command"]
-    return environment.get_template("atlas.htm").render(
+    return rendered(
+        package, "atlas.htm",
         counts=atlas.counts, complete=atlas.complete, meta=meta, noise=f"{atlas.noise:.2f}", sections=SECTIONS,
         command=shlex.join([Path(program).name, *words]), versions=_listed(meta["versions"].items()),
         families=sorted({Variant.parse(r.method).family for r in atlas.runs}),

@@ -23,7 +23,7 @@ WORKS: tuple[Work, ...] = ("solves", "f", "seconds")
 SHOWN_WORKS: tuple[Work, ...] = ("solves", "seconds")  # in the summary
 STIFF = "stiff"  # status of finished runs that warn of it
 NOISE = 0.9  # quantile of the spread of times that counts as noise
-SHOWN = (1e-2, 1e-4, 1e-6, 1e-8)  # errors in the text
+SHOWN_TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the text
 
 
 class Win(NamedTuple):
@@ -48,7 +48,7 @@ class Win(NamedTuple):
     seconds: float
 
 
-class Failure(NamedTuple):
+class FailedRun(NamedTuple):
     """A run without errors, or a method that does not suit a model; texts."""
 
     model: str
@@ -113,19 +113,19 @@ class Atlas(Tabular):
         )  # fmt: skip
 
     @cached_property
-    def failures(self) -> list[Failure]:
+    def failures(self) -> list[FailedRun]:
         """Failed runs, methods that do not suit a model, and models without runs, with their reasons."""
-        out = [Failure(m.model, "", "", "omitted", m.failure) for m in self.motions if m.failure]
+        out = [FailedRun(m.model, "", "", "omitted", m.failure) for m in self.motions if m.failure]
         for m in self.motions:
-            out += [Failure(m.model, method, "", "omitted", reason) for method, reason in m.omitted.items()]
+            out += [FailedRun(m.model, method, "", "omitted", reason) for method, reason in m.omitted.items()]
         for r in self.runs:
             for p in r.points:
                 if not p.success or p.message:
                     setting = f"rtol {p.rtol:g}" if p.rtol else f"{p.n} steps"
                     status = STIFF if p.status == "finished" else p.status
-                    out.append(Failure(r.model, r.method, setting, status, p.message))
+                    out.append(FailedRun(r.model, r.method, setting, status, p.message))
             if r.long and r.long.message:
-                out.append(Failure(r.model, r.method, f"long, step {r.long.step:g} s", r.long.status, r.long.message))
+                out.append(FailedRun(r.model, r.method, f"long, step {r.long.step:g} s", r.long.status, r.long.message))
         return out
 
     @property
@@ -137,13 +137,13 @@ class Atlas(Tabular):
     def cells(self) -> list[list[str]]:
         """Return for each model the methods with the fewest linear solves, by error of q."""
         found = {(w.model, w.target): w for w in self.wins}
-        rows = [[m.model, *(_cell(found.get((m.model, target))) for target in SHOWN)] for m in self.motions]
-        return [["fewest solves to an error of q of", *(f"{x:.0e}" for x in SHOWN)], *rows]
+        rows = [[m.model, *(_cell(found.get((m.model, target))) for target in SHOWN_TOLERANCES)] for m in self.motions]
+        return [["fewest solves to an error of q of", *(f"{x:.0e}" for x in SHOWN_TOLERANCES)], *rows]
 
     def summary(self) -> list[str]:
         """Return for each error in the text on how many models each method needs the fewest solves, or least time."""
         out = []
-        for target in SHOWN:
+        for target in SHOWN_TOLERANCES:
             wins = [w for w in self.wins if w.target == target]
             if wins:
                 solves, seconds = (_counted([getattr(w, x) for w in wins]) for x in ("fewest", "fastest"))

@@ -87,7 +87,7 @@ def test_a_long_run_is_that_of_solve_and_drift(small):
 
 
 def test_an_interrupted_atlas_resumes(small, data, tmp_path):
-    """Ctrl-C comes after five results, and a crash within a line: what is finished is not computed again.
+    """Ctrl-C comes after five results, and a crash within a line; finished results are not computed again.
 
     Counts, errors and best methods are those of the atlas that was made in one go.
     """
