@@ -44,6 +44,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .methods import Tableau as Tableau
     from .progress import progress_bar as progress_bar
     from .solution.solution import Solution as Solution
+    from .studies.atlas.atlas import atlas as atlas
     from .studies.comparison.compare import compare as compare
     from .studies.drift.drift import drift as drift
     from .studies.fit.fit import fit as fit
