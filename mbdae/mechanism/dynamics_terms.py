@@ -17,6 +17,7 @@ from .forces import is_custom
 from .frames import frame_placement
 from .local_ode import LocalODE
 from .pinocchio_data import make_data
+from .tree_terms import bias, update_inertia, update_motions
 
 Self_: TypeAlias = Any  # a `Mechanism`, which derives from this class: a type checker rejects a derived type of self
 
@@ -143,7 +144,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        pin.crba(self.model, data, self.configuration(q), pin.Convention.WORLD)
+        update_inertia(self.model, data, self.configuration(q))
         return np.triu(data.M) + np.triu(data.M, 1).T
 
     def bias(self: Self_, q: Array, v: Array) -> Array:
@@ -155,7 +156,7 @@ class DynamicsTerms:
             InputError: for arrays of another length.
         """
         data = make_data(self.model)
-        return pin.nonLinearEffects(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
+        return bias(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
 
     def jacobian(self: Self_, q: Array) -> Array:
         """Return G(q) over the rows of all closures and drivers, in file order, (ng, nv).
@@ -174,7 +175,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        pin.forwardKinematics(self.model, data, self.configuration(q))
+        update_motions(self.model, data, self.configuration(q))
         placement = frame_placement(self.model, data, name)
         return placement.translation.copy(), placement.rotation.copy()
 

@@ -73,6 +73,7 @@ class Constraints:
                 self._between_joints(model, data, spec)
         self.positional[[at for at, d in self.driven if d.speed is not None]] = False
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
+        self._node_columns = [(self.spans[n], *x) for n, bound in self.frame_rows.items() for x in bound.pair.nodes]
         self._no_motion = np.zeros((3, self.ng))
         self._index_special_rows()
         self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
@@ -126,6 +127,8 @@ class Constraints:
                 raise StepError(e.status, f"closure {name!r}: {e}") from None
         G = self.W.T.dot(self._J)
         G *= self.sign
+        for rows, sign, at, J in self._node_columns:
+            G[rows, at] += sign * self.W[:, rows].T.dot(J)
         for row in self.joint_rows:
             G[row.at, row.columns] = row.value()[1]
         G[self.inactive] = 0.0
