@@ -44,7 +44,7 @@ def beam(
     polar_moment: float = 0.0,
     nodes: Mapping[str, float] | None = None,
 ) -> ModalBody:
-    """Return a straight beam as a modal body with its lowest modes, mass-normalised.
+    """Return a straight beam as a modal body with its lowest modes, mass-normalised, which rise next to the left end.
 
     Args:
         length: m, along x from the origin of the frame.
@@ -85,7 +85,7 @@ def beam(
     squares, shapes = eigh(K[np.ix_(free, free)], M[np.ix_(free, free)], subset_by_index=(0, modes - 1))
     U = np.zeros((len(K), modes))
     U[free] = shapes
-    U *= np.where(grid.end_sign(U) < 0, -1.0, 1.0)
+    U *= np.where(grid.first_rise(U) < 0, -1.0, 1.0)
     found = {name: grid.node(x, U, name) for name, x in (nodes or {"A": 0.0, "B": length}).items()}
     r, masses, Phi = grid.points(U, density * area)
     body = ModalBody.of_points(r, masses, Phi, squares, damping, found)
@@ -170,10 +170,7 @@ class _Grid:
         Phi, slopes = (N @ U for N in self.shapes(e, s))
         return Node(np.array([self.x[i], 0, 0]), Phi, np.array([np.zeros(U.shape[1]), -slopes[2], slopes[1]]))
 
-    def end_sign(self, U: Array) -> Array:
-        """Return a positive number for modes whose right end rises, or rotates upwards, (k,)."""
-        displacement, slopes = (N @ U for N in self.shapes(len(self.x) - 2, 1.0))
-        largest = [a[np.abs(a).argmax()] for a in displacement.T]
-        turns = [a[np.abs(a).argmax()] for a in slopes.T]
-        scale = self.l * np.abs(slopes).max()
-        return np.where(np.abs(largest) > scale * np.finfo(float).eps * len(U), largest, turns)
+    def first_rise(self, U: Array) -> Array:
+        """Return the largest displacement at the first Gauss point, with its sign, (k,)."""
+        displacement = self.shapes(*self.gauss()[0][:2])[0] @ U
+        return displacement[np.abs(displacement).argmax(axis=0), np.arange(U.shape[1])]
