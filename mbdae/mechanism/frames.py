@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +11,9 @@ from ..errors import InputError, UnknownNameError
 from .expanded_tree import Branches, branches
 from .pinocchio_data import make_data
 from .tree_terms import flexible_bodies, update_motions
+
+if TYPE_CHECKING:
+    from .flexible.workspace import BoundNode
 
 WORLD = "world"
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -163,7 +166,7 @@ class Pair:
     ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
     -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` (nv,) is true where a
     joint moves a or b or both. Modes that move an anchor on a node have other columns than J, ``nodes``: sign of the
-    anchor, velocities of the modes, columns (6, k); their ``sign`` is 0.
+    anchor, the bound body and its node; their ``sign`` is 0.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
@@ -174,24 +177,36 @@ class Pair:
         support_a, support_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = support_b - support_a, (support_a + support_b) > 0
         self.nodes = [
-            (sign, body.at, node.columns)
+            (sign, body, node)
             for sign, x in ((-1.0, a), (1.0, b))
             for body in getattr(data, "flexible", ())
             for node in body.nodes
             if node.index == x.joint
         ]
-        for _, modes, _ in self.nodes:
-            self.sign[modes] = 0.0
+        for _, body, _ in self.nodes:
+            self.sign[body.at] = 0.0
 
     @cached_property
     def branches(self) -> Branches:
-        """Columns of J that move only one of the anchors."""
-        return branches(self.model, self.a.joint, self.b.joint)
+        """Columns of J that move only one of the anchors; a node adds translations and rotations by its modes."""
+        carriers = {node.index: body.joint for _, body, node in self.nodes}
+        out = branches(self.model, *(carriers.get(x.joint, x.joint) for x in (self.a, self.b)))
+        for sign, body, _ in self.nodes:
+            out = out.with_modes(np.arange(body.at.start, body.at.stop), sign)
+        return out
 
     @property
     def jacobian(self) -> np.ndarray:
-        """The columns of J that move only one of the anchors, (6, c)."""
-        return self._J[:, self.branches.at]
+        """The columns of J that move only one of the anchors, (6, c), as ``branches``."""
+        at = self.branches.at
+        if not self.nodes:
+            return self._J[:, at]
+        split = [J for _, _, node in self.nodes for J in node.split_columns(self._data)]
+        return np.hstack([self._J[:, at[: len(at) - sum(J.shape[1] for J in split)]], *split])
+
+    def rotation_change(self, node: "BoundNode", z: np.ndarray) -> np.ndarray:
+        """Return `BoundNode.rotation_change` of a node of the pair, (6, k)."""
+        return node.rotation_change(self._data, z)
 
     def locate(self) -> None:
         """Update rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
@@ -215,13 +230,13 @@ class Pair:
 
     def relative(self, v: np.ndarray) -> np.ndarray:
         """Return the spatial velocity (6,) of b relative to a at the world's origin, for velocities v (nv,)."""
-        return self._J.dot(self.sign * v) + sum(sign * (J @ v[at]) for sign, at, J in self.nodes)
+        return self._J.dot(self.sign * v) + sum(sign * (node.columns @ v[body.at]) for sign, body, node in self.nodes)
 
     def torque(self, wrench: np.ndarray) -> np.ndarray:
         """Return the generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
         out = self.sign * wrench.dot(self._J)
-        for sign, at, J in self.nodes:
-            out[at] += sign * wrench.dot(J)
+        for sign, body, node in self.nodes:
+            out[body.at] += sign * wrench.dot(node.columns)
         return out
 
     def relative_jacobian(self) -> np.ndarray:

@@ -15,7 +15,7 @@ def flexible_bodies(model: pin.Model) -> tuple:
     return getattr(model, "flexible", ())
 
 
-def require_rigid(model: pin.Model, what: str) -> None:
+def require_rigid(model: pin.Model | None, what: str) -> None:
     """Reject what is not known of flexible bodies.
 
     Raises:

@@ -76,7 +76,7 @@ class ModalBody:
     def delta(self, q: Array) -> Array:
         """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
         S, I_q, H = self.deformed(q)
-        X, k = pin.skew(S), len(q)
+        X, k = np.einsum("abc,b->ac", _CROSS, S), len(q)
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
         return np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]]) if k else np.zeros((6, 6))
 

@@ -9,7 +9,6 @@ At a node, d = r + Phi q, theta = Psi q, E and Jr of `rotation_vector`, with nu 
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,12 +18,31 @@ from .modal_body import ModalBody, Node
 from .rotation_vector import rotation_vector
 
 
-class NodeMotion(NamedTuple):
-    """A node in a workspace: its entry of ``data.oMi``, and its state in the axes of the body."""
+class BoundNode:
+    """A node in a workspace.
 
-    index: int
-    node: Node
-    columns: Array  # (6, k) of J at the world's origin, for the modes; live
+    Attributes:
+        index: its entry in ``data.oMi``.
+        node: the node.
+        columns: of J at the world's origin for the modes, (6, k); live.
+        turn: rotation of the node relative to the frame, at the current poses.
+    """
+
+    def __init__(self, index: int, node: Node) -> None:
+        self.index, self.node, self.columns = index, node, np.zeros((6, node.Phi.shape[1]))
+        self.turn = rotation_vector(np.zeros(3))
+
+    def split_columns(self, data: pin.Data) -> tuple[Array, Array]:
+        """Return the columns as those of translations T along fixed axes and of rotations W, (6, k) each."""
+        W = self.columns.copy()
+        W[:3] = pin.skew(data.oMi[self.index].translation) @ W[3:]
+        return self.columns - W, W
+
+    def rotation_change(self, data: pin.Data, z: Array) -> Array:
+        """Return the change by q_m of the rotation Jr z, beyond that of the axes of the node, as motions (6, k)."""
+        pose = data.oMi[self.index]
+        change = pose.rotation @ self.turn.jacobian_rate(z) @ self.node.Psi
+        return np.concatenate([pin.skew(pose.translation) @ change, change])
 
 
 class BoundBody:
@@ -43,9 +61,9 @@ class BoundBody:
         joints = list(model.supports[self.joint])[1:]
         self.base = np.array([i for j in joints for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])], int)
         self.gravity = model.gravity.linear.copy()
-        self.nodes: list[NodeMotion] = []
+        self.nodes: list[BoundNode] = []
         for node in modal.nodes.values():
-            self.nodes.append(NodeMotion(len(data.oMi), node, np.zeros((6, k))))
+            self.nodes.append(BoundNode(len(data.oMi), node))
             data.oMi.append(pin.SE3.Identity())
             data.v.append(pin.Motion.Zero())
             data.a.append(pin.Motion.Zero())
@@ -55,7 +73,7 @@ class BoundBody:
         x, pose = q[self.iq], data.oMi[self.joint]
         R, p = pose.rotation, pose.translation
         for n in self.nodes:
-            turn = rotation_vector(n.node.Psi @ x)
+            turn = n.turn = rotation_vector(n.node.Psi @ x)
             at = R @ (n.node.r + n.node.Phi @ x) + p
             E = R @ turn.E
             data.oMi[n.index] = pin.SE3(E, at)
@@ -63,12 +81,12 @@ class BoundBody:
             n.columns[:3] = R @ n.node.Phi + pin.skew(at) @ n.columns[3:]
 
     def update_motions(self, data: pin.Data, q: Array, v: Array, a: Array) -> None:
-        """Update velocities and accelerations of the nodes, for v' = a; those of the frame are current."""
+        """Update velocities and accelerations of the nodes, for v' = a; those of the frame, and all poses, are current."""
         x, u, du = q[self.iq], v[self.at], a[self.at]
         V, A = data.v[self.joint], data.a[self.joint]
         w = V.angular
         for n in self.nodes:
-            node, turn = n.node, rotation_vector(n.node.Psi @ x)
+            node, turn = n.node, n.turn
             d, relative, s = node.r + node.Phi @ x, node.Phi @ u, node.Psi @ u
             ET, wr = turn.E.T, turn.Jr @ s
             at, Ew = ET @ (V.linear + np.cross(w, d) + relative), ET @ w

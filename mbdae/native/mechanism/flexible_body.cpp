@@ -224,12 +224,18 @@ void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int
     for (int i = 0; i < k; ++i) out[(data.iv + i) * nv + m] += F[6 + i].d[0];
   };
   for (int m = 0; m < n; ++m) {
-    along(columns[m].psi_dot.data(), nu), along(columns[m].psi_ddot.data(), acceleration), add(base[m], by_q);
+    Column& c = columns[m];
+    double product[6];
+    motion_cross(c.psi_dot.data(), V.data(), product);
+    for (int i = 0; i < 6; ++i) c.psi_ddot[i] += product[i];
+    motion_cross(about[base[m]].data(), V.data(), product);
+    for (int i = 0; i < 6; ++i) c.rate[i] += product[i];
+    along(c.psi_dot.data(), nu), along(c.psi_ddot.data(), acceleration), add(base[m], by_q);
     double turned[6];
     wrench_cross(about[base[m]].data(), wrench, turned);
-    for (int c = 0; c < m; ++c)
-      if (parts[base[c]] != parts[base[m]]) by_q[base[c] * nv + base[m]] += dot6(about[base[c]].data(), turned);
-    along(about[base[m]].data(), nu), along(columns[m].rate.data(), acceleration), add(base[m], by_v);
+    for (int k = 0; k < m; ++k)
+      if (parts[base[k]] != parts[base[m]]) by_q[base[k] * nv + base[m]] += dot6(about[base[k]].data(), turned);
+    along(about[base[m]].data(), nu), along(c.rate.data(), acceleration), add(base[m], by_v);
   }
   for (auto* y : {&nu, &acceleration})
     for (D& z : *y) z.d[0] = 0;
