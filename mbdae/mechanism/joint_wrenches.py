@@ -21,6 +21,7 @@ from ..tolerances import VISIBLE
 from .forces.force import PairElement
 from .frames import Pair, joint_names, skew
 from .reactions import Reaction, multiplier_null_space, sample_indices
+from .tree_terms import require_rigid
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
@@ -43,6 +44,7 @@ def joint_wrenches(
             alone.
     """
     model, data = system.model, system.workspace
+    require_rigid(model, "reactions of joints in mechanisms")
     system.jacobian(q)
     external = np.zeros((model.njoints, 6))
     for name, bound in system.constraints.frame_rows.items():

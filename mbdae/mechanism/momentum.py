@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from ..system import Array
 from .pinocchio_data import make_data
+from .tree_terms import require_rigid
 
 MOMENTUM = {f"{word}.{x}": unit
             for word, unit in (("com", "m"), ("momentum", "kg m/s"), ("angular_momentum", "kg m^2/s"))
@@ -31,6 +32,7 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     Returns:
         Columns ``com.x``, ..., ``angular_momentum.z`` (n,), with the units of `MOMENTUM`.
     """
+    require_rigid(model, "momenta")
     data, out = make_data(model), np.empty((len(q), 9))
     bodies = [(j, Y) for j, Y in enumerate(model.inertias) if j]
     mass = sum(Y.mass for _, Y in bodies)
@@ -70,6 +72,7 @@ def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
         v: velocities, (n, nv).
         a: accelerations, (n, nv).
     """
+    require_rigid(model, "momenta")
     data, out = make_data(model), Momenta(*np.empty((4, len(q), 6 + model.nv)))
     for i, (qi, vi, ai) in enumerate(zip(q, v, a, strict=True)):
         pin.forwardKinematics(model, data, qi, vi, ai)
@@ -103,6 +106,7 @@ def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str
         Columns ``shaking_force``, its magnitude, ``shaking_force.x``, ..., ``shaking_moment.z`` (n,), with the units of
         `SHAKING`.
     """
+    require_rigid(model, "shaking forces")
     data, out = make_data(model), np.empty((len(q), 6))
     for row, configuration, velocity, acceleration in zip(out, q, v, vdot, strict=True):
         pin.forwardKinematics(model, data, configuration, velocity, acceleration)
