@@ -10,7 +10,7 @@ import pinocchio as pin
 from ..errors import InputError, UnknownNameError
 from .expanded_tree import Branches, branches
 from .pinocchio_data import make_data
-from .tree_terms import flexible_bodies, update_motions
+from .tree_terms import bound_bodies, flexible_bodies, update_motions
 
 if TYPE_CHECKING:
     from .flexible.workspace import BoundNode
@@ -179,7 +179,7 @@ class Pair:
         self.nodes = [
             (sign, body, node)
             for sign, x in ((-1.0, a), (1.0, b))
-            for body in getattr(data, "flexible", ())
+            for body in bound_bodies(data)
             for node in body.nodes
             if node.index == x.joint
         ]

@@ -21,7 +21,7 @@ from ..tolerances import VISIBLE
 from .forces.force import PairElement
 from .frames import Pair, joint_names, skew
 from .reactions import Reaction, multiplier_null_space, sample_indices
-from .tree_terms import require_rigid
+from .tree_terms import bound_bodies, flexible_bodies, update_motions, update_poses
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
@@ -44,23 +44,28 @@ def joint_wrenches(
             alone.
     """
     model, data = system.model, system.workspace
-    require_rigid(model, "reactions of joints in mechanisms")
     system.jacobian(q)
-    external = np.zeros((model.njoints, 6))
+    external = np.zeros((len(data.oMi), 6))
     for name, bound in system.constraints.frame_rows.items():
         rows = system.constraints.spans[name]
         friction = system.closure_friction.wrench(name, v, lam) if laws else 0.0
         _add(external, bound.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
     if laws:
         if not system.ng:
-            pin.computeJointJacobians(model, data, q)
+            update_poses(model, data, q)
         for law, _ in system.laws.bound:
             if isinstance(law, PairElement):
                 law.pair.locate()
                 for term in law.wrench_partials(t, law.pair.relative(v)):
                     _add(external, law.pair, term.F)
+    for body in bound_bodies(data):
+        nodes = [node.index for node in body.nodes]
+        external[body.joint] += external[nodes].sum(axis=0)
+        if laws:
+            update_motions(model, data, q, v, vdot)
+            external[body.joint] -= body.inertia_wrench(data, q, v, vdot, model.gravity.linear)
     forces = pin.StdVec_Force()
-    for placement, wrench in zip(data.oMi, external, strict=True):
+    for placement, wrench in zip(data.oMi[: model.njoints], external[: model.njoints], strict=True):
         forces.append(placement.actInv(pin.Force(wrench)))
     if laws:
         pin.rnea(model, data, q, v, vdot, forces)
@@ -106,7 +111,8 @@ def reaction_names(mech: "Mechanism") -> list[str]:
     A closure has precedence over a joint of the same name.
     """
     constraints = [c.name for c in mech.constraints if c.frames]
-    return [name for name in joint_names(mech.model) if name not in constraints] + constraints
+    left_out = {*constraints, *(name for body in flexible_bodies(mech.model) for name in body.mode_joints)}
+    return [name for name in joint_names(mech.model) if name not in left_out] + constraints
 
 
 def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:

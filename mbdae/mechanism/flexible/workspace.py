@@ -104,14 +104,37 @@ class BoundBody:
 
     def add_bias(self, data: pin.Data, q: Array, v: Array, nle: Array) -> None:
         """Add the terms of the modes to nle (nv,); J, ``data.v`` and ``data.a_gf`` are current."""
-        x, V, A = q[self.iq], data.v[self.joint].vector, data.a_gf[self.joint].vector
-        F = self.modal.delta(x)[:, :6] @ A + self.modal.gyroscopic(x, np.concatenate([V, v[self.at]]))
+        F = self._force(data, q, v, data.a_gf[self.joint], np.zeros(self.modal.modes))
         nle[self.base] += F[:6] @ self._base_columns(data)
         nle[self.at] += F[6:]
 
+    def _force(self, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array) -> Array:
+        """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
+        x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
+        return self.modal.delta(x) @ A + self.modal.gyroscopic(x, np.concatenate([data.v[self.joint].vector, v[self.at]]))
+
+    def inertia_wrench(self, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
+        """Return the force and the moment about the origin, world axes, (6,), that the deformation adds to m a - m g.
+
+        Motions in ``data`` are those of v and v' = a; gravity in m/s^2, none if omitted.
+        """
+        pose = data.oMi[self.joint]
+        fall = np.zeros(3) if gravity is None else pose.rotation.T @ gravity
+        acceleration = data.a[self.joint] - pin.Motion(fall, np.zeros(3))
+        return pose.act(pin.Force(self._force(data, q, v, acceleration, a[self.at])[:6])).vector
+
+    def momentum(self, data: pin.Data, q: Array, v: Array) -> Array:
+        """Return the momenta that the deformation adds, about the origin, world axes, (6,); motions are current."""
+        nu = np.concatenate([data.v[self.joint].vector, v[self.at]])
+        return data.oMi[self.joint].act(pin.Force(self.modal.delta(q[self.iq])[:6] @ nu)).vector
+
+    def first_moment(self, data: pin.Data, q: Array) -> Array:
+        """Return the change of mass times centre of mass by the deformation, world axes, (3,), in kg m."""
+        return data.oMi[self.joint].rotation @ self.modal.C @ q[self.iq]
+
     def potential(self, data: pin.Data, q: Array) -> float:
         """Return the potential energy of gravity that the deformation adds, in J; the pose of the frame is current."""
-        return -float(self.gravity @ data.oMi[self.joint].rotation @ self.modal.C @ q[self.iq])
+        return -float(self.gravity @ self.first_moment(data, q))
 
     def _base_columns(self, data: pin.Data) -> Array:
         """Return the columns of J that move the frame, in its axes, (6, n)."""
