@@ -28,7 +28,9 @@ def points(seed=0, n=25, k=4):
 def body(seed=0, k=4, stiffness=(1.0, 3.0), turn=1.0, damping=0.0):
     """A random body with nodes A, B and C."""
     rng = np.random.default_rng(seed + 100)
-    nodes = {name: Node(*(rng.normal(size=s) for s in ((3,), (3, k))), turn * rng.normal(size=(3, k))) for name in "ABC"}
+    nodes = {
+        name: Node(*(rng.normal(size=s) for s in ((3,), (3, k))), turn * rng.normal(size=(3, k))) for name in "ABC"
+    }
     r, m, Phi = points(seed, k=k)
     return ModalBody.of_points(r, m, Phi, rng.uniform(*stiffness, k), damping, nodes)
 

@@ -13,7 +13,6 @@ friction proportional to closure forces, do not follow from the state: they are 
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ..system import Array
 from .coordinate_units import coordinate_units

@@ -80,7 +80,7 @@ def anchor(model: pin.Model, name: str) -> Anchor:
         if name in body.node_frames:
             return Anchor(name, at + body.node_frames.index(name), np.eye(3), np.zeros(3))
         if frame.parentJoint > 0 and model.names[frame.parentJoint] in body.mode_joints:
-            raise InputError(f"{name!r} is on a mode of {body.name!r}: nodes are {', '.join(body.node_frames) or 'none'}")
+            raise InputError(f"{name!r} is on a mode of {body.name!r}: nodes are {', '.join(body.node_frames)}")
         at += len(body.node_frames)
     return Anchor(name, frame.parentJoint, frame.placement.rotation.copy(), frame.placement.translation.copy())
 

@@ -58,12 +58,8 @@ def joint_wrenches(
                 law.pair.locate()
                 for term in law.wrench_partials(t, law.pair.relative(v)):
                     _add(external, law.pair, term.F)
-    for body in bound_bodies(data):
-        nodes = [node.index for node in body.nodes]
-        external[body.joint] += external[nodes].sum(axis=0)
-        if laws:
-            update_motions(model, data, q, v, vdot)
-            external[body.joint] -= body.inertia_wrench(data, q, v, vdot, model.gravity.linear)
+    if bound_bodies(data):
+        _carry_flexible(system, external, q, v, vdot, inertia=laws)
     forces = pin.StdVec_Force()
     for placement, wrench in zip(data.oMi[: model.njoints], external[: model.njoints], strict=True):
         forces.append(placement.actInv(pin.Force(wrench)))
@@ -75,6 +71,18 @@ def joint_wrenches(
     weight = _joint_forces(data)
     pin.rnea(model, data, q, zero, zero, forces)
     return _joint_forces(data) - weight
+
+
+def _carry_flexible(
+    system: "Index2System", external: Array, q: Array, v: Array, vdot: Array, *, inertia: bool
+) -> None:
+    """Add the wrenches on nodes, and those of inertia of the deformation, to the frames of flexible bodies."""
+    data, gravity = system.workspace, system.model.gravity.linear
+    update_motions(system.model, data, q, v, vdot)
+    for body in bound_bodies(data):
+        external[body.joint] += external[[node.index for node in body.nodes]].sum(axis=0)
+        if inertia:
+            external[body.joint] -= body.inertia_wrench(data, q, v, vdot, gravity)
 
 
 def _add(external: Array, pair: Pair, wrench: Array) -> None:

@@ -10,8 +10,8 @@ of motions and a x* F of a motion and a wrench, all at the world's origin,
     dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
 
 Velocities and accelerations are relative to the body at which both branches begin. A node of a flexible body moves by
-its modes like by two more joints, with columns T and W; W has the change of Jr, too (`BoundNode.rotation_change`). Results
-have one entry for each velocity, ``at`` (u,), where u = c without nodes.
+its modes like by two more joints, with columns T and W; W has the change of Jr, too (`BoundNode.rotation_change`).
+Results have one entry for each velocity, ``at`` (u,), where u = c without nodes.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ class PairPartials:
         self.moves_b = self.sign > 0
         self.W = self.Jv.dot(self.before.T)
         self.dV = motion_cross(self.J, self.W)  # of V_b or V_a
-        self.at, self._sums = (at, None) if not pair.nodes else _sums_of_columns(at)
+        self.at, self._sums = _sums_of_columns(at) if pair.nodes else (at, None)
         end = len(self.sign)
         for _, body, node in pair.nodes[::-1]:
             k = body.modal.modes
@@ -117,7 +117,7 @@ class PairPartials:
         return by_q, by_v
 
 
-def _sums_of_columns(at: Array) -> tuple[Array, Array]:
+def _sums_of_columns(at: Array) -> tuple[Array, Array | None]:
     """Return the different velocities (u,) of columns (c,), and the matrix of sums over equal ones, (c, u)."""
     different = np.unique(at)
     return different, (at[:, None] == different).astype(float)

@@ -128,8 +128,8 @@ class Constraints:
                 raise StepError(e.status, f"closure {name!r}: {e}") from None
         G = self.W.T.dot(self._J)
         G *= self.sign
-        for rows, sign, body, node in self._node_rows:
-            G[rows, body.at] += sign * self.W[:, rows].T.dot(node.columns)
+        for span, sign, body, node in self._node_rows:
+            G[span, body.at] += sign * self.W[:, span].T.dot(node.columns)
         for row in self.joint_rows:
             G[row.at, row.columns] = row.value()[1]
         G[self.inactive] = 0.0

@@ -40,7 +40,8 @@ class FlexibleBody:
     def core_data(self, model: pin.Model) -> CoreData:
         """Return the body for the core."""
         first = model.joints[model.getJointId(self.mode_joints[0])]
-        return {"joint": int(model.getJointId(self.name)), "iq": first.idx_q, "iv": first.idx_v, **self.modal.core_data()}
+        at = {"joint": int(model.getJointId(self.name)), "iq": first.idx_q, "iv": first.idx_v}
+        return at | self.modal.core_data()
 
     def bind(self, model: pin.Model, data: pin.Data) -> BoundBody:
         """Bind the body to a workspace, whose motions get an entry for each node."""
@@ -48,7 +49,12 @@ class FlexibleBody:
 
 
 def attach(
-    model: pin.Model, name: str, modal: ModalBody, joint: pin.JointModel, parent: int = 0, placement: pin.SE3 | None = None
+    model: pin.Model,
+    name: str,
+    modal: ModalBody,
+    joint: pin.JointModel,
+    parent: int = 0,
+    placement: pin.SE3 | None = None,
 ) -> FlexibleBody:
     """Add a flexible body to a model, as its last joints.
 

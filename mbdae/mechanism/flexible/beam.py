@@ -28,7 +28,7 @@ Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
 
-def beam(
+def beam(  # noqa: PLR0913 - the numbers of a beam
     length: float,
     young: float,
     density: float,
@@ -60,7 +60,8 @@ def beam(
         axial: whether the beam also stretches.
         damping: ratio of each mode, or one for all.
         polar_moment: second moment of area about x in m^4; without it a beam has no inertia about its axis.
-        nodes: names of nodes and their positions along x in m, at ends of elements; ``{"A": 0, "B": length}`` if omitted.
+        nodes: names of nodes and their positions along x in m, at ends of elements; A and B at both
+            ends if omitted.
 
     Raises:
         InputError: for values that are not positive, more modes than the elements have, or a node between them.
@@ -97,7 +98,8 @@ class _Grid:
     """Nodes and elements of a beam; the coordinates of a node are those directions that its modes have."""
 
     def __init__(self, length: float, elements: int, moments: Mapping[str, float], axial: bool) -> None:
-        self.x, self.l, self.moments, self.axial = np.linspace(0, length, elements + 1), length / elements, moments, axial
+        self.x, self.size = np.linspace(0, length, elements + 1), length / elements
+        self.moments, self.axial = moments, axial
         self.directions = "u" * axial + "".join(BENDING[axis][0] + BENDING[axis][1] for axis in moments)
 
     def index(self, node: int, direction: str) -> int:
@@ -114,27 +116,27 @@ class _Grid:
 
         With ``order`` they are derivatives by x: u' and u'', as the elastic energy needs them.
         """
-        l, out = self.l, np.zeros((2, 3, len(self.x) * len(self.directions)))
+        size, out = self.size, np.zeros((2, 3, len(self.x) * len(self.directions)))
         hermite = np.polynomial.Polynomial
         cubic = [hermite(c) for c in ((1, 0, -3, 2), (0, 1, -2, 1), (0, 0, 3, -2), (0, 0, -1, 1))]
         for axis in self.moments:
             displacement, rotation, sign = BENDING[axis]
             at = [self.index(e + i, d) for i in (0, 1) for d in (displacement, rotation)]
-            for i, (p, scale) in enumerate(zip(cubic, (1, sign * l, 1, sign * l), strict=True)):
+            for i, (p, scale) in enumerate(zip(cubic, (1, sign * size, 1, sign * size), strict=True)):
                 row = 1 + "yz".index(axis)
                 for k in (0, 1):
                     d = p.deriv(k + order) if k + order else p
-                    out[k, row, at[i]] = scale * d(s) / l ** (k + order)
+                    out[k, row, at[i]] = scale * d(s) / size ** (k + order)
         if self.axial:
             i, j = self.index(e, "u"), self.index(e + 1, "u")
-            out[0, 0, [i, j]] = (1 - s, s) if order == 0 else (-1 / l, 1 / l) if order == 1 else (0, 0)
-            out[1, 0, [i, j]] = (-1 / l, 1 / l) if order == 0 else (0, 0)
+            out[0, 0, [i, j]] = (1 - s, s) if order == 0 else (-1 / size, 1 / size) if order == 1 else (0, 0)
+            out[1, 0, [i, j]] = (-1 / size, 1 / size) if order == 0 else (0, 0)
         return out[0], out[1]
 
     def gauss(self) -> list[tuple[int, float, float]]:
         """Return element, position in it and weight in m of each Gauss point."""
         s, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        return [(e, (1 + a) / 2, b * self.l / 2) for e in range(len(self.x) - 1) for a, b in zip(s, w, strict=True)]
+        return [(e, (1 + a) / 2, b * self.size / 2) for e in range(len(self.x) - 1) for a, b in zip(s, w, strict=True)]
 
     def stiffness(self, young: float, area: float) -> Array:
         n = len(self.x) * len(self.directions)
@@ -153,8 +155,12 @@ class _Grid:
     def points(self, U: Array, per_length: float) -> tuple[Array, Array, Array]:
         """Return Gauss points (n, 3), their masses (n,) and displacements (n, 3, k)."""
         found = self.gauss()
-        r = np.array([[self.x[e] + s * self.l, 0, 0] for e, s, _ in found])
-        return r, np.array([w * per_length for *_, w in found]), np.array([self.shapes(e, s)[0] @ U for e, s, _ in found])
+        r = np.array([[self.x[e] + s * self.size, 0, 0] for e, s, _ in found])
+        return (
+            r,
+            np.array([w * per_length for *_, w in found]),
+            np.array([self.shapes(e, s)[0] @ U for e, s, _ in found]),
+        )
 
     def node(self, x: float, U: Array, name: str) -> Node:
         """Return the node at x, the end of an element.
@@ -163,7 +169,7 @@ class _Grid:
             InputError: for a position between the ends of elements.
         """
         i = int(np.abs(self.x - x).argmin())
-        if not np.isclose(self.x[i], x, atol=0.0 if i else self.l * np.finfo(float).eps):
+        if not np.isclose(self.x[i], x, atol=0.0 if i else self.size * np.finfo(float).eps):
             ends = ", ".join(f"{a:.6g}" for a in self.x)
             raise InputError(f"beam: node {name!r} at {x} m is no end of an element: {ends}")
         e, s = (i, 0.0) if i < len(self.x) - 1 else (i - 1, 1.0)

@@ -78,7 +78,9 @@ class ModalBody:
         S, I_q, H = self.deformed(q)
         X, k = np.einsum("abc,b->ac", _CROSS, S), len(q)
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
-        return np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]]) if k else np.zeros((6, 6))
+        return (
+            np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]]) if k else np.zeros((6, 6))
+        )
 
     def gyroscopic(self, q: Array, nu: Array) -> Array:
         """Return the terms of M(q) nu' + h(q, nu) that are quadratic in nu, (6 + k,), without the rigid body.
@@ -86,7 +88,7 @@ class ModalBody:
         h = sum q'_i M_i nu + (w x p_v, w x p_w + v x p_v, -(nu^T M_i nu)/2), p = M nu, M_i = dM/dq_i.
         """
         v, w, u = nu[:3], nu[3:6], nu[6:]
-        _, I_q, H = self.deformed(q)
+        _, I_q, _ = self.deformed(q)
         p, dS = self.delta(q)[:6] @ nu, self.C @ u
         dI, dH = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", self.Hj, u)
         linear = np.cross(w, dS + p[:3])
@@ -98,7 +100,10 @@ class ModalBody:
         """Return the numbers of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""
         arrays = {"C": self.C.T, "H0": self.H0.T, "Mq": self.Mq, "Hj": self.Hj.transpose(0, 2, 1)}
         arrays |= {"I1": self.I1[:, *_PACKED], "I2": self.I2[:, :, *_PACKED]}
-        nodes = [{"r": x.r.tolist(), "Phi": x.Phi.T.ravel().tolist(), "Psi": x.Psi.T.ravel().tolist()} for x in self.nodes.values()]
+        nodes = [
+            {"r": x.r.tolist(), "Phi": x.Phi.T.ravel().tolist(), "Psi": x.Psi.T.ravel().tolist()}
+            for x in self.nodes.values()
+        ]
         return {"modes": self.modes, "nodes": nodes, **{name: x.ravel().tolist() for name, x in arrays.items()}}
 
     @classmethod
@@ -161,4 +166,3 @@ def _inertia(m: Array, x: Array, y: Array) -> Array:
     """Return sum m (x.y 1 - (x y^T + y x^T)/2), (3, 3)."""
     mixed = np.einsum("n,na,nb->ab", m, x, y)
     return np.trace(mixed) * np.eye(3) - (mixed + mixed.T) / 2
-

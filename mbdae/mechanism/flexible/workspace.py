@@ -53,7 +53,9 @@ class BoundBody:
         nodes: the nodes.
     """
 
-    def __init__(self, model: pin.Model, data: pin.Data, name: str, mode_joints: Sequence[str], modal: ModalBody) -> None:
+    def __init__(
+        self, model: pin.Model, data: pin.Data, name: str, mode_joints: Sequence[str], modal: ModalBody
+    ) -> None:
         self.modal = modal
         self.joint = int(model.getJointId(name))
         first, k = model.joints[model.getJointId(mode_joints[0])], modal.modes
@@ -81,7 +83,7 @@ class BoundBody:
             n.columns[:3] = R @ n.node.Phi + pin.skew(at) @ n.columns[3:]
 
     def update_motions(self, data: pin.Data, q: Array, v: Array, a: Array) -> None:
-        """Update velocities and accelerations of the nodes, for v' = a; those of the frame, and all poses, are current."""
+        """Update velocities and accelerations of the nodes, for v' = a; poses and those of the frame are current."""
         x, u, du = q[self.iq], v[self.at], a[self.at]
         V, A = data.v[self.joint], data.a[self.joint]
         w = V.angular
@@ -111,7 +113,9 @@ class BoundBody:
     def _force(self, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array) -> Array:
         """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
         x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
-        return self.modal.delta(x) @ A + self.modal.gyroscopic(x, np.concatenate([data.v[self.joint].vector, v[self.at]]))
+        return self.modal.delta(x) @ A + self.modal.gyroscopic(
+            x, np.concatenate([data.v[self.joint].vector, v[self.at]])
+        )
 
     def inertia_wrench(self, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """Return the force and the moment about the origin, world axes, (6,), that the deformation adds to m a - m g.

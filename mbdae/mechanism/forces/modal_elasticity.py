@@ -14,5 +14,7 @@ def modal_elasticity(model: pin.Model) -> list[LinearElement]:
         joints = [find_joint(model, name) for name in body.mode_joints]
         springs = [Spring(j.idx_q, j.idx_v, float(k), 0.0) for j, k in zip(joints, body.modal.stiffness, strict=True)]
         damping = [(j.idx_v, float(d)) for j, d in zip(joints, body.modal.damping, strict=True) if d]
-        out.append(LinearElement(f"{body.name} elasticity", [("tau", i, "v", i, -d) for i, d in damping], springs=springs))
+        out.append(
+            LinearElement(f"{body.name} elasticity", [("tau", i, "v", i, -d) for i, d in damping], springs=springs)
+        )
     return out

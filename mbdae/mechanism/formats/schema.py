@@ -72,7 +72,7 @@ class Body(Frame):
 
 
 class Flexible(Frame):
-    """A straight elastic beam along x of its frame, see `mbdae.beam`; closures and forces act on its nodes, ``name.node``.
+    """A straight elastic beam along x of its frame, see `mbdae.beam`; its nodes are frames ``name.node``.
 
     Attributes:
         name: name of the body and of the joint of its frame; ``"name.mode 1"``, ... are the joints of its modes.
@@ -112,7 +112,7 @@ class Flexible(Frame):
     @model_validator(mode="after")
     def _check_axis(self) -> "Flexible":
         if "axis" in self.model_fields_set and self.joint not in ("revolute", "prismatic"):
-            raise ValueError(f"axis does not belong to the {self.joint} joint of a flexible body; rotate its frame by rpy")
+            raise ValueError(f"axis does not belong to a {self.joint} joint; rotate its frame by rpy")
         return self
 
 

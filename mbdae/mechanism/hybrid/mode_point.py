@@ -4,7 +4,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, PIVOT_RANK, SOLUTION_ROUNDING
@@ -14,7 +13,6 @@ from ..tree_terms import update_motions, update_poses
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
-
 
 
 class AllRows:

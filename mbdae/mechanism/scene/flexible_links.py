@@ -1,6 +1,7 @@
 """Flexible bodies in a scene: rods between their nodes, which bend with them."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +15,8 @@ def flexible_links(model: pin.Model) -> Iterator[Mark]:
     one, first = pin.SE3.Identity(), model.njoints
     for body in flexible_bodies(model):
         nodes = list(body.modal.nodes.values())
-        order = sorted(range(len(nodes)), key=lambda i, nodes=nodes: float(np.linalg.norm(nodes[i].r)))  # type: ignore[misc]
-        for number, (i, j) in enumerate(zip(order, order[1:], strict=False), 1):
+        order = np.argsort([float(np.linalg.norm(node.r)) for node in nodes], kind="stable").tolist()
+        for number, (i, j) in enumerate(pairwise(order), 1):
             length = float(np.linalg.norm(nodes[j].r - nodes[i].r))
             yield Mark(f"{body.name} {number}", (first + i, one), (first + j, one), length)
         first += len(nodes)
