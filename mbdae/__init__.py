@@ -16,7 +16,7 @@ from .discovery import class_names, public_names
 if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checkers
     from .errors import MbdaeError as MbdaeError
     from .integrate.events.event import Event as Event
-    from .integrate.simulator import Simulator as Simulator
+    from .integrate.simulator.simulator import Simulator as Simulator
     from .integrate.solve import solve as solve
     from .mechanism import Closure as Closure
     from .mechanism import Clutch as Clutch
@@ -79,7 +79,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
 _CORE = {
     "errors": ["MbdaeError"],
     "integrate.events.event": ["Event"],
-    "integrate.simulator": ["Simulator"],
+    "integrate.simulator.simulator": ["Simulator"],
     "integrate.solve": ["solve"],
     "mechanism": ["Closure", "Clutch", "Driver", "Function", "Input", "Mechanism", "Stop", "load", "model_names"],
     "methods": ["METHODS", "Tableau"],

@@ -18,8 +18,8 @@ HOUSE = (
     " < __init__ < __main__"
 )
 INSIDE = (
-    "frames joints time_functions < model_settings < closures forces scene < formulations < discrete_sensitivity"
-    " < mechanism < formats"
+    "flexible tree time_functions < model_settings < closures forces scene < assembly signals < formulations"
+    " < equilibrium discrete_sensitivity < equations < mechanism < formats"
 )
 CORE = "math < mechanism < system < steps < run < sensitivity < bindings"  # of native
 SECRETS = {  # heavy or special imports, and the only modules that may use them
@@ -135,8 +135,8 @@ def test_the_test_sees_imports():
     assert not any("mechanism.mechanism" in name for name in found)
     assert floor("methods", HOUSE) == floor("mechanism", HOUSE) < floor("integrate", HOUSE)
     assert home("mbdae.mechanism.scene.shapes.Shape") == "mbdae/mechanism/scene"
-    assert home("mbdae.mechanism.frames.Pair") == "mbdae/mechanism/frames.py"
-    assert room("mbdae.mechanism.frames.Pair") == "mechanism"
+    assert home("mbdae.mechanism.mechanism.Mechanism") == "mbdae/mechanism/mechanism.py"
+    assert room("mbdae.mechanism.tree.frames.Pair") == "mechanism"
     assert room("mbdae.load") == "__init__"
 
 

@@ -13,7 +13,7 @@ from ..errors import InputError, UnknownNameError
 from ..system import Array
 from ..tolerances import INPUT_DIGITS
 from .appearance import appearance
-from .assembly import assemble, require_consistent
+from .assembly.assembly import assemble, require_consistent
 from .closures.brake import Brake
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -21,7 +21,7 @@ from .closures.clutch import Clutch
 from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
-from .dynamics_terms import DynamicsTerms
+from .equations.dynamics_terms import DynamicsTerms
 from .forces import bind_forces, named_force, stiction_joints
 from .forces.elements import ForceElements
 from .formulations.closure_friction import ClosureFriction
@@ -30,13 +30,13 @@ from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
 from .formulations.workspace_pool import WorkspacePool
-from .frames import find_joint, joint_names
 from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
-from .joints import is_depth_first
-from .manifold import Manifold
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
 from .scene.scene import Scene
+from .tree.frames import find_joint, joint_names
+from .tree.joints import is_depth_first
+from .tree.manifold import Manifold
 
 Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}

@@ -14,9 +14,9 @@ from pydantic import AllowInfNan, Field, ValidationError
 from ..data_types import JsonObject
 from ..errors import InputError
 from .checked_table import Table, one_line
-from .joints import PER_COORDINATE, PER_VELOCITY, subspace
 from .scene.shapes import PlacementEntries
-from .tree_terms import require_rigid
+from .tree.joints import PER_COORDINATE, PER_VELOCITY, subspace
+from .tree.tree_terms import require_rigid
 
 PREFIX = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"

@@ -8,8 +8,8 @@ import pinocchio as pin
 from ..system import Array
 from ..tolerances import TINY
 from .mechanism import Mechanism
-from .pinocchio_data import make_data
-from .tree_terms import require_rigid
+from .tree.pinocchio_data import make_data
+from .tree.tree_terms import require_rigid
 
 
 class Pull(NamedTuple):

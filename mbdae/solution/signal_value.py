@@ -9,9 +9,9 @@ import numpy as np
 from ..data_types import CoreData
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
-from ..mechanism.contacts import rolling_closures
-from ..mechanism.coordinate_units import acceleration_units, component_suffixes
-from ..mechanism.frames import find_joint, skew
+from ..mechanism.signals.contacts import rolling_closures
+from ..mechanism.tree.coordinate_units import acceleration_units, component_suffixes
+from ..mechanism.tree.frames import find_joint, skew
 from ..system import Array
 from .columns import force_rows, reaction_units, row_names
 from .signals import effort_rows, signals, units

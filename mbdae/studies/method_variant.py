@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.options import projects_positions
-from ..integrate.settings import complete_settings
+from ..integrate.options.options import projects_positions
+from ..integrate.options.settings import complete_settings
 from ..integrate.steppers.library_solver import LibrarySolver
 from ..integrate.steppers.solvers import SOLVERS, find_method
 from ..mechanism import Mechanism

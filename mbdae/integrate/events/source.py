@@ -7,7 +7,7 @@ run, or continues it from another point or in another mode. In order, the source
 1. `driver_checks`, at the end of the run only;
 2. `hybrid`: guards of contacts, stops, clutches and stiction;
 3. `singularity`: singular configurations, which are crossed by extrapolation in place of a step;
-4. `mbdae.integrate.stiffness_detection`, which warns only;
+4. `mbdae.integrate.run.stiffness_detection`, which warns only;
 5. `user_events`: signals and functions; terminal events end the run;
 6. `jumps`: controllers, functions of time and times given by the user.
 
@@ -23,8 +23,8 @@ from ...errors import StepError
 from ...system import Array, Step
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
-    from ..step_map import StepMap
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
 
 
 class EventError(StepError):

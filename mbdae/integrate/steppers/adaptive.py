@@ -13,7 +13,7 @@ from ...tolerances import AGREEMENT, EPS, ROUNDING, TINY
 from .stepper import PythonStepper, StepperState, smallest_step
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 SMALLEST_RTOL = 100 * EPS
 # Of Hairer's algorithm: small norms, and h_0 for them; h_1 of h_0 at rest; change of y in h_0; largest h_1 / h_0.

@@ -33,7 +33,7 @@ from .library_solver import UNCONTROLLED, LibrarySolver, LibraryStepper
 from .stepper import smallest_step
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 RATE_WIDTH = 1e-4  # rad, of difference quotients of the rate of configurations
 

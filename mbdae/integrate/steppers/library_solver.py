@@ -12,7 +12,7 @@ from ...system import Array, State, Step, System
 from .adaptive import Adaptive
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 UNCONTROLLED = 1e30  # absolute tolerance of components whose error is not controlled
 

@@ -12,15 +12,15 @@ from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.singularity import SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SUSPICIOUS_RATIO
-from ..projected_step import MAX_UNDONE
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE, Fixed
+from .projected_step import MAX_UNDONE
 from .stepper import SPACINGS, PythonStepper, Stepper, StepperState
 
 if TYPE_CHECKING:
     from ..._native import Run
     from ..events.user_events import UserEvents
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core

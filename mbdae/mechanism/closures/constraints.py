@@ -15,8 +15,8 @@ import pinocchio as pin
 
 from ...errors import InputError, StepError
 from ...system import Array
-from ..frames import Anchor, Pair, anchor, support
-from ..wrench_partials import PairPartials
+from ..tree.frames import Anchor, Pair, anchor, support
+from ..tree.wrench_partials import PairPartials
 from .brake import Brake
 from .closure import Closure
 from .clutch import Clutch
@@ -48,7 +48,7 @@ class Constraints:
         joint_rows: bound rows between joints.
         spans: indices of the rows of each closure and driver, by name.
         driven: indices of the rows that follow functions of time, and their drivers.
-        sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
+        sign: see `mbdae.mechanism.tree.frames.Pair`, (ng, nv).
         columns: which velocities a row depends on: those of its joints and their ancestors, (ng, nv).
         positional: which rows have a g, (ng,).
         W: wrenches of the rows between frames at the last evaluation of G, (6, ng).

@@ -21,7 +21,7 @@ from ...data_types import CoreData
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import PARALLEL, ROUNDING
-from ..frames import Pair, cross
+from ..tree.frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
 from .rows import displaced, rotated
 

@@ -11,8 +11,8 @@ import numpy as np
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import RANK, THREE_DIGITS
-from ..frames import Pair, find_joint
-from ..tree_terms import update_motions
+from ..tree.frames import Pair, find_joint
+from ..tree.tree_terms import update_motions
 from .closure import Closure
 
 if TYPE_CHECKING:

@@ -28,9 +28,9 @@ from ..closures.constraints import Constraints
 from ..forces.joint_friction import KineticFrictionElement
 from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
-from ..frames import support
 from ..hybrid.switches import Mode, inactive_rows
-from ..tree_terms import require_rigid
+from ..tree.frames import support
+from ..tree.tree_terms import require_rigid
 from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences

@@ -10,7 +10,7 @@ from pydantic_core import PydanticUndefined
 
 from ...discovery import members, plugins
 from ...errors import InputError
-from ..frames import find_joint
+from ..tree.frames import find_joint
 from .elements import ForceElements
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law

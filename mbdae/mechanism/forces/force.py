@@ -15,9 +15,9 @@ from ...data_types import CoreData
 from ...errors import InputError, NotCompiled
 from ...system import Array
 from ..checked_table import Table
-from ..frames import Pair, find_joint, find_joints
-from ..time_functions import Constant, TimeFunction
-from ..wrench_partials import PairPartials
+from ..time_functions.time_functions import Constant, TimeFunction
+from ..tree.frames import Pair, find_joint, find_joints
+from ..tree.wrench_partials import PairPartials
 
 ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""

@@ -2,8 +2,8 @@
 
 import pinocchio as pin
 
-from ..frames import find_joint
-from ..tree_terms import flexible_bodies
+from ..tree.frames import find_joint
+from ..tree.tree_terms import flexible_bodies
 from .linear import LinearElement, Spring
 
 

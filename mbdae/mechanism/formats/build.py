@@ -10,8 +10,8 @@ from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
 from ..flexible import attach
 from ..flexible.beam import beam
-from ..frames import WORLD, find_frame, frame_names
 from ..imported_model import ImportedModel
+from ..tree.frames import WORLD, find_frame, frame_names
 from .inertias import checked_inertia
 from .joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
 from .schema import Body, Flexible, Frame, MechanismFile, Source

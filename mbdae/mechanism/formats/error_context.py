@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from ...errors import MbdaeError, UnknownNameError, printable
-from ..frames import WORLD, frame_names, joint_names
 from ..imported_model import ImportedModel, mimic_couplings
+from ..tree.frames import WORLD, frame_names, joint_names
 from .schema import MechanismFile
 
 REFERENCES = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}

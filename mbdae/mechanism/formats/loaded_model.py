@@ -6,9 +6,9 @@ from typing import Any
 
 from ...errors import InputError
 from ..forces import FORCES
-from ..frames import joint_names
 from ..mechanism import Mechanism
-from ..time_functions import Constant
+from ..time_functions.time_functions import Constant
+from ..tree.frames import joint_names
 from .load import Recipe, recipe_from_mechanism
 from .schema import Body
 from .table_entries import entry_keys, first_key

@@ -15,9 +15,9 @@ from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..flexible.beam import EndCondition, Plane
 from ..forces import AnyForce
-from ..input_functions import Input
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
-from ..time_functions import TimeFunction
+from ..time_functions.input_functions import Input
+from ..time_functions.time_functions import TimeFunction
 
 Vector = tuple[float, float, float]
 ReplacementKind = Literal[

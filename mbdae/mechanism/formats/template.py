@@ -21,11 +21,11 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ..checked_table import Table
-from ..frames import find_joint, joint_names
 from ..imported_model import ImportedModel
 from ..mechanism import Mechanism
 from ..model_settings import Start
-from ..time_functions import Constant
+from ..time_functions.time_functions import Constant
+from ..tree.frames import find_joint, joint_names
 from ..variant import variant
 from .build import body_inertia, build, placement
 from .load import Recipe, make, read

@@ -8,16 +8,17 @@ import numpy as np
 from ... import tolerances as tol
 from ...data_types import CoreData
 from ...errors import NotCompiled
-from .. import manifold
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
-from ..frames import Anchor, Pair
-from ..input_functions import Input
-from ..manifold import GROUPS
-from ..tree_terms import flexible_bodies
-from . import closure_friction, friction_interface, ggl, projection
+from ..time_functions.input_functions import Input
+from ..tree import manifold
+from ..tree.frames import Anchor, Pair
+from ..tree.manifold import GROUPS
+from ..tree.tree_terms import flexible_bodies
+from . import closure_friction, friction_interface, ggl
+from .steps import projection
 
 if TYPE_CHECKING:
     from ..._native import Tolerances

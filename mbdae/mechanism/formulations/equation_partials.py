@@ -1,8 +1,8 @@
 """Exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
 Those of M v' + nle come from Pinocchio on the expanded tree; rows and laws provide theirs: see
-`mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials` and the modules of closures and forces. A Python
-function of the user without partial derivatives is differentiated alone, by central differences.
+`mbdae.mechanism.tree.expanded_tree`, `mbdae.mechanism.tree.wrench_partials` and the modules of closures and forces. A
+Python function of the user without partial derivatives is differentiated alone, by central differences.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...system import Array
-from ..tree_terms import update_poses
+from ..tree.tree_terms import update_poses
 
 if TYPE_CHECKING:
     from .index2 import Index2System

@@ -15,14 +15,14 @@ from ...system import Array, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
-from ..pinocchio_data import PinocchioData
-from ..tree_terms import bias, gravity_potential, update_inertia, update_motions, update_poses
-from . import equation_partials, features, interpolation, projection, residuals, row_selection
+from ..tree.pinocchio_data import PinocchioData
+from ..tree.tree_terms import bias, gravity_potential, update_inertia, update_motions, update_poses
+from . import equation_partials, features, residuals
 from .closure_friction import ClosureFriction, solve_with_friction
-from .index2_step import Index2Chart
 from .inertial_forces import InertialForces
-from .second_order import second_order_step
-from .variational import variational_step
+from .steps import index2_step, interpolation, projection, row_selection
+from .steps.second_order import second_order_step
+from .steps.variational import variational_step
 from .workspace_pool import RunVariables
 
 if TYPE_CHECKING:
@@ -192,8 +192,8 @@ class Index2System(PinocchioData, RunVariables, System):
         q, v = self.split(y)
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
 
-    def chart(self, t: float, y: Array) -> "Index2Chart":
-        return Index2Chart(self, t, y, self.rows_of_step(t, y))
+    def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
+        return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""

@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..expanded_tree import expand
 from ..flexible.partials import inertial_partials
-from ..frames import motion_cross, wrench_matrix
-from ..pinocchio_data import make_data
-from ..tree_terms import flexible_bodies, update_inertia
+from ..tree.expanded_tree import expand
+from ..tree.frames import motion_cross, wrench_matrix
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import flexible_bodies, update_inertia
 
 MAX_PINOCCHIO_NV = 100
 """Degrees of freedom up to which Pinocchio's derivatives are used: their workspace has nv^3 numbers, up to 40 MB."""

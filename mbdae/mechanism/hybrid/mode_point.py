@@ -8,8 +8,8 @@ import numpy as np
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, PIVOT_RANK, SOLUTION_ROUNDING
 from ..closures.constraints import Constraints
-from ..pinocchio_data import make_data
-from ..tree_terms import update_motions, update_poses
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions, update_poses
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System

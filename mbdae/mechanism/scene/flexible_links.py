@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from ..tree_terms import flexible_bodies
+from ..tree.tree_terms import flexible_bodies
 from .scene import Mark
 
 

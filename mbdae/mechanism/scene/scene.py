@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..pinocchio_data import make_data
-from ..tree_terms import update_motions
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions
 from .meshes import Mesh
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame

@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from ...tolerances import COINCIDENT, INPUT_DIGITS, SOLUTION_ROUNDING
-from ..joints import subspace
-from ..pinocchio_data import make_data
-from ..tree_terms import update_motions
+from ..tree.joints import subspace
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions
 
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
 ShapeWithRole = tuple[str, pin.GeometryObject]  # the role, and the geometry

@@ -159,14 +159,16 @@ std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, 
   const CoreLock lock(c);
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
-  const size_t width = x.ny + x.nc;
-  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
-  Numbers by_start = numbers(bar, width, "bar"), by_p(p.partials->count());
+  const size_t width = x.ny + x.nc, costs = bar.size() / width, k = p.partials->count();
+  const Numbers known = numbers(carries, x.nodes * x.nc, "carries");
+  const Numbers more = numbers(extra, x.nodes * costs * width, "extra");
+  Numbers by_start = numbers(bar, costs * width, "bar"), by_p(costs * k);
   if (!succeeds(c, [&](Index2System& s) {
-        adjoint(s, *p.partials, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
+        adjoint(s, *p.partials, x.segment, known.data(), static_cast<int>(costs), more.data(), by_start.data(),
+                by_p.data());
       }))
     return std::nullopt;
-  return std::make_pair(vector(by_start), vector(by_p));
+  return std::make_pair(array(by_start, {costs, width}), array(by_p, {costs, k}));
 }
 
 std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t,
@@ -220,7 +222,8 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
            "and their end; or None.")
       .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
            arg("y"), arg("carries"), arg("extra"), arg("bar"), arg("friction") = nb::none(),
-           "Return the cotangents of y and carry (ny + nc,) at the first node, and of parameters (k,), or None.")
+           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or None;\n"
+           "extra (m + 1, costs, ny + nc) are added at the inner nodes.")
       .def(
           "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
           arg("y"), arg("carries"), arg("first"), arg("dp"), arg("dh") = nb::none(), arg("friction") = nb::none(),

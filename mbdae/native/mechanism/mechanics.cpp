@@ -20,7 +20,7 @@ namespace mbdae {
 namespace {
 
 // A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
-// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/pinocchio_data.py.
+// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/tree/pinocchio_data.py.
 pinocchio::Data lean(const pinocchio::Model& model) {
   using namespace pinocchio;
   Data data;

@@ -47,7 +47,7 @@ class Mechanics {
   void bias(const double* q, const double* v);                      // nle(q, v); velocities; for `bias_minus_gravity`
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
-  // model points to the expanded tree (mechanism/expanded_tree.py).
+  // model points to the expanded tree (mechanism/tree/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !expanded_joints.empty(); }
   // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0. M, J and poses

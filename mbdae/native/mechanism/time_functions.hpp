@@ -1,4 +1,4 @@
-// Functions of time with two derivatives (mbdae/mechanism/time_functions.py, piecewise_polynomial.py).
+// Functions of time with two derivatives (mbdae/mechanism/time_functions/time_functions.py, piecewise_polynomial.py).
 #pragma once
 
 #include <functional>

@@ -1,4 +1,4 @@
-// Partials of wrenches between two frames, and of their power, by q and v (mbdae/mechanism/wrench_partials.py).
+// Partials of wrenches between two frames, and of their power, by q and v (mbdae/mechanism/tree/wrench_partials.py).
 // Matrices (6, 6) by rows.
 #pragma once
 

@@ -1,4 +1,5 @@
-// The equations of a stage of an implicit method, and their partials (mbdae/mechanism/formulations/implicit_stage.py).
+// The equations of a stage of an implicit method, and their partials
+// (mbdae/mechanism/formulations/steps/implicit_stage.py).
 #include <algorithm>
 
 #include "steps/collocation.hpp"

@@ -1,4 +1,5 @@
-// Steps of RATTLE, and their compositions (mbdae/methods/variational.py, mbdae/mechanism/formulations/variational.py).
+// Steps of RATTLE, and their compositions (mbdae/methods/variational.py,
+// mbdae/mechanism/formulations/steps/variational.py).
 #pragma once
 
 #include <vector>

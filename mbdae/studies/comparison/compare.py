@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
-from ...integrate.binding import common_backend
-from ...integrate.span import checked_span
+from ...integrate.options.span import checked_span
+from ...integrate.run.binding import common_backend
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism
 from ...methods.uncompiled import uncompiled

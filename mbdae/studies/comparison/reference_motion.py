@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ...errors import InputError, StepError
-from ...integrate.binding import bind
+from ...integrate.run.binding import bind
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index1 import Index1System

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MbdaeError, is_number
+from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
-from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import values_text
 from ...solution.signals import signals as computed_signals

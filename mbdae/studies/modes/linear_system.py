@@ -11,12 +11,12 @@ from scipy.linalg import matrix_balance
 from ...data_types import JsonObject
 from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.effort_signals import named_laws
+from ...mechanism.equilibrium.equilibrium_equations import Statics
+from ...mechanism.equilibrium.linearization import LinearMotion
+from ...mechanism.equilibrium.spectrum import spectrum
 from ...mechanism.forces.linear import LinearElement
-from ...mechanism.formulations.equilibrium_equations import Statics
-from ...mechanism.formulations.linearization import LinearMotion
-from ...mechanism.formulations.spectrum import spectrum
-from ...mechanism.frames import WORLD, Pair, anchor, frame_names
+from ...mechanism.signals.effort_signals import named_laws
+from ...mechanism.tree.frames import WORLD, Pair, anchor, frame_names
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Columns, Tabular

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import StepError
-from ...integrate.simulator import Simulator
-from ...mechanism.input_functions import InputSetting
+from ...integrate.simulator.simulator import Simulator
+from ...mechanism.time_functions.input_functions import InputSetting
 from ...solution.signal_value import SignalValue, find_signal, value
 from ...solution.solution import Solution
 from ...system import Array

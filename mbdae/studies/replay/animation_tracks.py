@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, as_list
-from ...mechanism.contacts import contact_path, rolling_closures
-from ...mechanism.frames import frame_paths, joint_paths
 from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
+from ...mechanism.signals.contacts import contact_path, rolling_closures
+from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import COINCIDENT, TINY
 from ..figures import COLOURS

@@ -15,8 +15,8 @@ from ...backend import machine_description
 from ...data_types import JsonObject
 from ...errors import InputError
 from ...file_io import write_page
+from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
-from ...integrate.span import checked_span
 from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
 from ...solution.problem import mechanism_of

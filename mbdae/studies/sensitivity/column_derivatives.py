@@ -7,9 +7,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ...mechanism import Mechanism
-from ...mechanism.contacts import rolling_closures
-from ...mechanism.effort_signals import effort_units
-from ...mechanism.momentum import MOMENTUM, SHAKING
 from ...mechanism.signal_derivatives import (
     MotionTangent,
     contact_derivatives,
@@ -21,6 +18,9 @@ from ...mechanism.signal_derivatives import (
     reaction_derivatives,
     shaking_derivatives,
 )
+from ...mechanism.signals.contacts import rolling_closures
+from ...mechanism.signals.effort_signals import effort_units
+from ...mechanism.signals.momentum import MOMENTUM, SHAKING
 from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
 from ...system import Array
 from ...tolerances import ITERATION_ROUNDING

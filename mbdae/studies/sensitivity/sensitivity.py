@@ -11,8 +11,8 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events.event import Event
-from ...integrate.trajectory import Trajectory
-from ...mechanism.coordinate_units import coordinate_units
+from ...integrate.trajectory.trajectory import Trajectory
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular

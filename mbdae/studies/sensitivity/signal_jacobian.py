@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from ...integrate.trajectory import Trajectory
+from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.signal_derivatives import MotionTangent, TangentDirections
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values

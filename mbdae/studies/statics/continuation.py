@@ -18,8 +18,8 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, StepError
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
 from ...system import Array
 from ...tolerances import EPS, ITERATION_ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
 from .trust_region import symmetric

@@ -6,8 +6,8 @@ import pytest
 
 from mbdae import backend
 from mbdae.mechanism.formulations.equation_partials import equation_partials
-from mbdae.mechanism.joint_wrenches import joint_wrenches
-from mbdae.mechanism.tree_terms import inverse, update_poses
+from mbdae.mechanism.signals.joint_wrenches import joint_wrenches
+from mbdae.mechanism.tree.tree_terms import inverse, update_poses
 
 
 @pytest.fixture(scope="module")

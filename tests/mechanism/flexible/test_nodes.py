@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import mbdae
 from mbdae.mechanism.flexible.rotation_vector import even_functions, rotation_vector
-from mbdae.mechanism.tree_terms import update_motions
+from mbdae.mechanism.tree.tree_terms import update_motions
 
 SIZES = [1e-9, 1e-3, 0.1, 1.0, 2.5, 4.0]
 

@@ -18,7 +18,7 @@ from mbdae import (
     finite_differences,
 )
 from mbdae.errors import InputError, StepError
-from mbdae.mechanism.time_functions import Harmonic, Polynomial
+from mbdae.mechanism.time_functions.time_functions import Harmonic, Polynomial
 
 MODEL = tree(["free", "prismatic", "spherical", "revolute", "universal", "planar"], [0, 1, 2, 3, 2, 5])
 SINGLE = [n for n in MODEL.names if n.startswith(("prismatic", "revolute"))]
