@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 import mbdae
-from mbdae.mechanism.flexible import ModalBody, attach
+from mbdae.mechanism.flexible import ModalBody, attach_flexible
 from mbdae.mechanism.flexible.modal_body import Node
 
 FOUR_BAR = Path(__file__).parent / "data" / "flexible_four_bar.toml"
@@ -51,7 +51,7 @@ def crowd(seed=0):
     for name, joint in (("a", pin.JointModelRX()), ("b", pin.JointModelSpherical())):
         joints.append(model.addJoint(joints[-1] if joints else 0, joint, place(rng), name))
         model.appendBodyToJoint(joints[-1], inertia(rng), place(rng))
-    attach(model, "rod", body(seed, k=3, damping=0.1), pin.JointModelFreeFlyer(), joints[-1], place(rng))
+    attach_flexible(model, "rod", body(seed, k=3, damping=0.1), pin.JointModelFreeFlyer(), joints[-1], place(rng))
     joints.append(model.addJoint(0, pin.JointModelFreeFlyer(), place(rng), "c"))
     model.appendBodyToJoint(joints[-1], inertia(rng), place(rng))
     for name, joint in (("a.f", joints[0]), ("c.f", joints[-1])):
@@ -67,7 +67,7 @@ def free(modal, gravity=(0.0, 0.0, 0.0), more=()):
     """A free flexible body, and rigid ones that closures attach to its nodes: (kind, node) each."""
     rng, model, closures = np.random.default_rng(5), pin.Model(), []
     model.gravity.linear = np.array(gravity)
-    attach(model, "rod", modal, pin.JointModelFreeFlyer())
+    attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
     for i, (kind, node) in enumerate(more):
         joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), f"load {i}")
         model.appendBodyToJoint(joint, inertia(rng), pin.SE3.Identity())

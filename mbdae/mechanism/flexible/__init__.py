@@ -1,6 +1,6 @@
 """Flexible bodies: a floating frame and modal coordinates, u(r, q) = r + Phi(r) q in the axes of the frame.
 
-A flexible body is a leaf of the tree. `attach` adds to a Pinocchio model
+A flexible body is a leaf of the tree. `attach_flexible` adds to a Pinocchio model
 
 * the joint of its frame, which carries the rigid body (m, s0, I0): Pinocchio computes its terms;
 * below it a chain of k massless prismatic joints, one a mode: Pinocchio knows q, v, names and manifold. Their motions
@@ -20,6 +20,8 @@ Source: A. A. Shabana, Dynamics of Multibody Systems, chapter 5; R. Schwertassek
 Mehrkoerpersysteme (1999).
 """
 
-from .attach import FlexibleBody as FlexibleBody
-from .attach import attach as attach
+from .attach_flexible import FlexibleBody as FlexibleBody
+from .attach_flexible import attach_flexible as attach_flexible
+from .beam import beam as beam
+from .craig_bampton import modal_body as modal_body
 from .modal_body import ModalBody as ModalBody

@@ -62,13 +62,18 @@ class BoundBody:
         self.at, self.iq = slice(first.idx_v, first.idx_v + k), slice(first.idx_q, first.idx_q + k)
         joints = list(model.supports[self.joint])[1:]
         self.base = np.array([i for j in joints for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])], int)
-        self.gravity = model.gravity.linear.copy()
         self.nodes: list[BoundNode] = []
         for node in modal.nodes.values():
             self.nodes.append(BoundNode(len(data.oMi), node))
             data.oMi.append(pin.SE3.Identity())
             data.v.append(pin.Motion.Zero())
             data.a.append(pin.Motion.Zero())
+
+    def write(self, modal: ModalBody) -> None:
+        """Replace the body by one with as many modes and nodes."""
+        self.modal = modal
+        for n, node in zip(self.nodes, modal.nodes.values(), strict=True):
+            n.node = node
 
     def update_poses(self, data: pin.Data, q: Array) -> None:
         """Update poses and columns of the nodes; the pose of the frame is current."""
@@ -135,10 +140,6 @@ class BoundBody:
     def first_moment(self, data: pin.Data, q: Array) -> Array:
         """Return the change of mass times centre of mass by the deformation, world axes, (3,), in kg m."""
         return data.oMi[self.joint].rotation @ self.modal.C @ q[self.iq]
-
-    def potential(self, data: pin.Data, q: Array) -> float:
-        """Return the potential energy of gravity that the deformation adds, in J; the pose of the frame is current."""
-        return -float(self.gravity @ self.first_moment(data, q))
 
     def _base_columns(self, data: pin.Data) -> Array:
         """Return the columns of J that move the frame, in its axes, (6, n)."""

@@ -8,8 +8,7 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
-from ..flexible import attach
-from ..flexible.beam import beam
+from ..flexible import attach_flexible, beam
 from ..imported_model import ImportedModel
 from ..tree.frames import WORLD, find_frame, frame_names
 from .inertias import checked_inertia
@@ -51,7 +50,7 @@ def _with_flexible_bodies(
         names = ("length", "young", "density", "area", "second_moment", "modes", "elements", "ends", "plane")
         given = {name: getattr(x, name) for name in (*names, "axial", "damping", "polar_moment")}
         body = beam(**given, nodes=x.nodes or None)
-        attach(model, x.name, body, _joint(x), parent.parentJoint, parent.placement * placement(x))
+        attach_flexible(model, x.name, body, _joint(x), parent.parentJoint, parent.placement * placement(x))
     if not tables:
         return model, visuals
     bodies = model.flexible

@@ -10,7 +10,7 @@ from ..flexible.partials import inertial_partials
 from ..tree.expanded_tree import expand
 from ..tree.frames import motion_cross, wrench_matrix
 from ..tree.pinocchio_data import make_data
-from ..tree.tree_terms import flexible_bodies, update_inertia
+from ..tree.tree_terms import copied, flexible_bodies, update_inertia
 
 MAX_PINOCCHIO_NV = 100
 """Degrees of freedom up to which Pinocchio's derivatives are used: their workspace has nv^3 numbers, up to 40 MB."""
@@ -55,9 +55,7 @@ class InertialForces:
     @cached_property
     def weightless(self) -> "InertialForces":
         """The same without gravity."""
-        model = self.compact.copy()
-        if flexible_bodies(self.compact):
-            model.flexible = self.compact.flexible
+        model = copied(self.compact)
         model.gravity = pin.Motion.Zero()
         return InertialForces(model)
 

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...system import Array
 
 if TYPE_CHECKING:
-    from ..flexible.attach import FlexibleBody
+    from ..flexible.attach_flexible import FlexibleBody
     from ..flexible.workspace import BoundBody
 
 
@@ -25,6 +25,25 @@ def flexible_bodies(model: pin.Model | None) -> Sequence["FlexibleBody"]:
 def bound_bodies(data: pin.Data) -> Sequence["BoundBody"]:
     """Return the flexible bodies of a workspace."""
     return getattr(data, "flexible", ())
+
+
+def copied(model: pin.Model) -> pin.Model:
+    """Return a copy of a model, with its flexible bodies."""
+    out = model.copy()
+    if flexible_bodies(model):
+        out.flexible = flexible_bodies(model)
+    return out
+
+
+def update_flexible(model: pin.Model, data: pin.Data) -> None:
+    """Write the numbers of the flexible bodies of a model into a workspace of a model with the same structure."""
+    for body, bound in zip(flexible_bodies(model), bound_bodies(data), strict=True):
+        bound.write(body.modal)
+
+
+def structure_of_flexible(model: pin.Model) -> list[tuple[str, int, tuple[str, ...]]]:
+    """Return name, number of modes and names of nodes of each flexible body."""
+    return [(body.name, body.modal.modes, tuple(body.modal.nodes)) for body in flexible_bodies(model)]
 
 
 def require_rigid(model: pin.Model | None, what: str) -> None:
@@ -85,4 +104,5 @@ def inverse(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> A
 def gravity_potential(model: pin.Model, data: pin.Data, q: Array) -> float:
     """Return the potential energy of gravity in J."""
     out = float(pin.computePotentialEnergy(model, data, q))
-    return out + sum(body.potential(data, q) for body in bound_bodies(data))
+    gravity = model.gravity.linear
+    return out - sum(float(gravity @ body.first_moment(data, q)) for body in bound_bodies(data))

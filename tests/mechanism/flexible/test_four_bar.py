@@ -102,3 +102,22 @@ def test_a_parameter_sweep_and_what_is_not_there_yet(four_bar, run):
         mbdae.sensitivity(run, ["flexible.coupler.young"])
     with pytest.raises(InputError, match="archives of models of flexible bodies are not supported"):
         mbdae.mechanism.describe(flexible_bodies.crowd())
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"flexible.coupler.young": 1e11}, ("2.1e11", "1e11")),
+        ({"gravity.1": -5.0}, ("-9.81", "-5.0")),
+        ({"flexible.coupler.area": 8e-5}, ("64e-6", "8e-5")),
+    ],
+)
+def test_workspaces_of_another_beam_are_bound_again(four_bar, tmp_path, change, text):
+    """Variants share workspaces: a run with other numbers is that of a file with them, in both back ends."""
+    (tmp_path / "other.toml").write_text(FOUR_BAR.read_text().replace(*text))
+    variant, fresh = LoadedModel(four_bar).make(change), mbdae.load(tmp_path / "other.toml")
+    for backend in ("native", "python"):
+        options = {"method": "radau5", "step": 1e-3, "backend": backend}
+        before, ours, theirs = (mbdae.solve(mech, (0, 2e-3), **options) for mech in (four_bar, variant, fresh))
+        np.testing.assert_array_equal(ours.q, theirs.q)
+        assert np.abs(ours.v - before.v).max() > 1e-4

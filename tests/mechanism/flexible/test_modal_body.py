@@ -7,7 +7,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.flexible import ModalBody, attach
+from mbdae.mechanism.flexible import ModalBody, attach_flexible
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +87,9 @@ def test_bad_data_is_refused_in_one_line(change, message):
 
 def test_names_are_different_and_modes_carry_no_frames():
     model, modal = pin.Model(), flexible_bodies.body()
-    attach(model, "rod", modal, pin.JointModelFreeFlyer())
+    attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
     with pytest.raises(InputError, match="the name 'rod' is taken"):
-        attach(model, "rod", modal, pin.JointModelFreeFlyer())
+        attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
     model.addFrame(pin.Frame("tip", model.getJointId("rod.mode 1"), pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     with pytest.raises(InputError, match=r"'tip' is on a mode of 'rod': nodes are rod.A, rod.B, rod.C"):
         mbdae.Mechanism(model, [mbdae.Closure.point("tip", "world")])

@@ -48,7 +48,7 @@ class FlexibleBody:
         return BoundBody(model, data, self.name, self.mode_joints, self.modal)
 
 
-def attach(
+def attach_flexible(
     model: pin.Model,
     name: str,
     modal: ModalBody,
