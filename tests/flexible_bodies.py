@@ -82,7 +82,7 @@ def state(mech, seed=1, size=0.5):
     return mech.manifold.integrate(pin.neutral(mech.model), size * rng.normal(size=mech.nv)), rng.normal(size=mech.nv)
 
 
-def slope(f, x, h=2e-3):
+def derivative(f, x, h=2e-3):
     """The derivative of f at x, by central differences of order 8."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (f(x + k * h) - f(x - k * h)) for k, w in weights.items()) / h
@@ -91,4 +91,4 @@ def slope(f, x, h=2e-3):
 def by_tangent(mech, f, q):
     """The derivatives of f by q in the tangent, (.., nv)."""
     unit = np.eye(mech.nv)
-    return np.array([slope(lambda s, e=e: f(mech.manifold.integrate(q, s * e)), 0.0) for e in unit]).T
+    return np.array([derivative(lambda s, e=e: f(mech.manifold.integrate(q, s * e)), 0.0) for e in unit]).T

@@ -14,7 +14,7 @@ Two additions make the body flexible, in Python (`workspace`) and in the core (`
   modes. An `Anchor` on a node names this entry as its joint, so closures, forces and contacts see no difference.
 
 The elastic force -K q - D q' is a linear force law. `mbdae.mechanism.tree.tree_terms` calls Pinocchio and then these
-additions; what calls Pinocchio elsewhere refuses flexible bodies by name (`require_rigid`).
+additions; code that calls Pinocchio elsewhere refuses flexible bodies by name (`require_rigid`).
 
 Source: A. A. Shabana, Dynamics of Multibody Systems, chapter 5; R. Schwertassek, O. Wallrapp, Dynamik flexibler
 Mehrkoerpersysteme (1999).

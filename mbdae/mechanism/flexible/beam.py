@@ -23,7 +23,7 @@ ENDS = {  # displacements u, v, w and rotations about y, z that vanish at the le
     "clamped-pinned": ("uvwyzx", "vw"),
 }
 DIRECTIONS = "uvwxyz"  # displacements, and rotations about x, y, z, of a node
-BENDING = {"y": ("v", "z", 1.0), "z": ("w", "y", -1.0)}  # displacement, rotation, sign of the rotation by its slope
+BENDING = {"y": ("v", "z", 1.0), "z": ("w", "y", -1.0)}  # displacement, rotation, sign of the rotation, for a rising displacement
 Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
@@ -54,7 +54,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         second_moment: of area for bending along y, and along z if it differs, in m^4.
         modes: their number.
         elements: number of elements of equal length.
-        ends: what the frame holds at the left and at the right end: ``"clamped"`` (a cantilever), ``"pinned"`` (the
+        ends: displacements that the frame prevents at the left and at the right end: ``"clamped"`` (a cantilever), ``"pinned"`` (the
             frame is the chord between both ends), ``"clamped-clamped"`` or ``"clamped-pinned"``.
         plane: bending along ``"y"``, along ``"z"``, or both, ``"space"``.
         axial: whether the beam also stretches.
@@ -83,9 +83,11 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     if modes > len(free):
         raise InputError(f"beam: {elements} elements have {len(free)} modes with these ends, got modes = {modes}")
     K, M = grid.stiffness(young, area), grid.mass(density * area)
-    squares, shapes = eigh(K[np.ix_(free, free)], M[np.ix_(free, free)], subset_by_index=(0, modes - 1))
+    last = len(free) - modes, len(free) - 1  # the largest eigenvalues of the inverse pencil are the most accurate
+    inverse, shapes = eigh(M[np.ix_(free, free)], K[np.ix_(free, free)], subset_by_index=last)
+    squares = 1 / inverse[::-1]
     U = np.zeros((len(K), modes))
-    U[free] = shapes
+    U[free] = shapes[:, ::-1] * np.sqrt(squares)
     U *= np.where(grid.first_rise(U) < 0, -1.0, 1.0)
     found = {name: grid.node(x, U, name) for name, x in (nodes or {"A": 0.0, "B": length}).items()}
     r, masses, Phi = grid.points(U, density * area)
@@ -112,9 +114,9 @@ class _Grid:
         return [self.index(n, d) for n in nodes for d in self.directions if d not in fixed.get(n, "")]
 
     def shapes(self, e: int, s: float, order: int = 0) -> tuple[Array, Array]:
-        """Return displacements, and their slopes, at s in (0, 1) of an element, (3, n): rows of x, y and z.
+        """Return displacements, and their derivatives by x, at s in (0, 1) of an element, (3, n): rows of x, y and z.
 
-        With ``order`` they are derivatives by x: u' and u'', as the elastic energy needs them.
+        With ``order = 1``: first and second derivatives, for strains and curvatures.
         """
         size, out = self.size, np.zeros((2, 3, len(self.x) * len(self.directions)))
         hermite = np.polynomial.Polynomial
@@ -173,8 +175,8 @@ class _Grid:
             ends = ", ".join(f"{a:.6g}" for a in self.x)
             raise InputError(f"beam: node {name!r} at {x} m is no end of an element: {ends}")
         e, s = (i, 0.0) if i < len(self.x) - 1 else (i - 1, 1.0)
-        Phi, slopes = (N @ U for N in self.shapes(e, s))
-        return Node(np.array([self.x[i], 0, 0]), Phi, np.array([np.zeros(U.shape[1]), -slopes[2], slopes[1]]))
+        Phi, gradients = (N @ U for N in self.shapes(e, s))
+        return Node(np.array([self.x[i], 0, 0]), Phi, np.array([np.zeros(U.shape[1]), -gradients[2], gradients[1]]))
 
     def first_rise(self, U: Array) -> Array:
         """Return the largest displacement at the first Gauss point, with its sign, (k,)."""

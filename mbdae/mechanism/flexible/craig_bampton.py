@@ -116,7 +116,8 @@ def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int
     out = np.zeros((K.shape[0], len(boundary) + modes))
     if len(boundary):
         out[boundary, : len(boundary)] = np.eye(len(boundary))
-        out[inner, : len(boundary)] = -splu(Kii).solve(K[inner][:, boundary].toarray())
+        if len(inner):
+            out[inner, : len(boundary)] = -splu(Kii).solve(K[inner][:, boundary].toarray())
     if modes:
         shapes = eigsh(Kii, modes, csc_array(M[inner][:, inner]), 0.0)[1]
         out[np.ix_(inner, range(len(boundary), out.shape[1]))] = shapes

@@ -38,9 +38,11 @@ void set_rotation(FlexibleBody::Node& n) {
   std::fill(f, f + 4, 0.0);
   for (int m = 0; m < TERMS; ++m) {
     const double w = u / (2 * m + 3);
-    f[0] += u * p, f[1] += w * p, f[2] += 2 * m * u * before, f[3] += 2 * m * w * before;
+    const double a = f[0] + u * p, a1 = f[2] + 2 * m * u * before;
+    const bool converged = m > 1 && a == f[0] && a1 == f[2];
+    if (converged) break;
+    f[0] = a, f[1] += w * p, f[2] = a1, f[3] += 2 * m * w * before;
     before = p, p *= x2, u = -w / (2 * m + 4);
-    if (p == 0) break;
   }
   double X[9], XX[9];
   skew(n.theta, X), of_skews(n.theta, n.theta, XX);
@@ -64,9 +66,9 @@ FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_po
     : data(std::move(data_)), base(std::move(base_)), first_pose(first_pose_), first_column(first_column_),
       nodes_(data.nodes.size()), nu_(6 + data.modes), A_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {}
 
-void FlexibleBody::set_configuration(const double* q) {
+void FlexibleBody::turn_nodes(const double* q) {
   const double* x = q + data.iq;
-  now_.update(data, x);
+  std::fill(moment_, moment_ + 3, 0.0), combine(data.C, x, data.modes, moment_);
   for (size_t i = 0; i < nodes_.size(); ++i) {
     Node& n = nodes_[i];
     const ModalNode& at = data.nodes[i];
@@ -162,7 +164,7 @@ void FlexibleBody::add_force(const FramePose& at, const Six* about, const double
 
 double FlexibleBody::potential(const double* pose, const double* gravity) const {
   double world[3];
-  rotate_by_columns(pose, now_.moment.x, world);
+  rotate_by_columns(pose, moment_, world);
   return -dot(gravity, world);
 }
 

@@ -31,12 +31,13 @@ class FlexibleBody {
   };
   const Node& node(int i) const { return nodes_[i]; }
 
-  void set_configuration(const double* q);
+  void deform(const double* q) { now_.update(data, q + data.iq); }  // for the terms of M and nle
+  void turn_nodes(const double* q);
   void place_nodes(const FramePose& at, double* poses, double* J);
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
   void move_node(int i, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
                  double* V_node, double* A_node) const;
-  void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;  // M by columns, above the diagonal
+  void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;  // by columns, above the diagonal
   // out += the part of M a + nle; A of the frame minus gravity.
   void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
                  const double* du, double* out) const;
@@ -48,6 +49,7 @@ class FlexibleBody {
 
  private:
   std::vector<Node> nodes_;
+  double moment_[3];  // C q
   Deformation<double> now_;
   mutable std::vector<double> nu_, A_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame

@@ -193,7 +193,8 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
   for (FlexibleBody& body : *flexible_) {
     const int j = carrier_[body.data.joint];
     const FramePose at = frame_pose(body, poses);
-    body.set_configuration(q), body.place_nodes(at, poses, J);
+    if (with_inertia || with_wrench) body.deform(q);
+    body.turn_nodes(q), body.place_nodes(at, poses, J);
     for (size_t i = 0; with_motion && i < body.data.nodes.size(); ++i) {
       const int n = carrier_[body.first_pose + i];
       from_[n] = from_[j];

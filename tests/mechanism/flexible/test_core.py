@@ -43,7 +43,7 @@ def test_G_and_gamma_are_derivatives_of_g(crowd):
     system = mech.system()
     G = system.closures(q)[1]
     close(G, flexible_bodies.by_tangent(mech, lambda x: system.closures(x)[0], q), 1e-9)
-    rate = flexible_bodies.slope(lambda t: system.closures(mech.manifold.integrate(q, t * v))[1] @ v, 0.0)
+    rate = flexible_bodies.derivative(lambda t: system.closures(mech.manifold.integrate(q, t * v))[1] @ v, 0.0)
     close(system.gamma(q, v, 0.0), rate, 1e-9)
 
 
@@ -59,7 +59,7 @@ def test_partials_are_derivatives_of_the_equations(crowd):
 
     p = equation_partials(system, 0.0, q, u, a, lam, np.arange(mech.ng))
     close(p.K[:-1], flexible_bodies.by_tangent(mech, lambda x: residual(x, v), q), 1e-9)
-    by_v = np.array([flexible_bodies.slope(lambda s, e=e: residual(q, v + s * e), 0.0) for e in np.eye(mech.nv)]).T
+    by_v = np.array([flexible_bodies.derivative(lambda s, e=e: residual(q, v + s * e), 0.0) for e in np.eye(mech.nv)]).T
     close(p.D[:-1, :-1], by_v, 1e-9)
     close(p.B, flexible_bodies.by_tangent(mech, lambda x: system.closures(x)[1] @ v, q), 1e-9)
 

@@ -26,9 +26,9 @@ def truss():
 
 def test_all_modes_are_those_of_the_body(truss):
     r, m, K = truss
-    body = mbdae.modal_body(r, m, csr_array(K), interface={"A": [0], "B": [1]}, modes=35)
+    body = mbdae.modal_body(r, m, csr_array(K), interface={str(i): [i] for i in range(14)}, modes=0)
     squares = eigh(K, np.diag(np.repeat(m, 3)), eigvals_only=True)
-    np.testing.assert_allclose(body.frequencies[:-1], np.sqrt(squares[6:-1]), rtol=1e-9)
+    np.testing.assert_allclose(body.frequencies, np.sqrt(squares[6:]), rtol=1e-9)
     assert np.abs(body.C).max() < 1e-10  # mean axes: modes of a free body move neither its centre ...
     assert np.abs(body.H0).max() < 1e-10  # ... nor its angular momentum
 

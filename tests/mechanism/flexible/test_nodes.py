@@ -3,7 +3,7 @@
 import flexible_bodies
 import numpy as np
 import pytest
-from flexible_bodies import slope
+from flexible_bodies import derivative
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -21,9 +21,9 @@ def test_rotation_vectors(size):
     theta *= size / np.linalg.norm(theta)
     turn = rotation_vector(theta)
     np.testing.assert_allclose(turn.E, Rotation.from_rotvec(theta).as_matrix(), atol=2e-15)
-    spin = turn.E.T @ slope(lambda s: rotation_vector(theta + s * rate).E, 0.0)
+    spin = turn.E.T @ derivative(lambda s: rotation_vector(theta + s * rate).E, 0.0)
     np.testing.assert_allclose(turn.Jr @ rate, [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-11)
-    moved = slope(lambda s: rotation_vector(theta + s * rate).Jr @ z, 0.0)
+    moved = derivative(lambda s: rotation_vector(theta + s * rate).Jr @ z, 0.0)
     np.testing.assert_allclose(turn.jacobian_rate(z) @ rate, moved, atol=1e-11)
     assert np.linalg.det(turn.Jr) == pytest.approx(2 * turn.functions[0], rel=1e-13)
 
@@ -62,7 +62,7 @@ def test_velocities_and_accelerations_of_nodes_are_derivatives_of_poses(size):
 
     def twists(t):  # v along this path is v + t a to first order, on any manifold
         x = t * v + t * t / 2 * a
-        u = slope(lambda s: mech.manifold.difference(mech.manifold.integrate(q, x), path(t + s)), 0.0)
+        u = derivative(lambda s: mech.manifold.difference(mech.manifold.integrate(q, x), path(t + s)), 0.0)
         update_motions(model, data, path(t), u, np.zeros(mech.nv))
         return [data.oMi[i].act(data.v[i]).vector for i in range(model.njoints, len(data.oMi))]
 
@@ -74,11 +74,11 @@ def test_velocities_and_accelerations_of_nodes_are_derivatives_of_poses(size):
     V = [data.oMi[i].act(data.v[i]).vector for i in range(model.njoints, len(data.oMi))]
     A = [data.oMi[i].act(data.a[i]).vector for i in range(model.njoints, len(data.oMi))]
     for k, (pose, twist) in enumerate(zip(before, V, strict=True)):
-        velocity = slope(lambda t, k=k: poses(t)[k].translation, 0.0)
+        velocity = derivative(lambda t, k=k: poses(t)[k].translation, 0.0)
         np.testing.assert_allclose(velocity, twist[:3] + np.cross(twist[3:], pose.translation), atol=1e-10)
-        spin = slope(lambda t, k=k: poses(t)[k].rotation, 0.0) @ pose.rotation.T
+        spin = derivative(lambda t, k=k: poses(t)[k].rotation, 0.0) @ pose.rotation.T
         np.testing.assert_allclose(twist[3:], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-10)
-    changes = slope(lambda t: np.array(twists(t)), 0.0)
+    changes = derivative(lambda t: np.array(twists(t)), 0.0)
     np.testing.assert_allclose(A, changes, atol=1e-8)
 
 
