@@ -18,7 +18,7 @@ HOUSE = (
     " < __init__ < __main__"
 )
 INSIDE = (
-    "flexible tree time_functions < model_settings < closures forces scene < assembly signals < formulations"
+    "tree time_functions < flexible < model_settings < closures forces scene < assembly signals < formulations"
     " < equilibrium discrete_sensitivity < equations < mechanism < formats"
 )
 CORE = "math < mechanism < system < steps < run < sensitivity < bindings"  # of native

@@ -22,8 +22,10 @@ ENDS = {  # displacements u, v, w and rotations about y, z that vanish at the le
     "clamped-clamped": ("uvwyzx", "uvwyzx"),
     "clamped-pinned": ("uvwyzx", "vw"),
 }
-DIRECTIONS = "uvwxyz"  # displacements, and rotations about x, y, z, of a node
-BENDING = {"y": ("v", "z", 1.0), "z": ("w", "y", -1.0)}  # displacement, rotation, sign of the rotation, for a rising displacement
+BENDING = {
+    "y": ("v", "z", 1.0),
+    "z": ("w", "y", -1.0),
+}  # displacement, rotation, and its sign where that rises
 Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
@@ -54,8 +56,8 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         second_moment: of area for bending along y, and along z if it differs, in m^4.
         modes: their number.
         elements: number of elements of equal length.
-        ends: displacements that the frame prevents at the left and at the right end: ``"clamped"`` (a cantilever), ``"pinned"`` (the
-            frame is the chord between both ends), ``"clamped-clamped"`` or ``"clamped-pinned"``.
+        ends: displacements that the frame prevents at the left and at the right end: ``"clamped"`` (a cantilever),
+            ``"pinned"`` (the frame is the chord between both), ``"clamped-clamped"`` or ``"clamped-pinned"``.
         plane: bending along ``"y"``, along ``"z"``, or both, ``"space"``.
         axial: whether the beam also stretches.
         damping: ratio of each mode, or one for all.

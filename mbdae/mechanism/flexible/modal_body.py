@@ -76,11 +76,9 @@ class ModalBody:
     def delta(self, q: Array) -> Array:
         """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
         S, I_q, H = self.deformed(q)
-        X, k = np.einsum("abc,b->ac", _CROSS, S), len(q)
+        X = np.einsum("abc,b->ac", _CROSS, S)
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
-        return (
-            np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]]) if k else np.zeros((6, 6))
-        )
+        return np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]])
 
     def gyroscopic(self, q: Array, nu: Array) -> Array:
         """Return the terms of M(q) nu' + h(q, nu) that are quadratic in nu, (6 + k,), without the rigid body.

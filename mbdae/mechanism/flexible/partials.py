@@ -14,14 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
+from ..tree.frames import motion_cross, wrench_matrix
+from ..tree.wrench_partials import COMPLEX_STEP
 from .modal_body import ModalBody
 from .workspace import BoundBody
-
-COMPLEX_STEP = 1e-30
-
-
-def _motion_cross(a: Array, b: Array) -> Array:
-    return np.concatenate([np.cross(a[3:], b[:3]) + np.cross(a[:3], b[3:]), np.cross(a[3:], b[3:])])
 
 
 def inertial_partials(
@@ -46,8 +42,8 @@ def inertial_partials(
         V_before, A_before = V.copy(), A.copy()
         V = V + J[:, group] @ v[group]
         for k in group:
-            psi, product = _motion_cross(V_before, J[:, k]), _motion_cross(V, J[:, k])
-            columns.append((k, psi, _motion_cross(A_before, J[:, k]) + _motion_cross(V_before, psi), psi + product))
+            psi, product = motion_cross(V_before, J[:, k]), motion_cross(V, J[:, k])
+            columns.append((k, psi, motion_cross(A_before, J[:, k]) + motion_cross(V_before, psi), psi + product))
             A = A + product * v[k] + J[:, k] * vdot[k]
     at, k = body.at, modal.modes
     x, nu, rates = q[body.iq], np.concatenate([X @ V, v[at]]), np.concatenate([X @ A, vdot[at]])
@@ -65,9 +61,9 @@ def inertial_partials(
         return np.concatenate([X @ motion, zero[6:]])
 
     for m, psi, psi2, rate in columns:
-        by_q[:, m] = along(zero[6:], of_frame(psi), of_frame(psi2 + _motion_cross(psi, V)))
-        by_v[:, m] = along(zero[6:], B[:, m], of_frame(rate + _motion_cross(J[:, m], V)))
-        turned = _wrench_cross(J[:, m], force)
+        by_q[:, m] = along(zero[6:], of_frame(psi), of_frame(psi2 + motion_cross(psi, V)))
+        by_v[:, m] = along(zero[6:], B[:, m], of_frame(rate + motion_cross(J[:, m], V)))
+        turned = wrench_matrix(force) @ J[:, m]
         before = [c for c in base if parts[c] != parts[m] and c < m]
         by_q[before, m] += turned @ J[:, before]
     for i in range(k):
@@ -79,8 +75,3 @@ def inertial_partials(
 
 def _force(modal: ModalBody, x: Array, nu: Array, rates: Array) -> Array:
     return modal.delta(x) @ rates + modal.gyroscopic(x, nu)
-
-
-def _wrench_cross(d: Array, F: Array) -> Array:
-    """Return d x* F."""
-    return np.concatenate([np.cross(d[3:], F[:3]), np.cross(d[3:], F[3:]) + np.cross(d[:3], F[:3])])

@@ -12,9 +12,9 @@ resolve is far beyond a linear deformation.
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ...system import Array
+from ..tree.frames import skew
 
 TERMS = 20  # of each series; to rounding up to 5 rad
 
@@ -31,7 +31,7 @@ class RotationVector(NamedTuple):
         """Return d(Jr z)/dtheta, (3, 3), for a constant z (3,)."""
         theta, (a, b, a1, b1) = self.theta, self.functions
         c = np.cross(theta, z)
-        out = a * pin.skew(z) - b * (pin.skew(c) + pin.skew(theta) @ pin.skew(z))
+        out = a * skew(z) - b * (skew(c) + skew(theta) @ skew(z))
         return out - np.outer(a1 * c - b1 * np.cross(theta, c), theta)
 
 
@@ -39,7 +39,7 @@ def rotation_vector(theta: Array) -> RotationVector:
     """Return the rotation by a vector theta (3,) in rad."""
     x2 = float(theta @ theta)
     a, b, a1, b1 = even_functions(x2)
-    X = pin.skew(theta)
+    X = skew(theta)
     XX, one = X @ X, np.eye(3)
     return RotationVector(one + (1 - b * x2) * X + a * XX, one - a * X + b * XX, theta, (a, b, a1, b1))
 
