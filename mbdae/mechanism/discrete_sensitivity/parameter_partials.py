@@ -30,6 +30,7 @@ from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
 from ..hybrid.switches import Mode, inactive_rows
 from ..tree.frames import support
+from ..tree.tree_terms import require_rigid
 from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
@@ -71,6 +72,7 @@ class Parameters:
     ) -> None:  # fmt: skip
         self.make, self.values = make, dict(values)
         self.mech = mech = make({} if own else values)
+        require_rigid(mech.model, "gradients")
         rest = {} if own else values
         self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []

@@ -45,14 +45,14 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   out.parameter = x.parameter, out.at = x.at;
   check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
-    check_anchors(p.pairs, s.mechanics.joints), check_laws(p.laws, p.pairs.size());
+    check_anchors(p.pairs, s.mechanics.frames), check_laws(p.laws, p.pairs.size());
     std::vector<Pair> pairs;
     for (const auto& [a, b] : p.pairs) pairs.emplace_back(a, b, s.mechanics.supports());
     out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
   for (PerturbedElements& p : x.rows) {
     if (p.rows.size() != x.at.size()) reject("as many perturbed rows as there are");
-    check_anchors(p.pairs, s.mechanics.joints), check_rows(p.rows, p.pairs.size());
+    check_anchors(p.pairs, s.mechanics.frames), check_rows(p.rows, p.pairs.size());
     check_drivers(p.drivers, p.rows.size());
     out.rows.push_back(
         {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});

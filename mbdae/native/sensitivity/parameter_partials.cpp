@@ -27,7 +27,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
   has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
-    columns_[j].assign(supports[j].begin() + supports[m.parents[j]].size(), supports[j].end());
+    columns_[j].assign(supports[j].velocities.begin() + supports[m.parents[j]].velocities.size(), supports[j].velocities.end());
     for (int c : columns_[j]) joint_of_[c] = j;
     for (int i = j; i; i = m.parents[i]) has_ancestor_[j][i] = true, subtree_[i].push_back(j);
     subtree_[0].push_back(j);
