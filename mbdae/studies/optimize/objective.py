@@ -22,7 +22,7 @@ from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
 from ..sensitivity.gradient import adjoint_gradient, run_cost
 from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sweep.sweep_run import check_settings
-from .curve_derivatives import CurveSignals, require_monotonic
+from ..kinematics.curve_derivatives import CurveSignals, require_monotonic
 
 
 class CostEvaluation(NamedTuple):
