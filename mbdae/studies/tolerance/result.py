@@ -74,9 +74,8 @@ class Tolerance(Deviations, Tabular):
         for limit, text in limits:
             near = np.flatnonzero(self.nonlinearity >= limit)
             if len(near):
-                out.append(
-                    f"near dead points {text}: in {len(near)} of {len(self.curve.u)} poses, first at {self._at(near[0])}"
-                )
+                poses = f"{len(near)} of {len(self.curve.u)} poses, first at {self._at(near[0])}"
+                out.append(f"near dead points {text}: in {poses}")
         return out
 
     def _at(self, i: int) -> str:
