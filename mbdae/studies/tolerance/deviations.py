@@ -75,7 +75,7 @@ class Deviations:
     @cached_property
     def magnitudes(self) -> Array:
         """Absolute influences of all parameters and clearances, (m, n, k + c)."""
-        return _magnitudes(self.influences.slopes, self.influences.clearances)
+        return _magnitudes(self.influences.derivatives, self.influences.clearances)
 
     @cached_property
     def worst(self) -> Array:
@@ -153,7 +153,7 @@ class Deviations:
         """
         m, i = self._index(signal), self.worst_pose(signal)
         influence, k = self.magnitudes[m, i].copy(), len(self.tolerances)
-        influence[:k] = self.influences.slopes[m, i]
+        influence[:k] = self.influences.derivatives[m, i]
         worst, variances = (
             self.magnitudes[m, i] * self.sizes,
             (self.magnitudes[m, i] * self.standard_deviations[i]) ** 2,
@@ -182,11 +182,11 @@ class Deviations:
         with np.errstate(divide="ignore", invalid="ignore"):
             normals = rates[:, ::-1] * [-1.0, 1.0] / np.linalg.norm(rates, axis=1, keepdims=True)
         x = self.influences
-        slopes, acting = (
-            np.einsum("mnk,nm->nk", x.slopes[rows], normals),
+        derivatives, acting = (
+            np.einsum("mnk,nm->nk", x.derivatives[rows], normals),
             np.einsum("mncw,nm->ncw", x.clearances[rows], normals),
         )
-        both = _magnitudes(slopes, acting)
+        both = _magnitudes(derivatives, acting)
         return both @ self.sizes, np.linalg.norm(both * self.sizes, axis=-1), normals
 
     def paths(self) -> list[str]:
@@ -200,6 +200,6 @@ class Deviations:
         return self.signals.index(signal)
 
 
-def _magnitudes(slopes: Array, clearances: Array) -> Array:
+def _magnitudes(derivatives: Array, clearances: Array) -> Array:
     """Return absolute influences (..., n, k + c) of parameters (..., n, k) and of displacements (..., n, c, w)."""
-    return np.concatenate([np.abs(slopes), np.linalg.norm(clearances, axis=-1)], axis=-1)
+    return np.concatenate([np.abs(derivatives), np.linalg.norm(clearances, axis=-1)], axis=-1)

@@ -44,8 +44,8 @@ def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
             shown = (visible * values)[part]
             ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if first else label)
         for k in largest:
-            slopes = found.influences.slopes[m, :, k] if k < of_parameters else found.magnitudes[m, :, k]
-            shown = (visible * slopes * found.sizes[k])[part]
+            derivatives = found.influences.derivatives[m, :, k] if k < of_parameters else found.magnitudes[m, :, k]
+            shown = (visible * derivatives * found.sizes[k])[part]
             style = curve_style(1 + k) | {"color": COLOURS[1 + k % (len(COLOURS) - 1)]}
             ax.plot(u, shown, label=None if first else escaped(sizes[k]), **style)
     for at, _ in found.curve.dead_points:

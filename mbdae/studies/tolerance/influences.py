@@ -26,7 +26,7 @@ class Influences:
 
     Attributes:
         values: the signals, (m, n).
-        slopes: derivatives with respect to k parameters, (m, n, k).
+        derivatives: derivatives with respect to k parameters, (m, n, k).
         clearances: derivatives with respect to displacements in c joints along w axes, (m, n, c, w), without directions
             that closures exclude, and 0 beyond the axes of a joint.
         directions: number of directions in which a clearance can act, (n, c).
@@ -36,7 +36,7 @@ class Influences:
     """
 
     values: Array
-    slopes: Array
+    derivatives: Array
     clearances: Array
     directions: Array
     along: Array
@@ -55,7 +55,7 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
     n, shifts = len(signals.found.u), list(clearances.values())
     found, poses, w = signals.found, signals.poses, largest_width(shifts)
     values = np.array([signals[name] for name in names])
-    slopes = np.array([signals.derivative(name) for name in names])
+    derivatives = np.array([signals.derivative(name) for name in names])
     columns = found.mechanism.coordinate_scales
     dq = -(poses.inverse @ poses.rows) / columns[:, None]
     along = np.einsum("ni,nik->nk", found.tangent / columns, dq)
@@ -71,12 +71,12 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
             acting[:, i, c, :width] = given[:, i] @ Z @ Z.T
             along_clearances[i, c, :width] = (found.tangent[i] / columns) @ change[i] @ Z @ Z.T
     singular = ~found.moving | ~(condition < 1 / RANK)
-    for x in (slopes, acting):
+    for x in (derivatives, acting):
         x[:, singular] = np.nan
         x[np.abs(x) < SOLUTION_ROUNDING] = 0.0
     for x in (along, along_clearances, condition):
         x[singular] = np.nan
-    return Influences(values, slopes, acting, directions, along, along_clearances, condition)
+    return Influences(values, derivatives, acting, directions, along, along_clearances, condition)
 
 
 def _rank(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from itertools import product
 
 from ...errors import UnknownNameError
 from ...mechanism.formats.template import Template
@@ -9,7 +10,7 @@ from ...mechanism.frames import joint_names
 
 WILD = "*?["
 ENTRIES = ("xyz", "rpy")
-CLOSURE_KEYS = ("length", "radius", "radius_a", "radius_b", "offset", "pitch")
+CLOSURE_KEYS = ("length", "lead", "radius", "tyre", "surface_radius")
 
 
 def expanded(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
@@ -23,26 +24,25 @@ def expanded(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, f
     """
     if not isinstance(make, Template):
         return dict(tolerances), set()
-    out: dict[str, float] = {}
-    for pattern, size in tolerances.items():
-        if not set(pattern) & set(WILD):
-            continue
+    named = {name: size for name, size in tolerances.items() if not set(name) & set(WILD)}
+    found: dict[str, float] = {}
+    for pattern in [name for name in tolerances if name not in named]:
         known = list(_dimensions(make))
         matched = [name for name in known if fnmatchcase(name, pattern)]
         if not matched:
             raise UnknownNameError("pattern of dimensions", pattern, known)
-        out |= dict.fromkeys(matched, size)
-    named = {name: size for name, size in tolerances.items() if not set(name) & set(WILD)}
-    return {**out, **named}, out.keys() - named.keys()
+        found |= dict.fromkeys(matched, tolerances[pattern])
+    return {**found, **named}, found.keys() - named.keys()
 
 
 def _dimensions(make: Template) -> Iterator[str]:
     """Yield the names of placements of joints, bodies and frames, and of lengths of closures."""
     recipe = make.recipe({})
-    placed = [f"frame.{x.name}" for x in recipe.file.frame] + [f"body.{x.name}" for x in recipe.file.body]
-    for source, part in zip(recipe.file.source, recipe.parts, strict=True):
-        placed += [f"joint.{source.prefix}{name}" for name in joint_names(part.model)]
-    yield from (f"{name}.{entry}.{i}" for name in placed for entry in ENTRIES for i in range(3))
-    for closure in recipe.file.closure:
-        given = closure.model_dump()
-        yield from (f"closure.{closure.name}.{key}" for key in CLOSURE_KEYS if isinstance(given.get(key), float))
+    parts = zip(recipe.file.source, recipe.parts, strict=True)
+    joints = [f"joint.{source.prefix}{name}" for source, part in parts for name in joint_names(part.model)]
+    placed = [*(f"frame.{x.name}" for x in recipe.file.frame), *(f"body.{x.name}" for x in recipe.file.body), *joints]
+    for name, entry, i in product(placed, ENTRIES, range(3)):
+        yield f"{name}.{entry}.{i}"
+    for closure, key in product(recipe.file.closure, CLOSURE_KEYS):
+        if isinstance(getattr(closure, key, None), float):
+            yield f"closure.{closure.name}.{key}"

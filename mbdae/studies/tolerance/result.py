@@ -9,6 +9,7 @@ from ...data_types import JsonObject
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...tabular import Columns, Tabular, align_columns, rounded_zero
+from ...tolerances import NEGLIGIBLE
 from ..kinematics.curve_derivatives import HOLDING
 from .deviations import Deviations
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 NONLINEAR = 0.05  # relative error of the linear worst case near a dead point: above, it is reported
 UNREACHABLE = 0.25  # of it: above, the quadratic for the pose has no solution
-SHOWN = 1e-3  # of the worst case: smaller contributions are counted in the table
+SHOWN = NEGLIGIBLE  # of the worst case: smaller contributions are counted in the table
 
 
 def signal_units(mech: Mechanism, names: list[str], input_unit: str) -> dict[str, str]:
@@ -91,7 +92,9 @@ class Tolerance(Deviations, Tabular):
             found = {name: self.influences.values[m], **{f"{key}.{name}": x[m] for key, x in deviations.items()}}
             out |= found
             units |= dict.fromkeys(found, self.units[name])
-            out |= {f"influence.{name}.{p}": self.influences.slopes[m, :, i] for i, p in enumerate(self.tolerances)}
+            out |= {
+                f"influence.{name}.{p}": self.influences.derivatives[m, :, i] for i, p in enumerate(self.tolerances)
+            }
             k = len(self.tolerances)
             out |= {f"influence.{name}.{c}": self.magnitudes[m, :, k + i] for i, c in enumerate(self.clearances)}
         return Columns({**out, "condition": self.influences.condition, "nonlinearity": self.nonlinearity}, units, "u")

@@ -33,13 +33,15 @@ def hessians(
     """
     columns = []
     for name, value in values.items():
-        high, low = (_slopes(found, names, bind({**values, name: value + h})) for h in (widths[name], -widths[name]))
+        high, low = (
+            _derivatives(found, names, bind({**values, name: value + h})) for h in (widths[name], -widths[name])
+        )
         columns.append((high - low) / (2 * widths[name]))
     H = np.stack(columns, axis=-1)
     return np.asarray((H + H.swapaxes(-1, -2)) / 2)
 
 
-def _slopes(found: Kinematics, names: Sequence[str], parameters: Parameters) -> Array:
+def _derivatives(found: Kinematics, names: Sequence[str], parameters: Parameters) -> Array:
     """Return the derivatives of signals at the inputs of a curve with other parameters, (m, n, k)."""
     moved, closed = curve_with(found, parameters)
     signals = CurveSignals(moved, lambda: parameters)

@@ -1,9 +1,7 @@
 """Influence of tolerances and clearances on the poses of a mechanism with one degree of freedom."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
-
-import numpy as np
 
 from ... import backend
 from ...errors import InputError, is_number, require
@@ -13,7 +11,8 @@ from ...system import Array
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.driven_mechanism import Hold, driven_mechanism
 from ..kinematics.kinematics import kinematics
-from ..sensitivity.run_parameters import mechanism_factory, named_values
+from ..kinematics.result import Kinematics
+from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values
 from .clearances import displacements
 from .influences import influences
 from .parameter_names import expanded
@@ -80,42 +79,74 @@ def tolerance(
         ...                   {"frame.rod_tip.xyz.0": 5e-5}, {"wrist pin": 2e-5})   # doctest: +SKIP
     """
     sizes, gaps = _positive("tolerance", parameters), _positive("clearance", clearances)
-    if not (sizes or gaps):
-        raise InputError("give tolerances of parameters, name = tolerance, or clearances, joint or closure = clearance")
-    if not (is_number(sigmas) and sigmas > 0):
-        raise InputError(f"sigmas is a positive number, got {sigmas!r:.60}")
-    names = list(signals) if not isinstance(signals, str) else [signals]
+    _check(sizes, gaps, sigmas)
     loaded = model if isinstance(model, Mechanism) else None
     make = mechanism_factory(loaded, None if loaded else model)
     sizes, matched = expanded(make, sizes)
-    nominal = named_values(make, list(sizes) if values is None else values)
-    if nominal.keys() != sizes.keys():
-        raise InputError(
-            f"values and tolerances have different names: {', '.join(sorted(nominal.keys() ^ sizes.keys()))}"
-        )
+    nominal = _nominal(make, sizes, values)
     mech = loaded if loaded is not None and values is None else make.make(nominal)
     found = kinematics(mech, drive, span=span, turns=turns, hold=hold, points=points, q=q)
 
     def bind(changed: Mapping[str, float]) -> Parameters:
         return Parameters(lambda x: driven_mechanism(make.make(x), drive, hold, found.q[0]), changed, backend.load())
 
-    bound = bind(nominal)
-    left_out = [name for name in bound.inconsistent(float(found.u[0]), found.q[0]) if name in matched]
-    if left_out:
-        nominal = {name: x for name, x in nominal.items() if name not in left_out}
-        bound = bind(nominal)
-    bound.require_consistent(float(found.u[0]), found.q[0])
+    bound, left_out = _consistent(bind, nominal, matched, found)
     along = CurveSignals(found, lambda: bound)
-    shown = _require_signals(along, names)
-    shifts = displacements(along, gaps)
-    t = np.array([sizes[name] for name in nominal])
+    names = _require_signals(along, [signals] if isinstance(signals, str) else list(signals))
+    kept = {name: sizes[name] for name in bound.values}
     H = None
-    if second_order and len(t):
-        H = hessians(found, shown, bind, nominal, dict(zip(nominal, t / sigmas, strict=True)))
+    if second_order and kept:
+        H = hessians(found, names, bind, bound.values, {name: t / sigmas for name, t in kept.items()})
     return Tolerance(
-        found, tuple(shown), signal_units(mech, shown, found.unit), dict(zip(nominal, t.tolist(), strict=True)), gaps,
-        float(sigmas), influences(along, shown, shifts), H, tuple(left_out),
+        found, tuple(names), signal_units(mech, names, found.unit), kept, gaps, float(sigmas),
+        influences(along, names, displacements(along, gaps)), H, left_out,
     )  # fmt: skip
+
+
+def _check(sizes: Mapping[str, float], gaps: Mapping[str, float], sigmas: float) -> None:
+    """Require tolerances or clearances, and a positive number of standard deviations.
+
+    Raises:
+        InputError: for neither, or another number.
+    """
+    if not (sizes or gaps):
+        raise InputError("give tolerances of parameters, name = tolerance, or clearances, joint or closure = clearance")
+    if not (is_number(sigmas) and sigmas > 0):
+        raise InputError(f"sigmas is a positive number, got {sigmas!r:.60}")
+
+
+def _nominal(
+    make: MechanismFactory, sizes: Mapping[str, float], values: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Return the values of the parameters with tolerances: the given ones, else those of the model.
+
+    Raises:
+        UnknownNameError, InputError: as `named_values`, and for other names.
+    """
+    nominal = named_values(make, list(sizes) if values is None else values)
+    if nominal.keys() != sizes.keys():
+        others = ", ".join(sorted(nominal.keys() ^ sizes.keys()))
+        raise InputError(f"values and tolerances have different names: {others}")
+    return nominal
+
+
+def _consistent(
+    bind: Callable[[Mapping[str, float]], Parameters],
+    nominal: Mapping[str, float],
+    matched: Set[str],
+    found: Kinematics,
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Return the parameters without those of patterns that open redundant closures, and the names of these.
+
+    Raises:
+        InputError: for one that was named in full.
+    """
+    bound, first = bind(nominal), (float(found.u[0]), found.q[0])
+    left_out = tuple(name for name in bound.inconsistent(*first) if name in matched)
+    if left_out:
+        bound = bind({name: x for name, x in nominal.items() if name not in left_out})
+    bound.require_consistent(*first)
+    return bound, left_out
 
 
 def _positive(what: str, given: Mapping[str, float] | None) -> dict[str, float]:
