@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+SMALL = 3.4  # inches: a column of a journal
 BAND = 0.06  # of the extent of a path: largest drawn half-width; deviations are magnified to it
 CUTOFF = 20.0  # times the median worst case: larger values near dead points are not drawn
 WORST, STATISTICAL = ("0.85", "worst case"), (COLOURS[0], "statistical")
@@ -32,6 +33,14 @@ def bands(found: Tolerance) -> "Figure":
     return figure
 
 
+@fixed_layout
+def band(found: Tolerance, frame: str) -> "Figure":
+    """Draw the path of a frame with its bands alone."""
+    figure = empty_figure(SMALL, 0.6 * SMALL)
+    _path(figure.subplots(), found, frame)
+    return figure
+
+
 def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
     """Draw the deviations of a signal, with its contributions."""
     worst = found.worst[m]
@@ -43,16 +52,22 @@ def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
         for values, (colour, label), alpha in ((worst, WORST, 1.0), (found.statistical[m], STATISTICAL, 0.35)):
             shown = (visible * values)[part]
             ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if first else label)
-        for k in largest:
+        for i, k in enumerate(largest):
             derivatives = found.influences.derivatives[m, :, k] if k < of_parameters else found.magnitudes[m, :, k]
             shown = (visible * derivatives * found.sizes[k])[part]
-            style = curve_style(1 + k) | {"color": COLOURS[1 + k % (len(COLOURS) - 1)]}
+            style = curve_style(1 + i)
             ax.plot(u, shown, label=None if first else escaped(sizes[k]), **style)
     for at, _ in found.curve.dead_points:
         ax.axvline(at, color="0.5", lw=0.7, ls=":")
     ax.set_ylabel(escaped(f"{name}\n({found.units[name]})"))
     ax.set_xlabel(escaped(f"{found.curve.drive} ({found.curve.unit})"))
     legend_right(ax, labelspacing=0.3)
+
+
+def _round_factor(x: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is at most x."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(power * max(k for k in (1, 2, 5) if k * power <= x))
 
 
 def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
@@ -63,7 +78,7 @@ def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
     points = np.array([found.influences.values[found.signals.index(name)] for name in names]).T
     worst, statistical, normals = found.band(frame)
     worst = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, worst)
-    times = 10 ** np.floor(np.log10(BAND * np.ptp(points, axis=0).max() / np.nanmax(worst)))
+    times = _round_factor(BAND * float(np.ptp(points, axis=0).max() / np.nanmax(worst)))
     for half, (colour, label), alpha in ((worst, WORST, 1.0), (statistical, STATISTICAL, 0.35)):
         width = times * half[:, None] * normals
         outer, inner = points + width, points - width
@@ -76,4 +91,4 @@ def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
     ax.set_aspect("equal", "datalim")
     ax.set_xlabel(escaped(f"{names[0]} (m)"))
     ax.set_ylabel(escaped(f"{names[1]} (m)"))
-    legend_right(ax)
+    ax.legend(loc="best")
