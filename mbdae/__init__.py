@@ -78,6 +78,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.sweep.plan import Random as Random
     from .studies.sweep.sweep import sweep as sweep
     from .studies.sweep.table import Sweep as Sweep
+    from .studies.tolerance.tolerance import tolerance as tolerance
     from .studies.view.view import view as view
     from .textbook.hessenberg import Hessenberg as Hessenberg
     from .textbook.mixed import MixedHessenberg as MixedHessenberg
