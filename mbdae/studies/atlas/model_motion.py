@@ -11,7 +11,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
-from ...integrate.binding import common_backend
+from ...integrate.run.binding import common_backend
 from ...mechanism import Mechanism, load
 from ...solution.archive import problem_data
 from ...tolerances import SUM_ROUNDING
