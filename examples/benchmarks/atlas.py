@@ -93,7 +93,7 @@ def main(path: str | Path = DATA, guide: str | Path | None = None) -> str:
     """Print and return both tables, and write them into the guide if its path is given."""
     data = json.loads(Path(path).read_text("utf-8"))
     about, n = data["meta"], len([m for m in data["models"].values() if "work" in m])
-    first = f"{n} models, {about['backend']} back end, {about['machine']}, {about['date']}:"
+    first = f"{n} of {len(data['models'])} models, {about['backend']} back end, {about['machine']}, {about['date']}:"
     text = f"{first}\n\n{markdown(rows(data))}\n{markdown(energies(data))}"
     print(text)
     if guide:
