@@ -1,10 +1,11 @@
 """Which methods need the fewest linear solves on how many models, from the atlas of all models.
 
 `atlas.json` is written by ``mbdae atlas --data atlas.jsonl -o examples/benchmarks/atlas.json``, which resumes; the
-same command with ``-o atlas.html`` writes the page. Linear solves repeat to a few in ten thousand. A cell of the first table has the
-number of models on which a method needs the fewest solves, to 1 %, the geometric mean of its solves over the fewest
-ones, and the number of models on which it reaches the error. The second has rates of the energy of conservative models
-over ten durations, relative to it, with three standard errors. With ``--guide`` the tables are written into the guide.
+same command with ``-o atlas.html`` writes the page. Linear solves repeat to a few in ten thousand. A cell of the first
+table has the number of models on which a method needs the fewest solves, to 1 %, the geometric mean of its solves over
+the fewest ones, and the number of models on which it reaches the error. The second has rates of the energy of
+conservative models over ten durations, relative to it, with three standard errors. With ``--guide`` the tables are
+written into the guide.
 
 Run: python examples/benchmarks/atlas.py [--guide]
 """
