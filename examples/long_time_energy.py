@@ -37,11 +37,36 @@ def main(share: float = 1.0, plot: str | Path | None = "long_time_energy.png") -
                 f"{d.energy_trend_error:15.1e} {changes} {back}"
             )
     if plot:
-        from mbdae.studies.drift.figure import drifts
-        from mbdae.studies.figures import save
-
-        save(drifts([d.history for (model, _), d in out.items() if model == "four_bar"]), plot)
+        draw(out, plot)
     return out
+
+
+def draw(found: dict[tuple[str, str], Drift], path: str | Path) -> None:
+    """Draw the energy of the linkage over time; and changes of momentum and errors after the way back, by method."""
+    from mbdae.studies.figures import WIDTH, empty_figure, line_style, logarithmic, positive, save, styled
+
+    @styled
+    def figure() -> None:
+        out = empty_figure(WIDTH, 2.7)
+        left, right = out.subplots(1, 2, width_ratios=(1.2, 1))
+        for (model, method), d in found.items():
+            if model == "four_bar":
+                h = d.history
+                left.plot(h.t, positive(h.energy), **line_style(method), markevery=max(1, len(h.t) // 8), label=method)
+            rows = {f"momentum,\n{model}": max(d.momenta.values(), default=0.0) if d.momenta else 0.0,
+                    f"$q$ after the way\nback, {model}": d.reversal[0] if d.reversal else 0.0}  # fmt: skip
+            for name, x in rows.items():
+                if x > 0:
+                    right.plot([x], [name.replace("_", "-")], **line_style(method) | {"linestyle": "none"})
+        left.set(xlabel="$t$ (s)", ylabel="$|E - E_0|$ / scale, four-bar")
+        right.set(xlabel="relative change; error in rad, m")
+        logarithmic(left.yaxis)
+        logarithmic(right.xaxis, 5)
+        right.margins(y=0.2)
+        out.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=len(METHODS))
+        save(out, path)
+
+    figure()
 
 
 if __name__ == "__main__":

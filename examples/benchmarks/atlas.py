@@ -1,10 +1,11 @@
 """Which methods need the fewest linear solves on how many models, from the atlas of all models.
 
 `atlas.json` is written by ``mbdae atlas --data atlas.jsonl -o examples/benchmarks/atlas.json``, which resumes; the
-same command with ``-o atlas.html`` writes the page. Linear solves repeat exactly. A cell of the first table has the
-number of models on which a method needs the fewest solves, to 1 %, the geometric mean of its solves over the fewest
-ones, and the number of models on which it reaches the error. The second has rates of the energy of conservative models
-over ten durations, relative to it, with three standard errors. With ``--guide`` the tables are written into the guide.
+same command with ``-o atlas.html`` writes the page. Linear solves repeat to a few in ten thousand. A cell of the first
+table has the number of models on which a method needs the fewest solves, to 1 %, the geometric mean of its solves over
+the fewest ones, and the number of models on which it reaches the error. The second has rates of the energy of
+conservative models over ten durations, relative to it, with three standard errors. With ``--guide`` the tables are
+written into the guide.
 
 Run: python examples/benchmarks/atlas.py [--guide]
 """
@@ -93,7 +94,7 @@ def main(path: str | Path = DATA, guide: str | Path | None = None) -> str:
     """Print and return both tables, and write them into the guide if its path is given."""
     data = json.loads(Path(path).read_text("utf-8"))
     about, n = data["meta"], len([m for m in data["models"].values() if "work" in m])
-    first = f"{n} models, {about['backend']} back end, {about['machine']}, {about['date']}:"
+    first = f"{n} of {len(data['models'])} models, {about['backend']} back end, {about['machine']}, {about['date']}:"
     text = f"{first}\n\n{markdown(rows(data))}\n{markdown(energies(data))}"
     print(text)
     if guide:

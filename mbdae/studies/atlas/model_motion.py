@@ -1,5 +1,6 @@
 """The motion of a model in an atlas: its reference, its numbers of fixed steps, and the methods that suit it."""
 
+import atexit
 import hashlib
 import json
 from collections.abc import Mapping
@@ -134,6 +135,9 @@ class MotionTask:
 def mechanism(model: str) -> Mechanism:
     """Return the mechanism of a model, without geometry."""
     return without_geometry(load(model))  # type: ignore[return-value]
+
+
+atexit.register(mechanism.cache_clear)  # before the core is unloaded, which reports objects that remain
 
 
 def common_motion(mech: Mechanism, backend: str) -> ReferenceMotion:

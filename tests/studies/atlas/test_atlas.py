@@ -1,6 +1,7 @@
 """The atlas: its errors are those of other studies, it resumes, and refuses to mix what cannot be compared."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -159,7 +160,9 @@ def test_another_machine_and_a_changed_model_are_refused(small, data, tmp_path):
     path.write_text("no atlas\n")
     with pytest.raises(InputError, match="not the data of an atlas"):
         mbdae.atlas(MODELS, data=path, **OPTIONS)
-    assert mbdae.atlas(MODELS[:1], data=path, fresh=True, **OPTIONS | {"methods": ["herk3"]}).complete
+    with ThreadPoolExecutor(1) as custom:
+        change = {"methods": ["herk3"], "executor": custom, "workers": None}
+        assert mbdae.atlas(MODELS[:1], data=path, fresh=True, **OPTIONS | change).complete
 
 
 @pytest.mark.parametrize(
