@@ -14,6 +14,7 @@ from ...tolerances import TINY
 from ..steppers.fixed import FIXED_STEP_TOLERANCE
 
 if TYPE_CHECKING:
+    from .._native import Parameters as NativeParameters
     from .trajectory import Trajectory
 
 STEPS_PER_CALL = 1000  # between checks for Ctrl-C
@@ -61,7 +62,8 @@ class NativeTrajectory:
             self.parameters = bind_parameters(system, parameters)
         except NotCompiled as e:
             raise InputError(f"derivatives of runs need the compiled core, which does not compute {e}") from None
-        self.trajectory, self.core, self.varied = trajectory, system.core, parameters
+        self.trajectory, self.system, self.core, self.varied = trajectory, system, system.core, parameters
+        self._of_mode = {system.mode: self.parameters}
         self.method = system.method(trajectory.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated_move = (
@@ -75,6 +77,14 @@ class NativeTrajectory:
             control.rtol, control.atol = trajectory.stepper.rtol, np.atleast_1d(trajectory.stepper.atol).tolist()
             control.tiny = TINY
         self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
+
+    def enter_mode(self) -> "NativeParameters":
+        """Return the parameters bound to the core in its mode."""
+        mode = self.system.mode
+        if mode not in self._of_mode:
+            self._of_mode[mode] = bind_parameters(self.system, self.varied)
+        self.parameters = self._of_mode[mode]
+        return self.parameters
 
     def segment_end(self, i: int, ends: bool = False) -> int:
         """Return the last node of the sequence of steps that starts at node i; i itself if there is no such step.
@@ -138,16 +148,16 @@ class NativeTrajectory:
         states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
         return RecomputedStates(states, restarted[1 : steps + 1], i + steps == j)
 
-    def adjoint(self, nodes: NodeRange, extra: Array, bar: Array) -> tuple[Array, Array]:
-        """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
+    def adjoint(self, nodes: NodeRange, extra: Array, bars: Array) -> tuple[Array, Array]:
+        """Return the cotangents of y and carry at the first node, (costs, ny + nc), and of the parameters, (costs, k).
 
         Args:
             nodes: nodes of a sequence of steps.
-            extra: cotangents that are added at each node, (m + 1, ny + nc); ignored at the first and the last node.
-            bar: the cotangents at the last node, (ny + nc,).
+            extra: cotangents that are added at each node, (m + 1, costs, ny + nc); ignored at the first and the last.
+            bars: the cotangents at the last node, (costs, ny + nc).
         """
         given = self.parameters, self.method, self.trajectory.halved, self.trajectory.project
-        along = np.ascontiguousarray(extra), np.ascontiguousarray(bar)
+        along = np.ascontiguousarray(extra), np.ascontiguousarray(bars)
         return self._checked(nodes, self.core.adjoint(*given, *nodes[1:], *along, self._friction))
 
     def tangent(self, nodes: NodeRange, first: Array, dp: Array, dh: Array | None = None) -> Array:
@@ -195,7 +205,7 @@ class NativeStep(NamedTuple):
         return found[:ny], found[ny:]
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
-        """Return the cotangents of y, of the carry and of the parameters, (..., 1)."""
-        bar = np.concatenate([y, carry])[:, 0]
-        at, p = self.core.adjoint(self.core.nodes(self.i, self.i + 1), np.zeros((2, len(bar))), bar)
-        return at[: len(y), None], at[len(y) :, None], p[:, None]
+        """Return the cotangents of y, of the carry and of the parameters, (..., costs)."""
+        bars = np.concatenate([y, carry]).T
+        at, p = self.core.adjoint(self.core.nodes(self.i, self.i + 1), np.zeros((2, *bars.shape)), bars)
+        return at[:, : len(y)].T, at[:, len(y) :].T, p.T

@@ -7,7 +7,9 @@ from ...errors import InputError, UnknownNameError
 from ..checked_table import Table
 from .schema import MechanismFile
 
-TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of files
+TABLES = (  # of files
+    "body", "closure", "clutch", "driver", "duration", "flexible", "force", "frame", "gravity", "start", "stop",
+)  # fmt: skip
 
 
 def with_entry(part: object, path: str, value: object, whole: str) -> Any:

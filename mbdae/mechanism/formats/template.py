@@ -26,6 +26,7 @@ from ..mechanism import Mechanism
 from ..model_settings import Start
 from ..time_functions.time_functions import Constant
 from ..tree.frames import find_joint, joint_names
+from ..tree.tree_terms import copied
 from ..variant import variant
 from .build import body_inertia, build, placement
 from .load import Recipe, make, read
@@ -37,7 +38,14 @@ from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entr
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
 WHOLE_TABLES = ("duration", "gravity")  # with values for the whole table
-PARTS = {"closure": "closures", "clutch": "clutches", "driver": "drivers", "stop": "stops", "duration": "duration"}
+PARTS = {
+    "closure": "closures",
+    "clutch": "clutches",
+    "driver": "drivers",
+    "stop": "stops",
+    "event": "resets",
+    "duration": "duration",
+}
 CACHE_SIZE = 8  # mechanisms with other parameters, for several threads
 
 
@@ -120,10 +128,10 @@ class Template:
         out = {argument: getattr(file, table) for table, argument in PARTS.items() if table in tables}
         if "force" in tables:
             out["forces"] = [*file.force, *self.functions]
-        if not tables.isdisjoint(("body", "frame", "joint")):
+        if not tables.isdisjoint(("body", "flexible", "frame", "joint")):
             out["model"], out["visuals"] = build(file, recipe.parts, recipe.name)
         elif "gravity" in tables:
-            out["model"] = first.model.copy()
+            out["model"] = copied(first.model)
             out["model"].gravity.linear = np.array(file.gravity)
         return out
 

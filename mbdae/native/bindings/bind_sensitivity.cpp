@@ -45,14 +45,14 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   out.parameter = x.parameter, out.at = x.at;
   check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
-    check_anchors(p.pairs, s.mechanics.joints), check_laws(p.laws, p.pairs.size());
+    check_anchors(p.pairs, s.mechanics.frames), check_laws(p.laws, p.pairs.size());
     std::vector<Pair> pairs;
     for (const auto& [a, b] : p.pairs) pairs.emplace_back(a, b, s.mechanics.supports());
     out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
   for (PerturbedElements& p : x.rows) {
     if (p.rows.size() != x.at.size()) reject("as many perturbed rows as there are");
-    check_anchors(p.pairs, s.mechanics.joints), check_rows(p.rows, p.pairs.size());
+    check_anchors(p.pairs, s.mechanics.frames), check_rows(p.rows, p.pairs.size());
     check_drivers(p.drivers, p.rows.size());
     out.rows.push_back(
         {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});
@@ -159,14 +159,16 @@ std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, 
   const CoreLock lock(c);
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
-  const size_t width = x.ny + x.nc;
-  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries"), more = checked_numbers(extra, x.nodes * width, "extra");
-  Numbers by_start = checked_numbers(bar, width, "bar"), by_p(p.partials->count());
+  const size_t width = x.ny + x.nc, costs = bar.size() / width, k = p.partials->count();
+  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries");
+  const Numbers more = checked_numbers(extra, x.nodes * costs * width, "extra");
+  Numbers by_start = checked_numbers(bar, costs * width, "bar"), by_p(costs * k);
   if (!succeeds(c, [&](Index2System& s) {
-        adjoint(s, *p.partials, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
+        adjoint(s, *p.partials, x.segment, known.data(), static_cast<int>(costs), more.data(), by_start.data(),
+                by_p.data());
       }))
     return std::nullopt;
-  return std::make_pair(vector(by_start), vector(by_p));
+  return std::make_pair(array(by_start, {costs, width}), array(by_p, {costs, k}));
 }
 
 std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t,
@@ -220,7 +222,8 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
            "and their end; or None.")
       .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
            arg("y"), arg("carries"), arg("extra"), arg("bar"), arg("friction") = nb::none(),
-           "Return the cotangents of y and carry (ny + nc,) at the first node, and of parameters (k,), or None.")
+           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or None;\n"
+           "extra (m + 1, costs, ny + nc) are added at the inner nodes.")
       .def(
           "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
           arg("y"), arg("carries"), arg("first"), arg("dp"), arg("dh") = nb::none(), arg("friction") = nb::none(),

@@ -26,7 +26,7 @@ struct Anchor {
 
 // Two anchors, and the columns of J that move them: +1 where a joint moves b alone, -1 where it moves a alone.
 struct Pair {
-  Pair(const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
+  Pair(const Anchor& a, const Anchor& b, const std::vector<Mechanics::Support>& supports);
 
   void update_poses(const Mechanics& m);  // Ra, pa, Rb, pb in the world, at the current poses
   // Va, Vb, and A, the relative acceleration for v' = 0; minus_gravity: from `Mechanics::bias_minus_gravity`, where
@@ -37,8 +37,11 @@ struct Pair {
 
   Anchor a, b;
   bool needs_Ra = true, needs_Rb = true;  // of the world: Ra, Rb
-  std::vector<int> columns;             // that move a or b, in increasing order, common ancestors included
-  std::vector<double> sign;             // of each of them; 0 for common ancestors
+  // Velocities that move a or b, in increasing order, common ancestors included; twice where a mode moves both by
+  // different columns of J.
+  std::vector<int> columns;
+  std::vector<int> sources;  // column of J of each of them
+  std::vector<double> sign;  // of each of them; 0 for common ancestors
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
   // For the rows of a pair, which share one shape; and along the motion V_b - V_a of b.

@@ -36,7 +36,8 @@ void Parameters::twists(const double* v) {
   }
 }
 
-void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X) {
+void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
+                       std::vector<Numbers>& sums) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
@@ -60,15 +61,15 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
         for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       }
     }
-    add_motion(world_poses_[m.component], g.data(), sums_[m.component].data());
+    add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
   }
 }
 
-void Parameters::shifted(const Pair& pair, const double* F) {
+void Parameters::shifted(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
   for (const Moving& m : moved_frames_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
-    add_motion(world_poses_[m.component], g.data(), sums_[m.component].data());
+    add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
   }
 }
 
@@ -93,7 +94,7 @@ void Parameters::bodies() {
   }
 }
 
-void Parameters::contract(const LinearisationPoint& point, const double* above) {
+void Parameters::contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums) {
   const Mechanics& m = s_.mechanics;
   const int nv = s_.nv;
   if (kinematic_) {
@@ -104,12 +105,12 @@ void Parameters::contract(const LinearisationPoint& point, const double* above) 
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
-      moved(*w.pair, w.partials, X_);
+      moved(*w.pair, w.partials, X_, sums);
     }
   }
   for (size_t i = 0; i < components_.size(); ++i) {
     const ModelComponent& x = components_[i];
-    double* to = sums_[i].data();
+    double* to = sums[i].data();
     if (x.kind == ModelComponent::armature)
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
     if (x.kind == ModelComponent::gravity && point.loaded)

@@ -27,7 +27,7 @@ class StageEquations {
   void take(const double* y0, const StageValues& at, const IndependentRows* positions);
   int size() const { return m_; }
   // The cotangents of the parameters, of those of the equations, (m,).
-  void add_parameters(const double* mu);
+  void add_parameters(const Eigen::MatrixXd& mu);
 
   Rows<double> by_unknowns, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                // (m, k); for tangents
