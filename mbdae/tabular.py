@@ -201,7 +201,7 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
         out.writerows(zip(*(_as_list(x) for x in flat.values()), strict=True))
 
 
-def finite(data: Any) -> Any:
+def finite(data: object) -> Any:
     """Return data with None in place of numbers that are not finite, as in JSON."""
     if isinstance(data, dict):
         return {key: finite(x) for key, x in data.items()}

@@ -26,7 +26,7 @@ PARSERS: dict[str, Callable[[tuple[str, ...], str], Any]] = {  # of options that
 SCALARS: dict[str, Any] = {"float": float, "int": int, "str": str}
 
 
-def multiple_option(*names: str, kind: str, default: Any = None, **settings: Any) -> Decorator:
+def multiple_option(*names: str, kind: str, default: object = None, **settings: Any) -> Decorator:
     """Return an option that can be repeated or contain a list with commas, parsed by the annotation of its argument."""
     parse = PARSERS[kind]
     return click.option(
@@ -94,7 +94,7 @@ REPLAY = "speed trace arrow arrows camera follow closures"
 STATE = "q v hold t"
 
 
-def options_of(package: str, study: str, words: str, types: Mapping[str, Any]) -> list[Decorator]:
+def options_of(package: str, study: str, words: str, types: Mapping[str, object]) -> list[Decorator]:
     """Return options for arguments of a study.
 
     Args:
@@ -112,7 +112,7 @@ def options_of(package: str, study: str, words: str, types: Mapping[str, Any]) -
     return out
 
 
-def _option(names: list[str], argument: Argument, kind: Any) -> Decorator:
+def _option(names: list[str], argument: Argument, kind: object) -> Decorator:
     """Return the option for an argument, by its annotation."""
     kinds, default = argument.kinds, argument.default
     repeatable = next((kind for kind in PARSERS if kind in kinds), None)

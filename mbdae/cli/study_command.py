@@ -39,7 +39,7 @@ class Output:
     written: list[str]
     as_json: bool
 
-    def emit(self, data: Mapping[str, Any], text: str, written: list[str] | None = None) -> None:
+    def emit(self, data: Mapping[str, object], text: str, written: list[str] | None = None) -> None:
         """Print a result and the files that were written."""
         names = self.written if written is None else written
         lines = [*filter(None, [text]), *(f"wrote {path}" for path in names)]
@@ -52,7 +52,7 @@ def command(
     shared: str = "",
     subject: Decorator | None = model_argument,
     more: Iterable[Decorator] = (),
-    types: Mapping[str, Any] | None = None,
+    types: Mapping[str, object] | None = None,
 ) -> Callable[[Callable[..., None]], click.Command]:
     """Return a decorator that makes a command of ``function(study, out, **options)``.
 

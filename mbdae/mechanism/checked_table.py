@@ -43,14 +43,14 @@ class Table(BaseModel, metaclass=OneLine):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def tables_in(annotation: Any) -> list[type[Table]]:
+def tables_in(annotation: object) -> list[type[Table]]:
     """Return the tables in a type, such as the kinds of a union."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return [annotation]
     return [table for argument in get_args(annotation) for table in tables_in(argument)]
 
 
-def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> str:
+def one_line(error: ValidationError, known: KnownKeys, content: object = None) -> str:
     """Return all errors of a table in one line; with the valid keys for an unknown one.
 
     Args:
@@ -68,7 +68,7 @@ def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> s
     return "; ".join(messages.values())
 
 
-def _key_path(loc: Location, kind: str, content: Any) -> list[str]:
+def _key_path(loc: Location, kind: str, content: object) -> list[str]:
     """Return the keys and names that lead to an error, without the kinds of table that pydantic has tried."""
     if content is None:
         return [str(p) for p in loc]
@@ -85,7 +85,7 @@ def _key_path(loc: Location, kind: str, content: Any) -> list[str]:
     return out
 
 
-def _entry_name(entry: Any) -> str:
+def _entry_name(entry: object) -> str:
     """Return the name of a list entry, or else the names of its joints."""
     if not isinstance(entry, dict):
         return ""

@@ -90,7 +90,7 @@ class ImportedModel:
 def prefixed(table: T, prefix: str) -> T:
     """Return a closure, driver or force with a prefix on its name and on those of its joints and frames."""
 
-    def renamed(value: Any) -> Any:
+    def renamed(value: object) -> Any:
         if isinstance(value, str):
             return value if value in ("", WORLD) else prefix + value
         return tuple(renamed(v) for v in value) if isinstance(value, tuple) else value

@@ -47,7 +47,7 @@ class Inputs:
             raise InputError(f"input {value.name!r} is given twice, with different settings")
         return value
 
-    def replaced(self, replaced: Mapping[str, Any], m: "Mechanism | None" = None) -> "Mechanism":
+    def replaced(self, replaced: Mapping[str, object], m: "Mechanism | None" = None) -> "Mechanism":
         """Return the mechanism, or a variant of it, with functions of time in place of its inputs."""
         m, change = m or self.original, lambda x: replaced[x.name]
         drivers = [_mapped(d, change) for d in m.drivers]

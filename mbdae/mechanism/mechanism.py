@@ -78,7 +78,7 @@ class Mechanism(DynamicsTerms):
         self,
         model: pin.Model,
         closures: Sequence[Closure] = (),
-        forces: Sequence[Any] = (),
+        forces: Sequence[object] = (),
         *,
         drivers: Sequence[Driver] = (),
         stops: Sequence[Stop] = (),
@@ -294,6 +294,6 @@ class Mechanism(DynamicsTerms):
         require_consistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])
 
-    def vector(self, name: str, value: Any, n: int) -> Array:
+    def vector(self, name: str, value: object, n: int) -> Array:
         """Return a value as n finite numbers, see `mbdae.mechanism.model_settings.vector`."""
         return vector(self.title, name, value, n)

@@ -5,7 +5,7 @@ process.
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -120,7 +120,7 @@ def model_to_data(model: pin.Model) -> JsonObject:
     }
 
 
-def model_from_data(data: Mapping[str, Any]) -> pin.Model:
+def model_from_data(data: Mapping[str, object]) -> pin.Model:
     """Recreate the model from the data of `model_to_data`.
 
     Raises:

@@ -109,7 +109,7 @@ class Motor(NamedTuple):
     bias: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
-def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Return the full vector of a table ``joint = value``, and the tangent indices of the joints that it names.
 
     A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may
@@ -147,7 +147,7 @@ def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
     return q if pin.isNormalized(model, q, HALF_DIGITS) else None
 
 
-def vector(title: str, name: str, value: Any, n: int) -> Array:
+def vector(title: str, name: str, value: object, n: int) -> Array:
     """Return a value of a mechanism as n finite numbers.
 
     Raises:

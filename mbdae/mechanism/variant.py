@@ -72,7 +72,7 @@ def _shared(mech: "Mechanism", parts: dict[str, Any]) -> "Mechanism":
     return out
 
 
-def _are_same_kinds(before: Sequence[Any], after: Sequence[Any]) -> bool:
+def _are_same_kinds(before: Sequence[object], after: Sequence[object]) -> bool:
     """Return whether forces or rows have the same types and names, one by one."""
     kinds = [[(type(x), getattr(x, "name", "")) for x in part] for part in (before, after)]
     return kinds[0] == kinds[1]

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -12,7 +11,7 @@ from ..system import System
 from .alpha import GeneralizedAlpha, alpha_method
 from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
-from .order.conditions import proven_orders
+from .order.conditions import with_proven_orders
 from .radau import RadauIIA
 from .runge_kutta import RungeKutta
 from .tableau import Tableau
@@ -26,7 +25,7 @@ METHODS: dict[str, Method] = {m.name: m for m in sorted(_FOUND, key=lambda m: m.
 """All methods by name, discovered in the files of this folder: none can be missing."""
 
 _ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")
-METHODS |= {m.name: replace(m, **proven_orders(m)) if not m.order else m for m in _ADDED.values()}
+METHODS |= {m.name: with_proven_orders(m) if not m.order else m for m in _ADDED.values()}
 
 EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, ExplicitMethod)}
 """Methods for ordinary differential equations, which integrate the index-1 formulation."""
@@ -47,7 +46,7 @@ def method(name: MethodLike) -> Method:
         known = METHODS.get(name.name, name)
         if known != name:
             raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau another name")
-        return replace(name, **proven_orders(name)) if isinstance(name, Tableau) and not name.order else name
+        return with_proven_orders(name) if isinstance(name, Tableau) and not name.order else name
     text = str(name)
     if text.endswith(".toml"):
         return method(read_tableau(text))

@@ -114,7 +114,7 @@ class ExplicitMethod:
         e = [[w - b for w, b in zip(row, self.exact_b, strict=True)] for row in self.exact_embedded]
         return ButcherArrays(A, np.eye(len(b)), b, c, c, np.array(e, float))
 
-    def compiled(self, native: Any) -> Any:
+    def compiled(self, native: object) -> Any:
         """Return the method for the compiled core."""
         return self.arrays.compiled(
             native, explicit_first=True, project_embedded=False, doubling_order=0, noise=self.noise

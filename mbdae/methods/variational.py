@@ -154,7 +154,7 @@ def rattle_step(system: System, t: float, h: float, state: State) -> Step:
     return end_of_step(system, state, *step.end(x, lam), None)
 
 
-def end_of_step(system: System, state: State, moved: Array, z: Array, carry: Any) -> Step:
+def end_of_step(system: System, state: State, moved: Array, z: Array, carry: object) -> Step:
     """Return the step that moves y by ``moved`` (ny,), with compensated summation."""
     if state.compensation is not None:
         moved = moved + state.compensation

@@ -253,7 +253,7 @@ def _check_points(t: np.ndarray, y: np.ndarray) -> None:
         raise ValueError("times are not in order, or points are not finite")
 
 
-def _check_numbers(problem: Any, run: _Run, ng: int) -> None:
+def _check_numbers(problem: object, run: _Run, ng: int) -> None:
     """Reject rows, start values and modes that are invalid for the mechanism."""
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows in use that the mechanism does not have")

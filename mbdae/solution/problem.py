@@ -25,7 +25,7 @@ def mechanism_of(given: Any, what: str) -> Mechanism:
     return given  # type: ignore[no-any-return]
 
 
-def problem_of(given: Any, what: str) -> Problem:
+def problem_of(given: object, what: str) -> Problem:
     """Return a mechanism or a textbook problem, loaded if a name, or the path of a mechanism, is given.
 
     Raises:

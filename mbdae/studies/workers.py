@@ -36,7 +36,7 @@ class Pool(NamedTuple):
     submit: Callable[[Any], Future]
     max_pending: int
 
-    def run(self, tasks: Iterable[Any], store: Callable[[Any, Any], None]) -> None:
+    def run(self, tasks: Iterable[object], store: Callable[[Any, Any], None]) -> None:
         """Submit runs, a bounded number at a time, and call ``store(task, result)`` as they finish.
 
         Raises:
@@ -62,7 +62,7 @@ class Pool(NamedTuple):
             raise
 
 
-def _result(future: Future, task: Any) -> Any:
+def _result(future: Future, task: object) -> Any:
     try:
         return future.result()
     except MbdaeError:
@@ -74,7 +74,7 @@ def _result(future: Future, task: Any) -> Any:
 
 @contextmanager
 def pool(
-    executor: str | Executor | None, workers: int | None, function: Function, job: Any, alternative: str
+    executor: str | Executor | None, workers: int | None, function: Function, job: object, alternative: str
 ) -> Iterator[Pool]:
     """Yield a pool of workers; a user's executor is not shut down.
 
@@ -142,7 +142,7 @@ def _shut_down_after(executor: Any, flag: Any) -> Iterator[Any]:
         executor.shutdown(cancel_futures=True)
 
 
-def _submit_ignoring_sigint(processes: ProcessPoolExecutor, task: Any) -> Future:
+def _submit_ignoring_sigint(processes: ProcessPoolExecutor, task: object) -> Future:
     """Submit a run; worker processes started by it ignore Ctrl-C, since the parent sets the stop flag."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by child processes
     try:
@@ -176,5 +176,5 @@ def _exit_with_parent() -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-def _run_in_worker(task: Any) -> Any:
+def _run_in_worker(task: object) -> Any:
     return _worker["function"](_worker["job"], task, _worker["stop"])

@@ -3,8 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from integrate.test_gripping import START, ball
 from mechanism.formulations.test_sliding import bead, planar_body
+from mechanism.hybrid.test_rolling_stiction import START, ball
 from native.test_native import assert_near, assert_same, both, compare_points
 
 import mbdae

@@ -12,7 +12,7 @@ from .defaults import DEFAULTS
 METHOD_SETTINGS, CONTROL_SETTINGS = ("formulation", "project", "baumgarte"), ("rtol", "atol")
 
 
-def complete_settings(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
+def complete_settings(problem: Problem, given: Mapping[str, object]) -> dict[str, Any]:
     """Return the settings of a run, where None means not given.
 
     Raises:

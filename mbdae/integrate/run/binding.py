@@ -34,7 +34,7 @@ def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, 
 
 
 def common_backend(
-    problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str
+    problem: object, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str
 ) -> tuple[str, str]:
     """Choose one back end for several runs, so that their computing times are comparable.
 

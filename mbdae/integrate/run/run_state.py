@@ -48,7 +48,7 @@ class CarryRecord:
         """Return for how many nodes after the first n carries can be stored."""
         return max(MAX_STORED - n, 0)
 
-    def store(self, i: int, carry: Any, restarted: bool = False) -> None:
+    def store(self, i: int, carry: object, restarted: bool = False) -> None:
         """Store the carry at node i."""
         if i < MAX_STORED and isinstance(carry, np.ndarray):
             self.extend(i, carry[None], [0] if restarted else [])

@@ -172,7 +172,7 @@ class DifferentiableAdvance:
         return self._differentiated
 
 
-def _columns(name: str, x: Any, n: int, m: int) -> Array:
+def _columns(name: str, x: object, n: int, m: int) -> Array:
     """Return variations of n numbers in m directions, (n, m), from (n,), the same for each, or (n, m); None is 0.
 
     Raises:

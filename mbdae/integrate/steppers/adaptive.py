@@ -28,7 +28,7 @@ class Adaptive(PythonStepper):
     def __init__(
         self,
         power: int,
-        rtol: Any,
+        rtol: object,
         atol: float | Array | None,
         first_step: float | None,
         max_step: float,
@@ -145,7 +145,7 @@ class Adaptive(PythonStepper):
         return min(growth * h0, h1)
 
 
-def _not_negative(name: str, value: Any) -> Array:
+def _not_negative(name: str, value: object) -> Array:
     """Return tolerances as an array.
 
     Raises:

@@ -178,7 +178,7 @@ class NativeTrajectory:
         """Partials of friction that depends on multipliers; the core calls Python for them."""
         return self.trajectory.sensitivity.friction if self.trajectory.system.closure_friction else None
 
-    def _checked(self, nodes: NodeRange, found: Any) -> Any:
+    def _checked(self, nodes: NodeRange, found: object) -> Any:
         """Return a result of the core.
 
         Raises:

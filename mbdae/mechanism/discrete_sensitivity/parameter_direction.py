@@ -133,7 +133,7 @@ class Parameter:
         if any(_times(x, "knots") != _times(spec, "knots") for x in perturbed):
             self.use_width(min(self.h, KNOT_WIDTH * self.width / WIDTH))
 
-    def changed_items(self, items: Sequence[Any], items_of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
+    def changed_items(self, items: Sequence[object], items_of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
         """Return the indices of the forces, or of the closures and drivers, that the parameter changes."""
         if any(len(items_of(m)) != len(items) for m in self.first):
             raise InputError(f"parameter {self.name!r} changes the number of forces or closures")
@@ -247,7 +247,7 @@ class RowDifferences:
         return {k: c.bias(v) - c.motion(t)[2] for k, c in self.perturbed.items()}
 
 
-def _times(x: Any, kind: str) -> list[float]:
+def _times(x: object, kind: str) -> list[float]:
     """Return the breaks, or the knots, of the functions of time of a force, closure or driver."""
     values = x if isinstance(x, tuple) else vars(x).values()
     return [t for u in values if hasattr(u, kind) for t in getattr(u, kind)]

@@ -177,7 +177,7 @@ class Parameters:
 
         return self.once("workspace", (formulation, native), find)
 
-    def once(self, name: str, key: Any, find: Callable[[], Any]) -> Any:
+    def once(self, name: str, key: object, find: Callable[[], Any]) -> Any:
         """Return a cached value of this name if its key is the same; otherwise compute it."""
         if name not in self._found or self._found[name][0] != key:
             self._found[name] = key, find()

@@ -71,7 +71,7 @@ class _Description(Table):
     parameters: tuple[_Parameter, ...] = ()
 
 
-def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mechanism:
+def restore(description: Mapping[str, object], meshes: Sequence[Path] = ()) -> Mechanism:
     """Reconstruct a mechanism from its description, without Python forces; read meshes from these folders only.
 
     Raises:

@@ -64,7 +64,7 @@ def _names(*tables: Iterable[Any]) -> list[str]:
     return [x.name for table in tables for x in table]
 
 
-def _references(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
+def _references(data: object, path: str = "") -> Iterator[tuple[str, str, str]]:
     """Yield kind, path and name of each reference in a file."""
     for key, value in _entries(data):
         label = value.get("name") or key if isinstance(value, dict) else key
@@ -80,7 +80,7 @@ def _references(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
             yield from _references(value, location)
 
 
-def _entries(data: Any) -> Iterable[tuple[Any, Any]]:
+def _entries(data: object) -> Iterable[tuple[Any, Any]]:
     if isinstance(data, dict):
         return data.items()
     return enumerate(data) if isinstance(data, list | tuple) else ()

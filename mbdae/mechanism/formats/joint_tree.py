@@ -1,7 +1,6 @@
 """Copies of joint trees: in depth-first order, with locked or replaced joints, or of several trees."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -133,7 +132,7 @@ def resolve_joints(
     model: pin.Model,
     visuals: pin.GeometryModel | None,
     kinds: Mapping[str, str],
-    lock: Mapping[str, Any],
+    lock: Mapping[str, object],
     normals: Mapping[str, Axis] | None = None,
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
     """Return the model with replaced and locked joints, in depth-first order.

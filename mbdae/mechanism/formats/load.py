@@ -38,8 +38,8 @@ def load(
     stops: Sequence[Stop] = (),
     clutches: Sequence[Clutch] = (),
     resets: Sequence[Reset] = (),
-    forces: Sequence[Any] = (),
-    motors: Mapping[str, Any] | None = None,
+    forces: Sequence[object] = (),
+    motors: Mapping[str, object] | None = None,
     key: str = "",
     assemble: bool = True,
     free_flyer: bool = False,
@@ -134,7 +134,7 @@ def read(
     return Recipe(file, name, parts, motors, left_out, chosen, remarks)
 
 
-def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
+def _read(found: Path, name: str, values: Mapping[str, object]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
     """Return the mechanism file, and a description of its parameters."""
     if found.suffix == PARAMETRIC:
         return read_parametric(found, name, values)
@@ -158,7 +158,7 @@ def _with_options(source: Source, free_flyer: bool, key: str) -> Source:
     return source.model_copy(update={"free_flyer": source.free_flyer or free_flyer, "key": key or source.key})
 
 
-def make(recipe: Recipe, functions: Sequence[Any] = (), *, recorded: bool = True) -> Mechanism:
+def make(recipe: Recipe, functions: Sequence[object] = (), *, recorded: bool = True) -> Mechanism:
     """Create the mechanism that the files describe.
 
     Args:
@@ -195,7 +195,7 @@ def _source(recipe: Recipe) -> dict[str, Any]:
 
 
 def mechanism_from_file(
-    model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any
+    model: pin.Model, file: MechanismFile, forces: Sequence[object], title: str, **rest: Any
 ) -> Mechanism:
     """Return the mechanism of a model, with the other tables of a file."""
     return Mechanism(

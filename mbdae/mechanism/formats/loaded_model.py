@@ -60,7 +60,7 @@ def parameter_value(template: Template, name: str) -> float:
     return float(entry)
 
 
-def _entry_of(entry: Any, key: str) -> Any:
+def _entry_of(entry: object, key: str) -> Any:
     return entry[int(key)] if isinstance(entry, tuple) else getattr(entry, key)
 
 

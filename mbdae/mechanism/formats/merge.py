@@ -92,7 +92,7 @@ def _without_used(text: str, used: Mapping[str, Collection[str | None]]) -> str:
     return text
 
 
-def _motor_torques(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:
+def _motor_torques(motors: Mapping[str, Motor], controls: Mapping[str, object]) -> list[JointTorque]:
     for name in controls:
         if name not in motors:
             raise UnknownNameError("motor", name, motors)

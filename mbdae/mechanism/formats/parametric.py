@@ -45,7 +45,7 @@ def _exists(name: str) -> bool:
         return False
 
 
-def read_parametric(path: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, list[dict[str, Any]]]:
+def read_parametric(path: Path, name: str, values: Mapping[str, object]) -> tuple[MechanismFile, list[dict[str, Any]]]:
     """Call the function of a mechanism.py.
 
     Returns:
@@ -131,5 +131,5 @@ def _words(field: FieldInfo) -> str:
     return ", ".join([" ".join([kind, " and ".join(limits)]).strip(), default])
 
 
-def _call(values: Mapping[str, Any]) -> str:
+def _call(values: Mapping[str, object]) -> str:
     return ", ".join(f"{key}={value!r}" for key, value in values.items())

@@ -237,7 +237,7 @@ def read_toml(text: str, name: str) -> MechanismFile:
     return checked(content, name)
 
 
-def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
+def checked(content: Mapping[str, object], name: str) -> MechanismFile:
     """Check the tables of a mechanism file.
 
     Raises:
@@ -252,7 +252,7 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
         raise InputError(f"{name}: {one_line(e, _known_keys, content)}") from None
 
 
-def _invalid_values(value: Any, path: str = "") -> Iterator[str]:
+def _invalid_values(value: object, path: str = "") -> Iterator[str]:
     """Yield the keys of numbers whose products would overflow, and of texts with control characters."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
@@ -266,7 +266,7 @@ def _invalid_values(value: Any, path: str = "") -> Iterator[str]:
         yield path
 
 
-def _known_keys(path: Sequence[Any]) -> list[str]:
+def _known_keys(path: Sequence[object]) -> list[str]:
     """Return the keys of the table at a path of keys, numbers and kinds."""
     found: list[type[Table]] = [MechanismFile]
     for key in path:

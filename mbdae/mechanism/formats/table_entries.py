@@ -12,7 +12,7 @@ TABLES = (  # of files
 )  # fmt: skip
 
 
-def with_entry(part: Any, path: str, value: Any, whole: str) -> Any:
+def with_entry(part: object, path: str, value: object, whole: str) -> Any:
     """Return a copy of a table with another value at the end of a dotted path.
 
     Args:
@@ -59,7 +59,7 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
     return tuple(with_entries(x, groups[str(i)]) if str(i) in groups else x for i, x in enumerate(part))
 
 
-def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
+def first_key(part: object, path: str, whole: str) -> tuple[str, str]:
     """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered.
 
     Args:
@@ -73,7 +73,7 @@ def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
     return _first_key(part, path, whole, entry_keys(part))
 
 
-def _first_key(part: Any, path: str, whole: str, keys: Mapping[str, str]) -> tuple[str, str]:
+def _first_key(part: object, path: str, whole: str, keys: Mapping[str, str]) -> tuple[str, str]:
     if isinstance(part, dict):  # joint = value: the model checks the names of joints
         return path, ""
     name = path
@@ -85,7 +85,7 @@ def _first_key(part: Any, path: str, whole: str, keys: Mapping[str, str]) -> tup
     return keys[name], path[len(name) + 1 :]
 
 
-def entry_keys(part: Any) -> dict[str, str]:
+def entry_keys(part: object) -> dict[str, str]:
     """Return the valid next keys of a path, each with its key or index."""
     if isinstance(part, MechanismFile):
         return {k: k for k in TABLES}

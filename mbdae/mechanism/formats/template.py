@@ -72,11 +72,11 @@ class Template:
         self._made = lru_cache(CACHE_SIZE)(lambda text: self._make(*json.loads(text)))
         self._first = lru_cache(CACHE_SIZE)(lambda text: self._unchanged(json.loads(text)))
 
-    def recipe(self, values: Mapping[str, Any]) -> Recipe:
+    def recipe(self, values: Mapping[str, object]) -> Recipe:
         """Return the files for the parameters among ``values``, without visuals."""
         return self._read(json.dumps({n: x for n, x in values.items() if n in self.parameters}))
 
-    def check(self, values: Mapping[str, Any]) -> None:
+    def check(self, values: Mapping[str, object]) -> None:
         """Reject invalid names.
 
         Raises:
@@ -97,7 +97,7 @@ class Template:
             else:
                 _check_path(recipe.file, name)
 
-    def make(self, values: Mapping[str, Any]) -> Mechanism:
+    def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values; mechanisms that differ only in their start share one model.
 
         Raises:
@@ -160,7 +160,7 @@ def check_start(mech: Mechanism, name: str) -> None:
     find_joint(mech.model, joint)
 
 
-def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
+def with_start(mech: Mechanism, values: Mapping[str, object]) -> Mechanism:
     """Return the mechanism with other start values, ``start.q.crank = 0.3``; the rest is shared.
 
     Raises:
@@ -210,7 +210,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     return joint, rest
 
 
-def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[str, Any]) -> ImportedModel:
+def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[str, object]) -> ImportedModel:
     """Return a source with other values of its joints and bodies."""
     model = part.model.copy()
     bodies: dict[str, Any] = {}

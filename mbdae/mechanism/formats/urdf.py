@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -60,7 +60,7 @@ def read_urdf(
     free_flyer: bool = False,
     *,
     kinds: Mapping[str, str] | None = None,
-    lock: Mapping[str, Any] | None = None,
+    lock: Mapping[str, object] | None = None,
 ) -> ImportedModel:
     """Read a URDF text; visuals are None (with a warning) when a mesh is missing.
 
@@ -203,7 +203,7 @@ def _read(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
     return add_loop_closures(read_urdf(read_text(path), path.name, allowed, source.free_flyer), path, allowed)
 
 
-def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
+def _restored(record: Mapping[str, object], meshes: Sequence[Path] | None) -> ImportedModel:
     r = Record.model_validate(record)
     allowed = AllowedPaths.from_record(r.folder, r.packages, meshes)
     return read_urdf(r.urdf, "URDF", allowed, r.free_flyer, kinds=r.kinds, lock=r.lock)

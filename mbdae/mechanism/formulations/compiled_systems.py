@@ -134,7 +134,7 @@ class CompiledSystem(Index2System):
         self.rows_to_core()
         return result
 
-    def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
+    def compiled_step(self, method: object, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
         """See `mbdae.system.System`; None if the core cannot take the step."""
         self.determine_rank(t, state.y)
         compiled, carry = self.method(method), self.core_carry(state)

@@ -127,7 +127,7 @@ def solve_impact(
     start = U @ stages[0].before
     if frictional and work > MODE_ROUNDING * float(start @ start) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction increases the energy here, for a restitution above 0")
-    total, P, friction = (sum(x) for x in zip(*(stage[2:5] for stage in stages), strict=True))
+    total, P, friction = (np.sum(x, axis=0) for x in zip(*(stage[2:5] for stage in stages), strict=True))
     return ImpactSolution(v, total, P, work, friction, tuple(stages))
 
 

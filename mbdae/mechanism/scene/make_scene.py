@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import coal
 import numpy as np
@@ -148,7 +147,7 @@ def _shape(role: str, g: pin.GeometryObject, meshes: dict[Path, Mesh]) -> Shape:
     return Shape(g.name, role, "mesh", (), rgba, bounds, triangles(g.name, geometry))
 
 
-def _primitive(geometry: Any) -> tuple[str, tuple[float, ...]] | None:
+def _primitive(geometry: object) -> tuple[str, tuple[float, ...]] | None:
     if isinstance(geometry, coal.Box):
         return "box", tuple(2 * np.asarray(geometry.halfSide))
     if isinstance(geometry, coal.Sphere):

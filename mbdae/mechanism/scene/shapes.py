@@ -2,7 +2,7 @@
 
 import base64
 import zlib
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import coal
 import numpy as np
@@ -134,7 +134,7 @@ def mesh(points: np.ndarray, faces: np.ndarray) -> coal.BVHModelOBBRSS:
     return out
 
 
-def _packed(array: Any, kind: str) -> str:
+def _packed(array: object, kind: str) -> str:
     return base64.b85encode(zlib.compress(np.asarray(array, kind).tobytes())).decode()
 
 

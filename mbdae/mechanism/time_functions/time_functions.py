@@ -176,7 +176,7 @@ class Function(BaseTimeFunction):
     rate: Callable[[float], float] | None = Field(default=None, exclude=True)
     acceleration: Callable[[float], float] | None = Field(default=None, exclude=True)
 
-    def model_post_init(self, context: Any) -> None:
+    def model_post_init(self, context: object) -> None:
         """Use the name of the function by default."""
         if not self.name:
             object.__setattr__(self, "name", function_name(self.function))
@@ -208,7 +208,7 @@ TIME_FUNCTIONS: tuple[type[BaseTimeFunction], ...] = (
 )  # fmt: skip
 
 
-def _coerce(value: Any) -> Any:
+def _coerce(value: object) -> Any:
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Constant(value=float(value))
     return Function(function=value) if callable(value) and not isinstance(value, BaseTimeFunction) else value

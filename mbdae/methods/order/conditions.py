@@ -21,6 +21,7 @@ chapter 5; A. Murua, Computing 59 (1997).
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from math import prod
@@ -108,8 +109,8 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
     )
 
 
-def proven_orders(tableau: Tableau) -> dict[str, int]:
-    """Return the claims that the conditions prove, up to order `MAX_PROVEN_ORDER`, for a tableau without claims.
+def with_proven_orders(tableau: Tableau) -> Tableau:
+    """Return a tableau without claims with those that the conditions prove, up to order `MAX_PROVEN_ORDER`.
 
     Raises:
         InputError: for one of order 0.
@@ -119,13 +120,20 @@ def proven_orders(tableau: Tableau) -> dict[str, int]:
     def found(row: Row, trees: Trees) -> int:
         return _search(lambda t: weights.sum(row, t), trees, MAX_PROVEN_ORDER, tolerance).order
 
-    out = {"order": found(b, iterate_y), "order_linear": found(b, _linear_y), "order_ode": found(b, plain_trees)}
-    if not out["order"]:
+    order = found(b, iterate_y)
+    if not order:
         raise InputError(f"tableau {tableau.name!r}: its weights b must add up to 1")
-    out["order_own"] = 1 + _search(weights.last, trees_z, out["order"] - 1, tolerance).order
-    if tableau.b_embedded and not tableau.order_embedded:
-        out["order_embedded"] = found([exact(x) for x in tableau.b_embedded], _linear_y)
-    return out
+    embedded = tableau.order_embedded
+    if tableau.b_embedded and not embedded:
+        embedded = found([exact(x) for x in tableau.b_embedded], _linear_y)
+    return replace(
+        tableau,
+        order=order,
+        order_linear=found(b, _linear_y),
+        order_ode=found(b, plain_trees),
+        order_own=1 + _search(weights.last, trees_z, order - 1, tolerance).order,
+        order_embedded=embedded,
+    )
 
 
 def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Check:

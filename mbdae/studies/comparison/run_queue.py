@@ -166,7 +166,7 @@ class RunQueue:
         else:
             finished = []
 
-            def record_run(trial: Trial, found: Any) -> None:
+            def record_run(trial: Trial, found: object) -> None:
                 finished.append(trial)
                 self._report(len(finished) / len(trials), f"{what}{trial} done")
                 store(trial, found)

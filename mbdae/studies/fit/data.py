@@ -30,7 +30,7 @@ class Recording(NamedTuple):
     columns: dict[str, Array]
 
 
-def records(data: Any, signals: Sequence[str] = ()) -> list[Recording]:
+def records(data: object, signals: Sequence[str] = ()) -> list[Recording]:
     """Read data: a table or a file, or a list of them, one for each run.
 
     Args:
@@ -46,7 +46,7 @@ def records(data: Any, signals: Sequence[str] = ()) -> list[Recording]:
     return [_record(x, f"data {i + 1}", signals) for i, x in enumerate(several)]
 
 
-def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
+def _record(data: object, name: str, signals: Sequence[str]) -> Recording:
     if isinstance(data, str | Path):
         name, data = str(data), _read(Path(data))
     found = Recording(name, *_columns(data, name, signals))
@@ -55,7 +55,7 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     return found
 
 
-def _columns(data: Any, name: str, signals: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+def _columns(data: object, name: str, signals: Sequence[str]) -> tuple[Array, dict[str, Array]]:
     """Return the times of a table and the requested signals."""
     if not isinstance(data, Mapping):
         raise InputError(f"{name}: expected a table of t and signals, or the path of a file, got {data!r:.60}")

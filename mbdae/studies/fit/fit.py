@@ -125,7 +125,7 @@ def fit(
     return _result(search, attempts)
 
 
-def _check_names(parameters: Any, settings: Mapping[str, Any]) -> None:
+def _check_names(parameters: object, settings: Mapping[str, object]) -> None:
     if not isinstance(parameters, Mapping) or not parameters:
         raise InputError("a fit needs parameters: name = (low, high) or (start, low, high)")
     for name in ("t_eval", "events"):
@@ -134,7 +134,7 @@ def _check_names(parameters: Any, settings: Mapping[str, Any]) -> None:
     check_settings(settings, others=("problem", "t_span", "t_eval", "events", "progress"))
 
 
-def _check_starts(starts: Any, seed: Any) -> None:
+def _check_starts(starts: object, seed: object) -> None:
     if not (isinstance(starts, int) and not isinstance(starts, bool) and starts >= 1):
         raise InputError(f"starts is a number of searches, at least 1, got {starts!r}")
     if not (isinstance(seed, int) and seed >= 0):
@@ -203,7 +203,7 @@ class _Search:
         return Attempt(initial, final, float(r @ r), converged, message)
 
 
-def _unknown(make: MechanismFactory, name: str, given: Any) -> Unknown:
+def _unknown(make: MechanismFactory, name: str, given: object) -> Unknown:
     """Return a parameter with its bounds.
 
     Raises:

@@ -126,6 +126,6 @@ class _WithFixed:
     def __init__(self, make: MechanismFactory, known: Mapping[str, float]) -> None:
         self.base, self.known = make, known
 
-    def make(self, values: Mapping[str, Any]) -> Mechanism:
+    def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values and the fixed ones."""
         return self.base.make({**self.known, **values})

@@ -52,7 +52,7 @@ class Prescribed(NamedTuple):
     impacts: tuple[float, ...] = ()
 
 
-def prescribed(mech: Mechanism, motion: Any, speed: float | None) -> Prescribed:
+def prescribed(mech: Mechanism, motion: object, speed: float | None) -> Prescribed:
     """Return a motion of a mechanism as arrays, see `mbdae.inverse_dynamics`.
 
     Raises:
@@ -108,7 +108,7 @@ def _require_same_joints(mech: Mechanism, other: Mechanism) -> None:
         raise InputError(f"the motion is of {other.title!r}, whose joints are not those of {mech.title!r}")
 
 
-def _from_arrays(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
+def _from_arrays(mech: Mechanism, motion: Sequence[object]) -> Prescribed:
     t = np.atleast_1d(np.asarray(motion[0], float))
     q, v, a = (np.atleast_2d(np.asarray(x, float)) for x in motion[1:])
     for name, x, width in (("q", q, mech.nq), ("v", v, mech.nv), ("a", a, mech.nv)):
@@ -133,7 +133,7 @@ def _constraint_violations(system: "Index2System", q: Array, v: Array, a: Array)
     return g, G @ v, G @ a + system.gamma(q, v, 0.0)
 
 
-def read_motion(motion: Any) -> Any:
+def read_motion(motion: object) -> Any:
     """Return a motion, read from a file if it is the path of a run or a table.
 
     Raises:
@@ -159,7 +159,7 @@ def read_table(path: str | Path) -> dict[str, Array]:
         raise InputError(f"{path} is not a table of numbers with a line of names above: {e}") from None
 
 
-def _from_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
+def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
     """Return the motion of all joints from splines of degree 5 through the columns, and the closures."""
     single = {n: j for n in mech.joint_names if (j := find_joint(mech.model, n)).nv == 1}
     t, given = _joint_columns(columns, single)
@@ -170,7 +170,7 @@ def _from_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
     return Prescribed(t, *_close_motion(mech, [single[n] for n in given], targets), {}, (t, "t (s)"))
 
 
-def _joint_columns(columns: Mapping[str, Any], single: Mapping[str, Any]) -> tuple[Array, dict[str, Array]]:
+def _joint_columns(columns: Mapping[str, object], single: Mapping[str, object]) -> tuple[Array, dict[str, Array]]:
     """Return the times of a table, and its columns by joint name: those with the prefix ``q.`` if there are any.
 
     Raises:

@@ -240,6 +240,6 @@ def _checked(ranges: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, fl
     return out
 
 
-def _finite(what: str, value: Any) -> None:
+def _finite(what: str, value: object) -> None:
     if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
         raise InputError(f"{what} must be a finite number, got {value!r}")

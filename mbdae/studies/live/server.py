@@ -82,7 +82,7 @@ class Server:
         self._loop.run_until_complete(self._loop.shutdown_asyncgens())
         self._loop.close()
 
-    def show(self, commands: Iterable[Mapping[str, Any]], state: Mapping[str, Any]) -> bool:
+    def show(self, commands: Iterable[Mapping[str, object]], state: Mapping[str, object]) -> bool:
         """Send a frame to the pages; return whether they are ready for it, which slow ones are not."""
         if self.pages and self.count - min(self.pages.values()) >= BEHIND:
             return False

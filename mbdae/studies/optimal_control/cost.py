@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,7 @@ class SignalRequest(Mapping[str, Array]):
         return len(self.names)
 
 
-def integrand(cost: Any) -> tuple[Integrand, list[str], str]:
+def integrand(cost: object) -> tuple[Integrand, list[str], str]:
     """Return an integrand as a function, the signals that it uses, and its name.
 
     Raises:

@@ -110,7 +110,7 @@ def optimal_control(
     return OptimalControl.of(found, motion, grid)
 
 
-def _input_limits(simulator: Simulator, inputs: Any) -> dict[str, tuple[float, float]]:
+def _input_limits(simulator: Simulator, inputs: object) -> dict[str, tuple[float, float]]:
     """Return (low, high) of the inputs to find."""
     cells = simulator.inputs.cells
     if not isinstance(inputs, Mapping):
@@ -125,7 +125,7 @@ def _input_limits(simulator: Simulator, inputs: Any) -> dict[str, tuple[float, f
 
 def _unknowns(
     simulator: Simulator, grid: Grid, box: Mapping[str, tuple[float, float]], span: tuple[float, float],
-    guess: Mapping[str, Any],
+    guess: Mapping[str, object],
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], Array]:  # fmt: skip
     """Return first values, bounds and scales of the unknowns.
 
@@ -170,7 +170,7 @@ def _require_numbers(points: Any, steps: Any, iterations: Any, tolerance: Any, t
         raise InputError(f"tolerance is positive and time_weight a number, got {tolerance!r:.30}, {time_weight!r:.30}")
 
 
-def _duration(given: Any) -> tuple[float, float]:
+def _duration(given: object) -> tuple[float, float]:
     """Return the lowest and the highest duration."""
     pair = reals([given, given] if is_number(given) else given)
     if len(pair) != 2 or not 0 < pair[0] <= pair[1] < np.inf:
@@ -178,11 +178,11 @@ def _duration(given: Any) -> tuple[float, float]:
     return pair[0], pair[1]
 
 
-def _pair(given: Any) -> Any:
+def _pair(given: object) -> Any:
     return (given, given) if is_number(given) else given
 
 
-def _guess(name: str, given: Any, n: int) -> Array:
+def _guess(name: str, given: object, n: int) -> Array:
     """Return the first values of an input, (n,)."""
     try:
         values = np.broadcast_to(np.asarray(given, float), (n,))

@@ -112,8 +112,8 @@ class Problem:
     def __init__(
         self,
         compute_motion: ComputeMotion,
-        cost: Any,
-        functions: Mapping[str, Any],
+        cost: object,
+        functions: Mapping[str, object],
         start: dict[str, float],
         limits: dict[str, tuple[float, float]],
         progress: Callable[[str], None],
@@ -225,7 +225,7 @@ class Problem:
         return bool(np.abs(step).max(initial=0.0) < VISIBLE)
 
 
-def _check_ends(iterations: Any, tolerance: Any) -> None:
+def _check_ends(iterations: object, tolerance: object) -> None:
     counted = isinstance(iterations, int) and not isinstance(iterations, bool) and iterations >= 1
     if not (counted and is_number(tolerance) and tolerance > 0):
         raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")

@@ -50,7 +50,7 @@ def _exists(make: MechanismFactory, values: dict[str, float]) -> bool:
 
 
 def ranges(
-    what: str, names: Mapping[str, Any], given: Mapping[str, Sequence[float | None]]
+    what: str, names: Mapping[str, object], given: Mapping[str, Sequence[float | None]]
 ) -> dict[str, tuple[float, float]]:
     """Return (low, high) of each name, infinite if not given.
 
@@ -69,7 +69,7 @@ def table_by_name(what: str, given: Any) -> Mapping[str, Any]:
     return given or {}
 
 
-def constraint_limits(name: str, given: Any) -> tuple[float, float]:
+def constraint_limits(name: str, given: object) -> tuple[float, float]:
     """Return the limits of a constraint (function, low, high)."""
     if not (isinstance(name, str) and name):
         raise InputError(f"constraints have names, non-empty texts, got {name!r:.60}")
@@ -81,7 +81,7 @@ def constraint_limits(name: str, given: Any) -> tuple[float, float]:
     return found
 
 
-def _pair(what: str, given: Any) -> tuple[float, float]:
+def _pair(what: str, given: object) -> tuple[float, float]:
     """Return the lower and the upper limit of a range.
 
     Raises:
@@ -94,7 +94,7 @@ def _pair(what: str, given: Any) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def parameter_scales(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:
+def parameter_scales(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: object) -> Array:
     """Return typical changes of the parameters, (k,)."""
     default = {}
     for name, x in start.items():

@@ -143,7 +143,7 @@ class GradientMeasurement(Measurement):
         progress: Progress,
         backend: str,
         parameter: str | None,
-        model: Any,
+        model: object,
     ) -> None:
         self.given_start = mech.assemble(mech.order.q, mech.order.v) if mech.order.q or mech.order.v else mech.start
         super().__init__(mech, T, steps, self.given_start if parameter is None else None, progress, backend)

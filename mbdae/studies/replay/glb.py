@@ -42,7 +42,7 @@ class _File:
         self.parts[kind].append(what)
         return len(self.parts[kind]) - 1
 
-    def once(self, key: Any, kind: str, what: dict[str, Any]) -> int:
+    def once(self, key: object, kind: str, what: dict[str, Any]) -> int:
         if key not in self.known:
             self.known[key] = self.add(kind, what)
         return self.known[key]

@@ -45,7 +45,7 @@ NO_EXTRAS = Extra()
 
 
 def scene_data(
-    scene: "Scene", model: Any, shown: Sequence[Motion], times: Array, seen: Array, extra: Extra = NO_EXTRAS
+    scene: "Scene", model: object, shown: Sequence[Motion], times: Array, seen: Array, extra: Extra = NO_EXTRAS
 ) -> dict[str, Any]:
     """Return the data of a scene for the page.
 
@@ -89,7 +89,7 @@ def scene_data(
     }
 
 
-def document(title: str, payload: Mapping[str, Any]) -> str:
+def document(title: str, payload: Mapping[str, object]) -> str:
     """Return the page with a title and its data."""
     filling = {
         "title": html.escape(title),

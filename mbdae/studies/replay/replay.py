@@ -185,7 +185,7 @@ def _legend(
     return out
 
 
-def _checked(sol: Any, fps: float | None, speed: float | None) -> None:
+def _checked(sol: object, fps: float | None, speed: float | None) -> None:
     if not hasattr(sol, "mechanism"):
         raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
     for name, value in (("fps", fps), ("speed", speed)):
@@ -193,7 +193,7 @@ def _checked(sol: Any, fps: float | None, speed: float | None) -> None:
             raise InputError(f"{name} must be a positive number, not {value!r}")
 
 
-def _check_ghosts(ghosts: Mapping[str, Any]) -> None:
+def _check_ghosts(ghosts: Mapping[str, object]) -> None:
     require(ghosts, Mapping, "ghosts are solutions by name")
     for name, ghost in ghosts.items():
         if not hasattr(ghost, "mechanism"):

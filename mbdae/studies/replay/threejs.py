@@ -27,7 +27,7 @@ MARK = 10**6  # layer over all closures
 MIME = {b"\xff\xd8\xff": "image/jpeg", b"GIF8": "image/gif"}  # by the first bytes; all others: png
 
 
-def typed(values: Any, dtype: str) -> umsgpack.Ext:
+def typed(values: object, dtype: str) -> umsgpack.Ext:
     """Return a flattened numpy array as a typed array of JavaScript; dtype is a key of ``EXTENSION``."""
     return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
 
@@ -37,13 +37,13 @@ def node(part: str, root: str = ROOT) -> str:
     return f"{root}/{part}"
 
 
-def set_object(path: str, contents: Mapping[str, Any]) -> dict[str, Any]:
+def set_object(path: str, contents: Mapping[str, object]) -> dict[str, Any]:
     """Return the command that draws an object."""
     metadata = {"metadata": {"version": 4.5, "type": "Object"}}
     return {"type": "set_object", "path": path, "object": {**metadata, **contents}}
 
 
-def set_property(path: str, name: str, value: Any) -> dict[str, Any]:
+def set_property(path: str, name: str, value: object) -> dict[str, Any]:
     """Return the command that sets a property of an object."""
     return {"type": "set_property", "path": path, "property": name, "value": value}
 

@@ -105,7 +105,7 @@ def _forces(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     return ["name", "kind", "parameters"], rows
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list | tuple):

@@ -88,14 +88,14 @@ class Squares:
         return self.sigma[name]
 
 
-def _numbers(name: str, known: Any) -> Array:
+def _numbers(name: str, known: object) -> Array:
     try:
         return real(known)
     except (TypeError, ValueError):
         raise InputError(f"data of {name!r} are numbers, got {known!r:.60}") from None
 
 
-def real(x: Any) -> Array:
+def real(x: object) -> Array:
     """Return real numbers as an array.
 
     Raises:
@@ -107,7 +107,7 @@ def real(x: Any) -> Array:
     return found.astype(float)
 
 
-def cost_name(cost: Any) -> str:
+def cost_name(cost: object) -> str:
     """Return the name of a cost in messages."""
     return cost.what if isinstance(cost, NamedCost) else f"cost {function_name(cost)!r}"
 

@@ -34,7 +34,7 @@ Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
 class MechanismFactory(Protocol):
     """Factory of mechanisms with given parameters."""
 
-    def make(self, values: Mapping[str, Any]) -> Mechanism:
+    def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values."""
 
 
@@ -163,7 +163,7 @@ def scaled(given: Any, default: Mapping[str, float]) -> Array:
     return np.array([float(x) for x in {**default, **(given or {})}.values()])
 
 
-def progress_reporter(progress: Any) -> Callable[[str], None]:
+def progress_reporter(progress: object) -> Callable[[str], None]:
     """Return a function that calls the user's progress function; without effect for None.
 
     Raises:
@@ -176,14 +176,14 @@ def progress_reporter(progress: Any) -> Callable[[str], None]:
     return lambda text: call_and_report("progress", lambda: progress(text))
 
 
-def reals(given: Any) -> list[float]:
+def reals(given: object) -> list[float]:
     """Return the numbers of a list, which may be infinite; an empty list for anything else."""
     listed = list(given) if isinstance(given, list | tuple | np.ndarray) else []
     valid = all(isinstance(x, Real) and not isinstance(x, bool) and not np.isnan(float(x)) for x in listed)
     return [float(x) for x in listed] if valid else []
 
 
-def _value(name: str, value: Any) -> float:
+def _value(name: str, value: object) -> float:
     if not is_number(value):
         raise InputError(f"the value of parameter {name!r} is a finite number, got {value!r:.60}")
     return float(value)

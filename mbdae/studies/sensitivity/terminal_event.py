@@ -1,7 +1,6 @@
 """Derivative of the time of a terminal event (implicit function theorem): dt_e = -(e_y dy + e_p dp)/e'."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -60,7 +59,7 @@ class EventTimeDerivative:
         return y + np.outer(self.by_y, by_e), np.outer(self.by_p, by_e)
 
 
-def terminal_event(trace: Trajectory, event: Any) -> EventTimeDerivative | None:
+def terminal_event(trace: Trajectory, event: object) -> EventTimeDerivative | None:
     """Return the last step of a run that ended in an event; None for others.
 
     Args:

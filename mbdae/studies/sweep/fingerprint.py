@@ -12,7 +12,7 @@ import numpy as np
 Inner = Callable[[Any], Any]  # fingerprint of the contents of an object
 
 
-def fingerprint(x: Any, seen: tuple[int, ...] = ()) -> Any:
+def fingerprint(x: object, seen: tuple[int, ...] = ()) -> Any:
     """Return JSON data that identify a function by its code, defaults, closure variables and partial arguments.
 
     Objects are distinguished by their pickles, or by their type if they cannot be pickled.
@@ -37,11 +37,11 @@ def _array(x: Any, inner: Inner) -> Any:
     return [str(x.dtype), x.tolist()]
 
 
-def _members(x: Iterable[Any], inner: Inner) -> Any:
+def _members(x: Iterable[object], inner: Inner) -> Any:
     return [inner(y) for y in x]
 
 
-def _set(x: Iterable[Any], inner: Inner) -> Any:
+def _set(x: Iterable[object], inner: Inner) -> Any:
     return [inner(y) for y in sorted(x, key=repr)]
 
 

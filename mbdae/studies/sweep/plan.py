@@ -92,12 +92,12 @@ def _runs(parameters: Parameters, seed: int) -> Iterable[Mapping[str, Any]]:
     )
 
 
-def _check_number(runs: Any) -> None:
+def _check_number(runs: object) -> None:
     if isinstance(runs, int | np.integer) and runs > MAX_RUNS:
         raise InputError(f"a sweep has at most {MAX_RUNS} runs, got {runs}")
 
 
-def _named(parameters: Any) -> Iterable[Any]:
+def _named(parameters: object) -> Iterable[Any]:
     """Return the keys of random values or of runs, which must be names of parameters."""
     if isinstance(parameters, Random):
         return parameters.parameters if isinstance(parameters.parameters, Mapping) else [None]
@@ -118,7 +118,7 @@ def names(runs: Iterable[Task]) -> list[str]:
     return list(dict.fromkeys(name for task in runs for name in task.values))
 
 
-def builtin_value(name: str, value: Any) -> Any:
+def builtin_value(name: str, value: object) -> Any:
     """Return a value as a number, text, Boolean or list of numbers.
 
     Raises:
@@ -134,7 +134,7 @@ def builtin_value(name: str, value: Any) -> Any:
     raise InputError(f"parameter {name!r} takes numbers, texts or lists of numbers, got {value!r:.60}")
 
 
-def _listed(name: str, values: Any) -> Sequence[Any]:
+def _listed(name: str, values: object) -> Sequence[Any]:
     """Return the values of one axis of a grid."""
     if isinstance(values, Mapping) and set(values) == RANGE:
         _check_number(values["n"])
@@ -156,7 +156,7 @@ def _sample(random: Random, seed: int) -> Iterable[dict[str, Any]]:
         yield {name: draw(rng) for name, draw in draws.items()}
 
 
-def _sampler(name: str, value: Any) -> Callable[[np.random.Generator], Any]:
+def _sampler(name: str, value: object) -> Callable[[np.random.Generator], Any]:
     """Return a function that draws a value of one parameter."""
     if hasattr(value, "rvs"):
         return lambda rng: value.rvs(random_state=rng)

@@ -164,7 +164,7 @@ def _meta(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
     }
 
 
-def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
+def _job(model: Model, t_span: object, times: object, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
     """Return the job after checks that need no mechanism."""
     if isinstance(outputs, str) or not isinstance(outputs, Sequence):
         raise InputError(f"outputs is a list of texts and functions, got {outputs!r:.60}")
@@ -274,5 +274,5 @@ def _as_data(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else label(value)
 
 
-def _checksum(data: Any) -> str:
+def _checksum(data: object) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

@@ -36,10 +36,10 @@ class Maker(Protocol):
 
     parameters: tuple[str, ...]
 
-    def check(self, values: Mapping[str, Any]) -> None:
+    def check(self, values: Mapping[str, object]) -> None:
         """Reject unknown names."""
 
-    def make(self, values: Mapping[str, Any]) -> Mechanism:
+    def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values."""
 
 
@@ -55,7 +55,7 @@ class FunctionMaker:
         self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
         self.any = any(p.kind == p.VAR_KEYWORD for p in found)
 
-    def check(self, values: Mapping[str, Any]) -> None:
+    def check(self, values: Mapping[str, object]) -> None:
         """See `Maker`."""
         start = [name for name in values if name.startswith(START)]
         for name in values:
@@ -68,7 +68,7 @@ class FunctionMaker:
             for name in start:
                 check_start(mech, name)
 
-    def make(self, values: Mapping[str, Any]) -> Mechanism:
+    def make(self, values: Mapping[str, object]) -> Mechanism:
         """See `Maker`."""
         start = {name: x for name, x in values.items() if name.startswith(START)}
         arguments = {name: x for name, x in values.items() if name not in start}
@@ -116,7 +116,7 @@ class Job:
         return None if self.times is None else np.array(self.times)
 
 
-def maker_of(model: Any) -> Maker:
+def maker_of(model: object) -> Maker:
     """Return the factory of the mechanisms of a model.
 
     Args:
@@ -132,7 +132,7 @@ def maker_of(model: Any) -> Maker:
     return FunctionMaker(model)
 
 
-def split(values: Mapping[str, Any], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def split(values: Mapping[str, object], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return values for the mechanism, with the run's seed if it has that parameter, and settings of `mbdae.solve`."""
     settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
     parameters = {n: x for n, x in values.items() if not n.startswith(SOLVE)}

@@ -206,7 +206,7 @@ def completed(row: Mapping[str, Any], task: Task, kinds: Mapping[str, str]) -> R
     return {**{name: found.get(name) for name in kinds}, MORE: row[MORE]}
 
 
-def _kind(name: str, values: Sequence[Any]) -> str:
+def _kind(name: str, values: Sequence[object]) -> str:
     kinds = {type(x) for x in values}
     if int in kinds and max(abs(x) for x in values if isinstance(x, int)) >= 2**63:
         raise InputError(f"parameter {name!r} takes whole numbers of 64 bits")
@@ -228,13 +228,13 @@ def _value(row: Row, name: str) -> Any:
     return row[name] if name in row else row[MORE].get(name)
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if value is None:
         return "-"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _json_value(value: Any) -> Any:
+def _json_value(value: object) -> Any:
     if isinstance(value, np.ndarray | list):
         return [_json_value(x) for x in np.asarray(value).tolist()]
     return None if isinstance(value, float) and not np.isfinite(value) else value

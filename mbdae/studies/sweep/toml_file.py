@@ -111,7 +111,7 @@ def _model(name: str, path: Path) -> str:
     return str(found) + name[len(file) :]
 
 
-def _known_keys(at: Sequence[Any]) -> list[str]:
+def _known_keys(at: Sequence[object]) -> list[str]:
     return sorted((RandomTable if at and at[0] == "random" else SweepTable).model_fields)
 
 
@@ -125,7 +125,7 @@ def _parameters(table: SweepTable, path: Path) -> Parameters:
     return dotted(table.grid) if table.grid is not None else [dotted(run) for run in table.run or ()]
 
 
-def dotted(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+def dotted(table: Mapping[str, object], above: str = "") -> dict[str, Any]:
     """Return nested tables as one table of dotted names; distributions and ranges are values."""
     out: dict[str, Any] = {}
     for key, value in table.items():

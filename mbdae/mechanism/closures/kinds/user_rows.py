@@ -73,7 +73,7 @@ class UserRows(BetweenJoints):
         return tuple(UserRow(self, i, not self.velocity) for i in range(self.size))
 
     @classmethod
-    def create(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "UserRows":
+    def create(cls, function: object, joints: str | Sequence[str], size: int = 1, **more: Any) -> "UserRows":
         """Rows from a Python function of joint coordinates."""
         return cls(joints=joints, function=function, size=size, **more)
 

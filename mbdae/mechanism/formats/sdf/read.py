@@ -244,7 +244,7 @@ def _read(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
     return read_sdf(read_text(path), path.name, allowed)
 
 
-def _restored(record: Mapping[str, Any], meshes: Sequence[Path] | None) -> ImportedModel:
+def _restored(record: Mapping[str, object], meshes: Sequence[Path] | None) -> ImportedModel:
     of = SdfRecord.model_validate(record)
     return read_sdf(of.sdf, "SDF", AllowedPaths.from_record(of.folder, of.packages, meshes))
 
