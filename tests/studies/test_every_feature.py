@@ -104,7 +104,6 @@ LEFT_OUT = "statics and modes ignore unilateral closures, clutches and stiction:
 POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
 STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
 WARNED = dict.fromkeys(ONE_SIDED, STATICS)
-NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
 GIVEN = "a driver prescribes 'crank': there is no branch of equilibria over it"
 RIGID = "'Slider-crank' has no degree of freedom left: it has no modes"
 NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), RIGID)
@@ -133,7 +132,6 @@ REFUSED["singular start"] = {
     # on either branch the motor's 0.3 N m act against a weight of at most 9.81 |0.5 * 0.05 - 0.4 * 0.075| = 0.05 N m
     **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no stable equilibrium found"),
 }
-REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
 REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is active only in ranges of 'crank'")
 REFUSED["window"] |= {"inverse of a table": "'gate' has nonholonomic rows: its position depends on the path"}
 
