@@ -24,10 +24,10 @@ from ..mechanism.hybrid.mode_point import AllRows, ModePoint
 from ..mechanism.hybrid.switches import unswitched_rows
 from ..system import Array
 from ..tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
-from .native_trajectory import NativeStep
+from .trajectory.native_trajectory import NativeStep
 
 if TYPE_CHECKING:
-    from .trajectory import Trajectory
+    from .trajectory.trajectory import Trajectory
 
 COMMANDS = ("command", "speed step")  # guards of switches at known times
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..mechanism import Mechanism
-from ..mechanism.formulations.interpolation import can_sample_at_once, sample_at_once
+from ..mechanism.formulations.steps.interpolation import can_sample_at_once, sample_at_once
 from ..system import Array
 
 if TYPE_CHECKING:

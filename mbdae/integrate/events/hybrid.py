@@ -22,8 +22,8 @@ from .source import EventError, EventSource, Occurrence
 if TYPE_CHECKING:
     from ...mechanism.hybrid.switches import Mode
     from ...mechanism.hybrid.undecided_rows import LoadsAfterStep
-    from ..run_state import RunState
-    from ..step_map import StepMap
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
 
 SAFETY, SHRINK = 0.8, 0.2  # of the largest step that resolves the loads; smallest ratio of consecutive step sizes
 COMMANDS = ("command", "speed step")  # guards of jumps at known times

@@ -12,7 +12,7 @@ from ..closures.contact import ContactHeightRow
 from ..closures.line_rows import at_rest
 from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
-from ..frames import Pair, cross
+from ..tree.frames import Pair, cross
 
 ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
 MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable

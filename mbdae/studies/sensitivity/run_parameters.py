@@ -11,7 +11,7 @@ import numpy as np
 
 from ... import backend
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
-from ...integrate.trajectory import Trajectory
+from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import call_and_report
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import EquilibriumError
 from ...mechanism import Mechanism
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.hybrid.mode_point import AllRows
 from ...mechanism.hybrid.switches import Mode
 from ...mechanism.hybrid.unilateral import CLOSED as ACTIVE

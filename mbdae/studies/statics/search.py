@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...errors import EquilibriumError, StepError
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.linearization import require_steady
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.linearization import require_steady
 from ...system import Array
 from .trust_region import TrustRegion
 

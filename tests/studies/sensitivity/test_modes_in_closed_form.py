@@ -8,7 +8,7 @@ from bouncing import G, ball, carried, empty
 import mbdae
 from mbdae import Clutch, JointTorque, Mechanism, Stop
 from mbdae.errors import InputError
-from mbdae.mechanism.time_functions import Steps
+from mbdae.mechanism.time_functions.time_functions import Steps
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 
