@@ -6,7 +6,7 @@ import pytest
 from bouncing import G, ball, carried, empty
 
 import mbdae
-from mbdae import Clutch, JointTorque, Mechanism, Stop
+from mbdae import Clutch, JointSpring, JointTorque, Mechanism, Stop
 from mbdae.errors import InputError
 from mbdae.mechanism.time_functions.time_functions import Steps
 
@@ -90,3 +90,9 @@ def test_what_has_no_derivative():
     stops = [Stop(joint=name, upper=1.0, restitution=0.5) for name in ("a", "b")]
     both = mbdae.solve(Mechanism(model, stops=stops), (0.0, 2.0), np.zeros(2), np.ones(2))
     refused("'a stop' and 'b stop' switch at the same time, t = 1 s", both)
+    model = empty(0.0)
+    carried(model, 0, pin.JointModelPX(), "x")
+    stop = Stop(joint="x", upper=0.0, restitution=0.5)
+    spring = JointSpring(joint="x", stiffness=1.0)  # it moves at 1 m/s at an amplitude of 1 m
+    slow = mbdae.solve(Mechanism(model, forces=[spring], stops=[stop]), (0.0, 1.0), np.array([-1e-8]), np.array([1e-7]))
+    refused("'x stop' only grazes its limit at t = 0.0996686525 s", slow)

@@ -16,20 +16,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..mechanism.discrete_sensitivity.guard_partials import GuardPartials
-from ..mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
-from ..mechanism.hybrid.impact import row_impacts
-from ..mechanism.hybrid.mode_point import AllRows, ModePoint
-from ..mechanism.hybrid.switches import unswitched_rows
-from ..system import Array
-from ..tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
-from .trajectory.native_trajectory import NativeStep
+from ...errors import InputError
+from ...mechanism.discrete_sensitivity.guard_partials import GuardPartials
+from ...mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
+from ...mechanism.hybrid.impact import row_impacts
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
+from ...mechanism.hybrid.switch import Guard
+from ...mechanism.hybrid.switches import unswitched_rows
+from ...system import Array
+from ...tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
+from ..events.guard_location import guard_unit
+from .native_trajectory import NativeStep
 
 if TYPE_CHECKING:
-    from .trajectory.trajectory import Trajectory
+    from .trajectory import Trajectory
 
 COMMANDS = ("command", "speed step")  # guards of switches at known times
+LENGTHS = ("contact", "range boundary")  # guards that are lengths or angles
 
 
 class Jump(NamedTuple):
@@ -159,30 +162,39 @@ class ModeJumps:
         Raises:
             InputError: for grazing and for simultaneous events of different derivatives.
         """
-        trace, ny = self.trace, self.sensitivity.ny
+        times = self._times(i, point, rates)
+        found = [(name, x) for name, x in times if len(x)]
+        if not found:
+            name = next((name for name, _ in times), self.switches[0].name)
+            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
+        self._require_one_time(point, found)
+        return found[0][1]
+
+    def _times(self, i: int, point: ModePoint, rates: Array) -> list[tuple[str, Array]]:
+        """Return the guards that are zero at node i, and the derivatives of their times (ny + k,); empty if grazing."""
         m = max(k for k in self.first_nodes if k <= i)
-        first = ModePoint(self.system, self.all_rows, float(trace.ts[m]), trace.ys[m])
+        first = ModePoint(self.system, self.all_rows, float(self.trace.ts[m]), self.trace.ys[m])
         mode = self.system.mode
         guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
         for g in guards:
             g.value(first)
-        partials, found = GuardPartials(self.sensitivity, first, point), list[tuple[str, Array]]()
-        length, grazing = float(trace.ts[i] - trace.ts[i - 1]), ""
-        for g in guards:
-            gradient = partials.of(g)
-            terms = np.append(gradient[:ny] * rates, gradient[-1])
-            total, value = float(terms.sum()), g.value(point)
-            if abs(value) > (SAME_STATE * length + trace.near) * np.abs(terms).sum():
-                continue
-            if abs(total) <= VISIBLE * np.abs(terms).sum():
-                grazing = grazing or g.name
-            elif total < 0:
-                found.append((g.name, -gradient[:-1] / total))
-        if not found:
-            name = grazing or self.switches[0].name
-            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
-        self._require_one_time(point, found)
-        return found[0][1]
+        partials = GuardPartials(self.sensitivity, first, point)
+        found = ((g.name, self._time(g, i, partials, rates)) for g in guards)
+        return [(name, x) for name, x in found if x is not None]
+
+    def _time(self, guard: Guard, i: int, partials: GuardPartials, rates: Array) -> Array | None:
+        """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not here."""
+        gradient, point, trace = partials.of(guard), partials.point, self.trace
+        terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
+        total, size = float(terms.sum()), float(np.abs(terms).sum())
+        near = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.near
+        if abs(guard.value(point)) > near * size:
+            return None
+        if guard.kind in LENGTHS:  # compared with a usual speed, since all speeds may be small
+            size = max(size, guard_unit(guard, point) * self.system.mechanism.characteristic_rate)
+        if abs(total) <= VISIBLE * size:
+            return np.empty(0)
+        return -gradient[:-1] / total if total < 0 else None
 
     def _varies(self, i: int) -> bool:
         """Return whether the time of a change of mode varies: not at the start, or just after a jump at a known time.
