@@ -40,7 +40,7 @@ class TrackedGuard:
 
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
         self.guard, f = guard, guard.value(point)
-        self.unit = _unit(guard, point)
+        self.unit = guard_unit(guard, point)
         self.size, self.level, self.return_time = abs(f), 0.0 if guard.needs_multipliers else min(0.0, f), np.nan
         if (
             guard.rate
@@ -67,7 +67,8 @@ class TrackedGuard:
         return EVALUATION_ROUNDING * (self.unit + self.size)
 
 
-def _unit(guard: Guard, point: "ModePoint") -> float:
+def guard_unit(guard: Guard, point: "ModePoint") -> float:
+    """Return the typical size of a guard: a length or angle, a speed, the largest force."""
     mech = point.system.mechanism
     rows = mech.switches[guard.switch].rows
     scale = float(mech.row_scales[rows[0]]) if rows else 1.0

@@ -23,11 +23,11 @@ from ...solution.solution import Solution
 from ...system import Array, State, System
 from ...tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE, ZERO_SPEED
 from ..events.jumps import MARGIN
-from ..jump import ModeJumps
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
 from .checkpoints import Checkpoints, RecordedStates
 from .differentiable_runs import require_differentiable
+from .jump import ModeJumps
 from .native_trajectory import NativeStep, NativeTrajectory
 from .reset_jump import ResetJumps
 
@@ -165,7 +165,9 @@ class Trajectory:
             yield LinearMap(self.sensitivity.jump(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
-            y, impact = self.at_start("initial impact", lambda: self.sensitivity.initial_impact(t, y))
+            y, impact = self.at_start("initial impact", lambda: self.jumps.at_start(t, y))
+            yield LinearMap(impact, False)
+            y, impact = self.at_start("initial rows", lambda: self.sensitivity.initial_impact(t, y))
             yield LinearMap(impact, False)
         if self.project:
             yield LinearMap(self.at_start("restored", lambda: self.sensitivity.projection(t, y)), False)

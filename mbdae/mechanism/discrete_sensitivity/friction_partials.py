@@ -16,10 +16,10 @@ from math import tanh
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ...finite_differences import numerical_jacobian
 from ...system import Array
+from ..tree.tree_terms import update_poses
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -73,7 +73,7 @@ def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[A
     """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
     friction, W = s.closure_friction, s.constraints.W
     active = np.flatnonzero(friction.active)
-    pin.computeJointJacobians(s.model, s.workspace, q)
+    update_poses(s.model, s.workspace, q)
     s.constraints.update_wrenches(friction.interfaces[k].closure.name for k in active)
     load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
     return [friction.interfaces[k].sliding_jacobian(W) for k in active], load[active]

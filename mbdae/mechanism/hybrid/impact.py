@@ -147,10 +147,8 @@ class _ImpactProblem:
         Raises:
             StepError: if it has no solution.
         """
-        if not self.approaching and not self.violated:
+        if not self._velocities_jump(recent):
             return None
-        if self.approaching and all(i in recent for i in self.approaching):
-            self.make_active_bilateral(recent)
         point, contacts, bilateral = self.point, self.contacts, np.array(self.bilateral, int)
         rows, signs = np.array([s.row for _, s in contacts], int), np.array([s.sign for _, s in contacts])
         e = np.array([0.0 if i in recent else s.restitution for i, s in contacts])
@@ -179,22 +177,33 @@ class _ImpactProblem:
         first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items()]
         return [(name, p) for name, s in first if s.sign and (p := float(s.sign * impulses[s.row])) > 0]
 
+    def _velocities_jump(self, recent: set[int]) -> bool:
+        """Return whether a velocity jumps; if only recent contacts approach, all active ones come to rest."""
+        if self.approaching and all(i in recent for i in self.approaching):
+            self.make_active_bilateral(recent)
+        return bool(self.approaching or self.violated)
+
     def by_rows(self, stage: ImpactStage) -> RowImpact:
         """Return one of the successive impacts in terms of rows."""
         G, g_t = self.point.values[1:]
-        significant = stage.p > MODE_ROUNDING * stage.p.max(initial=0.0)
-        found = zip(self.contacts, stage.restitution, significant, strict=True)
-        loaded_contacts = [(i, s, e) for (i, s), e, loaded in found if loaded]
-        normal = {i: s.row for i, s, _ in reversed(loaded_contacts)}
-        loaded = [(i, s.row) for i, s in self.frictional if i in normal]
-        slips = {row for _, row in loaded if abs(G[row] @ stage.after + g_t[row]) > self.rest_speed * self.scales[row]}
-        laws = [(row, 0.0, -1) for row in dict.fromkeys(self.bilateral)] + [
-            (s.row, e, i if s.sign * (G[s.row] @ stage.before + g_t[s.row]) < 0 else -1) for i, s, e in loaded_contacts
-        ] + [(row, 0.0, -1) for _, row in loaded if row not in slips]  # fmt: skip
-        rows, restitution, switches = np.array(laws, float).reshape(-1, 3).T
-        sliding = tuple((row, normal[i], i) for i, row in loaded if row in slips)
+        speeds = G @ stage.before + g_t, G @ stage.after + g_t
+        contacts = self._loaded_contacts(stage)
+        normal = {i: s.row for i, s, _ in reversed(contacts)}
+        tangential = [(s.row, normal[i], i) for i, s in self.frictional if i in normal]
+        slip_speeds = np.abs(speeds[1]) / self.scales
+        sliding = tuple(x for x in tangential if slip_speeds[x[0]] > self.rest_speed)
+        sticking = [row for row, *_ in set(tangential) - set(sliding)]
+        bilateral = dict.fromkeys([*self.bilateral, *sorted(sticking)])
+        laws = [(s.row, e, i if s.sign * speeds[0][s.row] < 0 else -1) for i, s, e in contacts]
+        rows, restitution, switches = np.array([*laws, *((row, 0.0, -1) for row in bilateral)]).reshape(-1, 3).T
         impulses, at = self._impulses(stage), rows.astype(int)
         return RowImpact(stage.before, stage.after, impulses, at, restitution, switches.astype(int), sliding)
+
+    def _loaded_contacts(self, stage: ImpactStage) -> list[tuple[int, ImpactRow, float]]:
+        """Return the contacts with an impulse: switch, row and coefficient of restitution."""
+        significant = stage.p > MODE_ROUNDING * stage.p.max(initial=0.0)
+        found = zip(self.contacts, stage.restitution.tolist(), significant, strict=True)
+        return [(i, s, e) for (i, s), e, loaded in found if loaded]
 
     def _impulses(self, impact: ImpactSolution | ImpactStage) -> Array:
         """Return the impulses of all rows, (ng,), in their units."""

@@ -86,8 +86,15 @@ class ImpactSolution(NamedTuple):
 
 
 def solve_impact(
-    U: Array, bilateral: Array, b: Array, rows: Array, c: Array, e: Array, v: Array,
-    frictional: Sequence[FrictionRow] = (), speed: float = 1.0,
+    U: Array,
+    bilateral: Array,
+    b: Array,
+    rows: Array,
+    c: Array,
+    e: Array,
+    v: Array,
+    frictional: Sequence[FrictionRow] = (),
+    speed: float = 1.0,
 ) -> ImpactSolution:
     """Solve the impact problem: Newton restitution, contact rows and bilateral rows, Coulomb friction.
 

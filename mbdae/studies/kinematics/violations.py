@@ -13,7 +13,7 @@ from ...mechanism import Mechanism
 from ...mechanism.hybrid.mode_point import AllRows
 from ...mechanism.hybrid.switch import SampledMotion, Switch
 from ...system import Array
-from ...tolerances import HALF_DIGITS, VISIBLE
+from ...tolerances import CLOSED, HALF_DIGITS, VISIBLE
 from .pose_curve import PoseCurve
 
 CONSISTENT = 1e-2  # of the cubic's depth: largest difference to the depth on the curve
@@ -22,13 +22,13 @@ LISTED = 4  # intervals of one constraint in a text
 
 
 class Violation(NamedTuple):
-    """Interval in which a prescribed motion violates a stop, unilateral closure or clutch.
+    """Interval in which a prescribed motion violates a stop, unilateral closure or clutch, or stays in contact.
 
     Attributes:
         name: of the stop, closure or clutch.
         first: its start, on the abscissa of the motion.
         last: its end.
-        most: largest violation, in the unit of the row.
+        most: largest violation, in the unit of the row; 0 in contact, where the force is not determined by the motion.
         unit: ``"rad"`` or ``"m"``.
     """
 
@@ -104,18 +104,21 @@ def _violations(
             continue
         value, rate = found
         unit = float(mech.row_scales[switch.row])
-        for first, last, most, at in negative_intervals(x, value / unit, None if rate is None else rate / unit):
-            most = gap(switch, at, most * unit)
-            out.append(
-                Violation(
-                    switch.name,
-                    to_abscissa(switch, first),
-                    to_abscissa(switch, last),
-                    most,
-                    str(mech.row_units[switch.row]),
-                )
-            )
+        intervals = negative_intervals(x, value / unit, None if rate is None else rate / unit)
+        found_here = [(first, last, gap(switch, at, most * unit)) for first, last, most, at in intervals]
+        if rate is not None:
+            found_here += [(*ends, 0.0) for ends in contact_intervals(x, value / unit)]
+        for first, last, most in sorted(found_here):
+            ends = to_abscissa(switch, first), to_abscissa(switch, last)
+            out.append(Violation(switch.name, *ends, most, str(mech.row_units[switch.row])))
     return tuple(out)
+
+
+def contact_intervals(x: Array, gap: Array) -> list[tuple[float, float]]:
+    """Return the intervals in which a gap (n,), in rad or characteristic lengths, stays closed at the points x (n,)."""
+    closed = np.concatenate([[False], np.abs(gap) <= CLOSED, [False]]).astype(int)
+    starts, ends = np.flatnonzero(np.diff(closed) > 0), np.flatnonzero(np.diff(closed) < 0) - 1
+    return [(float(x[a]), float(x[b])) for a, b in zip(starts, ends, strict=True) if b > a]
 
 
 def _margins_data(all_rows: AllRows, x: Any, q: Any, rates: Any) -> SampledMotion:
@@ -153,15 +156,16 @@ def negative_intervals(x: Array, value: Array, rate: Array | None) -> list[tuple
 
 
 def violation_lines(found: Sequence[Violation], over: str, unit: str) -> list[str]:
-    """Return a line for each violated constraint."""
+    """Return a line for each violated constraint, and for each that is in contact."""
     out = []
-    for name in dict.fromkeys(p.name for p in found):
-        intervals = [p for p in found if p.name == name]
+    for name, touches in dict.fromkeys((p.name, not p.most) for p in found):
+        intervals = [p for p in found if (p.name, not p.most) == (name, touches)]
         where = ", ".join(f"{_shown(p.first)} to {_shown(p.last)}" for p in intervals[:LISTED])
         more = f" and {len(intervals) - LISTED} times more" if len(intervals) > LISTED else ""
         most = max(p.most for p in intervals)
-        out.append(f"  violates {name!r}, which does not act, by up to {most:.4g} {intervals[0].unit}: "
-                   f"{over} = {where}{more} {unit}")  # fmt: skip
+        how = f"violates {name!r}, which does not act, by up to {most:.4g} {intervals[0].unit}"
+        how = f"is in contact with {name!r}, which carries no load here" if touches else how
+        out.append(f"  {how}: {over} = {where}{more} {unit}")
     return out
 
 

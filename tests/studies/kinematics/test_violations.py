@@ -152,3 +152,13 @@ def test_an_input_that_cannot_begin_there_is_said():
     """A rod of Bricard's mechanism can turn from -pi/6 on; loops closed with flipped frames before do not count."""
     with pytest.raises(AssemblyError, match=r"the input cannot start at -1: it only reaches about -0\.[4-6]"):
         kinematics(mbdae.load("bricard"), "rod_1", span=(-1.0, 1.0))
+
+
+def test_a_motion_that_stays_in_contact():
+    """A table holds the rod at its stop, which could carry any part of its moment."""
+    mech, t = mbdae.load("pendulum_on_stop"), [0.0, 0.1, 0.2, 0.3]
+    found = mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.3] * 4}, "rod")
+    (touching,) = found.passed
+    assert touching == ("rod stop", 0.0, 0.3, 0.0, "rad")
+    assert "is in contact with 'rod stop', which carries no load here: t = 0 to 0.3 s" in str(found)
+    assert mbdae.inverse_dynamics(mech, {"t": t, "rod": [0.6] * 4}, "rod").passed == ()

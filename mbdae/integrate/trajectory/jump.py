@@ -16,20 +16,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..mechanism.discrete_sensitivity.guard_partials import GuardPartials
-from ..mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
-from ..mechanism.hybrid.impact import row_impacts
-from ..mechanism.hybrid.mode_point import AllRows, ModePoint
-from ..mechanism.hybrid.switches import unswitched_rows
-from ..system import Array
-from ..tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
-from .trajectory.native_trajectory import NativeStep
+from ...errors import InputError
+from ...mechanism.discrete_sensitivity.guard_partials import GuardPartials
+from ...mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
+from ...mechanism.hybrid.impact import row_impacts
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
+from ...mechanism.hybrid.switch import Guard
+from ...mechanism.hybrid.switches import unswitched_rows
+from ...system import Array
+from ...tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
+from ..events.guard_location import guard_unit
+from .native_trajectory import NativeStep
 
 if TYPE_CHECKING:
-    from .trajectory.trajectory import Trajectory
+    from .trajectory import Trajectory
 
 COMMANDS = ("command", "speed step")  # guards of switches at known times
+LENGTHS = ("contact", "range boundary")  # guards that are lengths or angles
 
 
 class Jump(NamedTuple):
@@ -91,7 +94,7 @@ class ModeJumps:
         if varies := not at_known_time and self._varies(i):
             rates = self._rate_before(i)
             time = self._event(i, point, rates)
-        R = self._map(point, jumped)
+        R = self._map(point, jumped)[1]
         if not varies:
             return self._projected(i, Jump(R[:, :-1], time))
         trace.enter_node(i + 1)
@@ -109,11 +112,20 @@ class ModeJumps:
         matrix[:, ny:] += P[:, ny:]
         return jump._replace(matrix=matrix)
 
-    def _map(self, point: ModePoint, jumped: Array) -> Array:
-        """Return the partials of the point after the impact by (y, p, t), (ny, ny + k + 1)."""
+    def at_start(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return the point after an impact at the start, in the idle mode, and its partials by (y, p), (ny, ny + k)."""
+        mode, ny = self.system.mode, self.sensitivity.ny
+        self.system.enter((0,) * len(mode))
+        point = ModePoint(self.system, self.all_rows, t, y)
+        found, R = self._map(point, np.eye(ny, ny + self.sensitivity.k + 1))
+        self.trace.enter_node(0)
+        return found, R[:, :-1]
+
+    def _map(self, point: ModePoint, jumped: Array) -> tuple[Array, Array]:
+        """Return the point after the impact, and its partials by (y, p, t), (ny, ny + k + 1)."""
         impacts = row_impacts(point, self.unswitched, self._recent(point.t))
         if not impacts:
-            return jumped
+            return point.y, jumped
         nv, ny, k = self.system.nv, self.sensitivity.ny, self.sensitivity.k
         found = impact_partials(self.sensitivity.parameters, point.t, point.q, impacts)
         out = np.eye(ny, ny + k + 1)
@@ -125,7 +137,8 @@ class ModeJumps:
         out[-1, :-1] -= kinetic[0]
         R = out[:, :ny] @ jumped
         R[:, ny:] += out[:, ny:]
-        return R
+        nq = self.system.nq
+        return np.concatenate([point.y[:nq], impacts[-1].after, point.y[nq + nv :]]), R
 
     def _recent(self, t: float) -> set[int]:
         """Return the switches with an impact within their rest time before t."""
@@ -149,30 +162,39 @@ class ModeJumps:
         Raises:
             InputError: for grazing and for simultaneous events of different derivatives.
         """
-        trace, ny = self.trace, self.sensitivity.ny
+        times = self._times(i, point, rates)
+        found = [(name, x) for name, x in times if len(x)]
+        if not found:
+            name = next((name for name, _ in times), self.switches[0].name)
+            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
+        self._require_one_time(point, found)
+        return found[0][1]
+
+    def _times(self, i: int, point: ModePoint, rates: Array) -> list[tuple[str, Array]]:
+        """Return the guards that are zero at node i, and the derivatives of their times (ny + k,); empty if grazing."""
         m = max(k for k in self.first_nodes if k <= i)
-        first = ModePoint(self.system, self.all_rows, float(trace.ts[m]), trace.ys[m])
+        first = ModePoint(self.system, self.all_rows, float(self.trace.ts[m]), self.trace.ys[m])
         mode = self.system.mode
         guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
         for g in guards:
             g.value(first)
-        partials, found = GuardPartials(self.sensitivity, first, point), list[tuple[str, Array]]()
-        length, grazing = float(trace.ts[i] - trace.ts[i - 1]), ""
-        for g in guards:
-            gradient = partials.of(g)
-            terms = np.append(gradient[:ny] * rates, gradient[-1])
-            total, value = float(terms.sum()), g.value(point)
-            if abs(value) > (SAME_STATE * length + trace.near) * np.abs(terms).sum():
-                continue
-            if abs(total) <= VISIBLE * np.abs(terms).sum():
-                grazing = grazing or g.name
-            elif total < 0:
-                found.append((g.name, -gradient[:-1] / total))
-        if not found:
-            name = grazing or self.switches[0].name
-            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
-        self._require_one_time(point, found)
-        return found[0][1]
+        partials = GuardPartials(self.sensitivity, first, point)
+        found = ((g.name, self._time(g, i, partials, rates)) for g in guards)
+        return [(name, x) for name, x in found if x is not None]
+
+    def _time(self, guard: Guard, i: int, partials: GuardPartials, rates: Array) -> Array | None:
+        """Return the derivatives of the time at which a guard falls below zero, (ny + k,); None if it does not here."""
+        gradient, point, trace = partials.of(guard), partials.point, self.trace
+        terms = np.append(gradient[: self.sensitivity.ny] * rates, gradient[-1])
+        total, size = float(terms.sum()), float(np.abs(terms).sum())
+        near = SAME_STATE * float(trace.ts[i] - trace.ts[i - 1]) + trace.near
+        if abs(guard.value(point)) > near * size:
+            return None
+        if guard.kind in LENGTHS:  # compared with a usual speed, since all speeds may be small
+            size = max(size, guard_unit(guard, point) * self.system.mechanism.characteristic_rate)
+        if abs(total) <= VISIBLE * size:
+            return np.empty(0)
+        return -gradient[:-1] / total if total < 0 else None
 
     def _varies(self, i: int) -> bool:
         """Return whether the time of a change of mode varies: not at the start, or just after a jump at a known time.

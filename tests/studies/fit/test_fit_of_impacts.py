@@ -1,0 +1,24 @@
+"""Parameters of impacts from noisy measurements of a motion that bounces."""
+
+import numpy as np
+
+import mbdae
+
+TRUE = {"stop.rod stop.lower": 0.3, "stop.rod stop.restitution": 0.7}
+BOUNDS = {"stop.rod stop.lower": (0.31, 0.25, 0.35), "stop.rod stop.restitution": (0.72, 0.5, 0.9)}
+SIGMA, SEEDS = 1e-3, 20
+
+
+def test_position_and_restitution_of_a_stop():
+    """Errors over 20 seeds, in standard deviations of the fit, are those of a normal distribution."""
+    sol = mbdae.solve("pendulum_on_stop", (0.0, 1.6), t_eval=np.linspace(0.0, 1.6, 33), rtol=1e-8)
+    assert len(sol.impacts) == 2
+    angle, errors = sol.signals()["q.rod"], []
+    for seed in range(SEEDS):
+        noisy = angle + SIGMA * np.random.default_rng(seed).standard_normal(len(angle))
+        data = {"t": sol.t, "q.rod": noisy}
+        found = mbdae.fit("pendulum_on_stop", BOUNDS, data, sigma=SIGMA, spans=(1,), rtol=1e-6)
+        errors.append([(found.values[name] - x) / found.deviations[name] for name, x in TRUE.items()])
+    assert np.abs(errors).max() < 3
+    assert np.abs(np.mean(errors, axis=0)).max() < 3 / np.sqrt(SEEDS)
+    assert (np.abs(np.std(errors, axis=0) - 1) < 3 / np.sqrt(2 * SEEDS)).all()
