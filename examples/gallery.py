@@ -32,6 +32,7 @@ METHODS = ("herk3", "herk5", "pherk5", "pherk6", "radau5", "ggl:pherk5", "index1
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 EXAMPLES, PACKAGE = Path(__file__).parent, Path(mbdae.__file__).parent
 FOLDER = EXAMPLES / "pictures"
+FIGURE_COLOURS = 64
 KEY = "drawn by"
 REPLAY = ("studies/replay/*.[jch]*", "studies/replay/*.py", "mechanism/scene/*.py")
 FIGURE = ("studies/figures.py", "studies/{}/figure.py")
@@ -42,6 +43,7 @@ SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.p
     "convergence.png": [PACKAGE / x.format("order") for x in FIGURE],
     "drift.png": [PACKAGE / x.format("drift") for x in FIGURE],
     "errors_over_time.png": [EXAMPLES / "errors_over_time.py", PACKAGE / "studies/figures.py"],
+    "walker.png": [EXAMPLES / "walker.py"],
     "foot_path.png": [EXAMPLES / "foot_path.py"],
     "long_time_energy.png": [EXAMPLES / "long_time_energy.py", *(PACKAGE / x.format("drift") for x in FIGURE)],
     "optimal_control.png": [EXAMPLES / "optimal_control.py", *(PACKAGE / x.format("optimal_control") for x in FIGURE)],
@@ -58,6 +60,7 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     example("errors_over_time", folder)
     example("foot_path", folder)
     example("optimal_control", folder)
+    example("walker", folder)
     example("long_time_energy", folder)
     return {path.name: path.stat().st_size for path in sorted(folder.glob("*.png"))}
 
@@ -124,17 +127,17 @@ def example(name: str, folder: Path) -> None:
 
 
 def reduce(path: Path) -> None:
-    """Write a picture again with few colours."""
+    """Write a figure again with few colours."""
     with Image.open(path) as image:
         image.load()
-    write(image, path)
+    write(image, path, FIGURE_COLOURS)
 
 
-def write(image: Image.Image, path: Path) -> None:
+def write(image: Image.Image, path: Path, colours: int = 256) -> None:
     """Write a picture with few colours, and the digest of the code that drew it."""
     info = PngImagePlugin.PngInfo()
     info.add_text(KEY, digest(path.name))
-    image.convert("RGB").quantize(256, kmeans=2).save(path, optimize=True, pnginfo=info)
+    image.convert("RGB").quantize(colours, kmeans=2).save(path, optimize=True, pnginfo=info)
 
 
 def digest(name: str) -> str:
