@@ -28,6 +28,10 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism import Stop as Stop
     from .mechanism import load as load
     from .mechanism import model_names as model_names
+    from .mechanism.flexible import ModalBody as ModalBody
+    from .mechanism.flexible import attach_flexible as attach_flexible
+    from .mechanism.flexible import beam as beam
+    from .mechanism.flexible import modal_body as modal_body
     from .mechanism.forces.actuator import Actuator as Actuator
     from .mechanism.forces.bushing import Bushing as Bushing
     from .mechanism.forces.coulomb_friction import CoulombFriction as CoulombFriction
@@ -44,6 +48,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .methods import Tableau as Tableau
     from .progress import progress_bar as progress_bar
     from .solution.solution import Solution as Solution
+    from .studies.atlas.atlas import atlas as atlas
     from .studies.comparison.compare import compare as compare
     from .studies.drift.drift import drift as drift
     from .studies.fit.fit import fit as fit
@@ -73,6 +78,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.sweep.plan import Random as Random
     from .studies.sweep.sweep import sweep as sweep
     from .studies.sweep.table import Sweep as Sweep
+    from .studies.tolerance.tolerance import tolerance as tolerance
     from .studies.view.view import view as view
     from .textbook.hessenberg import Hessenberg as Hessenberg
     from .textbook.mixed import MixedHessenberg as MixedHessenberg
@@ -84,6 +90,7 @@ _CORE = {
     "integrate.events.event": ["Event"],
     "integrate.simulator.simulator": ["Simulator"],
     "integrate.solve": ["solve"],
+    "mechanism.flexible": ["ModalBody", "attach_flexible", "beam", "modal_body"],
     "mechanism": [
         "Closure",
         "Clutch",

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from scipy.linalg.lapack import dpotrf
 
 from ...errors import InputError
@@ -17,6 +16,7 @@ from ..closures.closure_error import largest_error
 from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_inertia
 from .position_search import assembly_error, close_position
 
 if TYPE_CHECKING:
@@ -101,5 +101,5 @@ def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, toleranc
 
 
 def _mass(mech: "Mechanism", q: Array) -> Array:
-    M = pin.crba(mech.model, make_data(mech.model), q, pin.Convention.WORLD)
+    M = update_inertia(mech.model, make_data(mech.model), q)
     return np.triu(M) + np.triu(M, 1).T

@@ -73,6 +73,8 @@ class Constraints:
                 self._between_joints(model, data, spec)
         self.positional[[at for at, d in self.driven if d.speed is not None]] = False
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
+        bound = self.frame_rows.items()
+        self._node_rows = [(self.spans[name], *node) for name, (pair, _) in bound for node in pair.nodes]
         self._no_motion = np.zeros((3, self.ng))
         self._index_special_rows()
         self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
@@ -131,6 +133,8 @@ class Constraints:
         self.update_wrenches(self.frame_rows)
         G = self.W.T.dot(self._J)
         G *= self.sign
+        for span, sign, body, node in self._node_rows:
+            G[span, body.at] += sign * self.W[:, span].T.dot(node.columns)
         for row in self.joint_rows:
             G[row.at, row.columns] = row.value()[1]
         G[self.inactive] = 0.0
@@ -170,7 +174,8 @@ class Constraints:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_rows.values():
-            local, at, F, D = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
+            local, F, D = PairPartials(pair, v), np.zeros(6), np.zeros((2, 36))
+            at = local.at
             for s, r, w in rows:
                 Da, Db = r.partials(pair)
                 B[s, at] = local.power(w, Da, Db)
@@ -186,7 +191,8 @@ class Constraints:
         """Return the partial derivatives of Gdot v with respect to q and v, (ng, nv) each, after `jacobian`."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_rows.values():
-            local, at = PairPartials(pair, v), pair.branches.at
+            local = PairPartials(pair, v)
+            at = local.at
             for s, r, w in rows:
                 by_q[s, at], by_v[s, at] = local.bias(r.rate, w, *r.partials(pair))
         for row in self.joint_rows:

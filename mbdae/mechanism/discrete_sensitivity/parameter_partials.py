@@ -30,6 +30,7 @@ from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
 from ..hybrid.switches import Mode, inactive_rows
 from ..tree.frames import support
+from ..tree.tree_terms import require_rigid
 from .constant_directions import ConstantDirections
 from .friction_partials import friction
 from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
@@ -71,6 +72,7 @@ class Parameters:
     ) -> None:  # fmt: skip
         self.make, self.values = make, dict(values)
         self.mech = mech = make({} if own else values)
+        require_rigid(mech.model, "gradients")
         rest = {} if own else values
         self.system = s = system or Index2System(mech)
         self.all: list[Parameter] = []
@@ -285,9 +287,13 @@ class Parameters:
         Raises:
             InputError: names the parameter.
         """
+        for name in self.inconsistent(t, q):
+            raise InputError(f"parameter {name!r} opens closures that depend on each other: no derivative exists")
+
+    def inconsistent(self, t: float, q: Array) -> list[str]:
+        """Return the names of parameters that violate redundant rows in a way that no motion can correct."""
         positional = self.system.constraints.positional
         g, G = self.row_partials(t, q, np.zeros(self.system.nv))[1][positional], self.system.jacobian(q)[positional]
-        for p, column in zip(self.all, g.T, strict=True):
-            residual = column + G @ np.linalg.lstsq(G, -column, rcond=RANK)[0]
-            if np.abs(residual).max(initial=0.0) > max(UNREACHABLE * np.abs(column).max(initial=0.0), NEGLIGIBLE):
-                raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
+        residual = np.abs(g + G @ np.linalg.lstsq(G, -g, rcond=RANK)[0]).max(axis=0, initial=0.0)
+        limit = np.maximum(UNREACHABLE * np.abs(g).max(axis=0, initial=0.0), NEGLIGIBLE)
+        return [p.name for p, out in zip(self.all, residual > limit, strict=True) if out]

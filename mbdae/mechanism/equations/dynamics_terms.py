@@ -13,6 +13,7 @@ from ...tolerances import HALF_DIGITS
 from ..forces import is_custom
 from ..tree.frames import frame_placement
 from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import bias, update_inertia, update_motions
 from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
 from .characteristic_rate import characteristic_rate
 from .equations_at_point import EquationsAtPoint
@@ -143,7 +144,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        pin.crba(self.model, data, self.configuration(q), pin.Convention.WORLD)
+        update_inertia(self.model, data, self.configuration(q))
         return np.triu(data.M) + np.triu(data.M, 1).T
 
     def bias(self: Self_, q: Array, v: Array) -> Array:
@@ -155,7 +156,7 @@ class DynamicsTerms:
             InputError: for arrays of another length.
         """
         data = make_data(self.model)
-        return pin.nonLinearEffects(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
+        return bias(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
 
     def jacobian(self: Self_, q: Array) -> Array:
         """Return G(q) over the rows of all closures and drivers, in file order, (ng, nv).
@@ -174,7 +175,7 @@ class DynamicsTerms:
             InputError: for a q of another length, or off the manifold.
         """
         data = make_data(self.model)
-        pin.forwardKinematics(self.model, data, self.configuration(q))
+        update_motions(self.model, data, self.configuration(q))
         placement = frame_placement(self.model, data, name)
         return placement.translation.copy(), placement.rotation.copy()
 

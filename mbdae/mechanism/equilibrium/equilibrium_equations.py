@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ...system import Array
@@ -23,6 +22,7 @@ from ...tolerances import EPS, ROUNDING
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..formulations.equation_partials import equation_partials
+from ..tree.tree_terms import bias, update_motions, update_poses
 from .null_space import NullSpace, close_loops, constraint_null_space
 from .spectrum import null_space
 from .term_sizes import TermSizes
@@ -172,14 +172,14 @@ class Statics:
         s = self.system
         out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
         if self.scales_gravity:
-            out = out - pin.rnea(s.model, s.workspace, q, np.zeros(s.nv), np.zeros(s.nv))
+            out = out - bias(s.model, s.workspace, q, np.zeros(s.nv))
         return out
 
     def force(self, q: Array, s: Array) -> Array:
         """Return f at a configuration, (nv,)."""
         self.system.jacobian(q)
-        pin.forwardKinematics(self.system.model, self.system.workspace, q, self.v)
-        pin.computeJointJacobians(self.system.model, self.system.workspace, q)
+        update_motions(self.system.model, self.system.workspace, q, self.v)
+        update_poses(self.system.model, self.system.workspace, q)
         return self.system.force(self.t, q, self.v, s)[0] + (self.factor - 1.0) * self.load(q)
 
     def partials(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
@@ -218,8 +218,8 @@ class Statics:
     def rates(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
         """Return h (ns,), h_q (ns, nv) and h_s (ns, ns)."""
         system, nv = self.system, self.system.nv
-        pin.forwardKinematics(system.model, system.workspace, q, self.v)
-        pin.computeJointJacobians(system.model, system.workspace, q)
+        update_motions(system.model, system.workspace, q, self.v)
+        update_poses(system.model, system.workspace, q)
         laws = system.laws.partials(self.t, q, self.v, s)
         return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
 

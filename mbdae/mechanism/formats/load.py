@@ -170,8 +170,8 @@ def make(recipe: Recipe, functions: Sequence[Any] = (), *, recorded: bool = True
         UnknownNameError, InputError: for inconsistent input.
     """
     file, name = recipe.file, recipe.name
-    if not recipe.parts and not file.body:
-        raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
+    if not (recipe.parts or file.body or file.flexible):
+        raise InputError(f"{name}: a mechanism needs a source, a [[body]] or a [[flexible]]")
     model, visuals = build(file, recipe.parts, name)
     source = _source(recipe) if recorded else None
     rest = {"visuals": visuals, "source": source, "motors": recipe.motors}

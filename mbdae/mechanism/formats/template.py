@@ -26,6 +26,7 @@ from ..mechanism import Mechanism
 from ..model_settings import Start
 from ..time_functions.time_functions import Constant
 from ..tree.frames import find_joint, joint_names
+from ..tree.tree_terms import copied
 from ..variant import variant
 from .build import body_inertia, build, placement
 from .load import Recipe, make, read
@@ -127,10 +128,10 @@ class Template:
         out = {argument: getattr(file, table) for table, argument in PARTS.items() if table in tables}
         if "force" in tables:
             out["forces"] = [*file.force, *self.functions]
-        if not tables.isdisjoint(("body", "frame", "joint")):
+        if not tables.isdisjoint(("body", "flexible", "frame", "joint")):
             out["model"], out["visuals"] = build(file, recipe.parts, recipe.name)
         elif "gravity" in tables:
-            out["model"] = first.model.copy()
+            out["model"] = copied(first.model)
             out["model"].gravity.linear = np.array(file.gravity)
         return out
 
@@ -183,7 +184,7 @@ def _check_path(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = first_key(at, rest, name, entry_keys(at))
+        key, rest = first_key(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number as a function of time
         return
@@ -205,7 +206,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
     entries = getattr(Body(name=joint, parent=""), key)
-    _ = index and first_key(entries, index, f"joint.{path}", entry_keys(entries))
+    _ = index and first_key(entries, index, f"joint.{path}")
     return joint, rest
 
 

@@ -16,6 +16,7 @@ from ..time_functions.input_functions import Input
 from ..tree import manifold
 from ..tree.frames import Anchor, Pair
 from ..tree.manifold import GROUPS
+from ..tree.tree_terms import flexible_bodies
 from . import closure_friction, friction_interface, ggl
 from .steps import projection
 
@@ -98,6 +99,7 @@ def describe(system: "Index2System") -> CoreData:
         "angular": m.angular.astype(int).tolist(),
         "angles": [{"iv": iv, "iq": iq} for iv, iq in m.angles],
         "order": system.elimination_order.tolist(),
+        "flexible": [body.core_data(system.model) for body in flexible_bodies(system.model)],
         "probe": independent_rows.random_probe(system.nv).tolist(),
     }
 

@@ -13,13 +13,13 @@ friction proportional to closure forces, do not follow from the state: they are 
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ...system import Array
 from ..forces.elements import ForceElements
 from ..forces.force import ForceElement, PairElement
 from ..tree.coordinate_units import coordinate_units
 from ..tree.frames import joint_names, skew, unit_gap
+from ..tree.tree_terms import update_poses
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -67,7 +67,7 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
     state_slices = {id(law): span for law, span in system.laws.bound}
     out = np.empty((len(t), len(names)))
     for row, time, configuration, velocity, state in zip(out, t, q, v, s, strict=True):
-        pin.computeJointJacobians(mech.model, system.workspace, configuration)
+        update_poses(mech.model, system.workspace, configuration)
         values: list[float] = []
         for law, single in zip(laws, single_laws, strict=True):
             tau, _ = single.torque(time, configuration, velocity, state[state_slices[id(law)]])

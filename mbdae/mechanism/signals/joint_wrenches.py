@@ -20,6 +20,7 @@ from ...system import Array
 from ...tolerances import VISIBLE
 from ..forces.force import PairElement
 from ..tree.frames import Pair, joint_names, skew
+from ..tree.tree_terms import bound_bodies, flexible_bodies, update_motions, update_poses
 from .reactions import Reaction, multiplier_null_space, sample_indices
 
 if TYPE_CHECKING:
@@ -44,21 +45,23 @@ def joint_wrenches(
     """
     model, data = system.model, system.workspace
     system.jacobian(q)
-    external = np.zeros((model.njoints, 6))
+    external = np.zeros((len(data.oMi), 6))
     for name, bound in system.constraints.frame_rows.items():
         rows = system.constraints.spans[name]
         friction = system.closure_friction.wrench(name, v, lam) if laws else 0.0
         _add(external, bound.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
     if laws:
         if not system.ng:
-            pin.computeJointJacobians(model, data, q)
+            update_poses(model, data, q)
         for law, _ in system.laws.bound:
             if isinstance(law, PairElement):
                 law.pair.locate()
                 for term in law.wrench_partials(t, law.pair.relative(v)):
                     _add(external, law.pair, term.F)
+    if bound_bodies(data):
+        _carry_flexible(system, external, q, v, vdot, inertia=laws)
     forces = pin.StdVec_Force()
-    for placement, wrench in zip(data.oMi, external, strict=True):
+    for placement, wrench in zip(data.oMi[: model.njoints], external[: model.njoints], strict=True):
         forces.append(placement.actInv(pin.Force(wrench)))
     if laws:
         pin.rnea(model, data, q, v, vdot, forces)
@@ -68,6 +71,18 @@ def joint_wrenches(
     weight = _joint_forces(data)
     pin.rnea(model, data, q, zero, zero, forces)
     return _joint_forces(data) - weight
+
+
+def _carry_flexible(
+    system: "Index2System", external: Array, q: Array, v: Array, vdot: Array, *, inertia: bool
+) -> None:
+    """Add the wrenches on nodes, and those of inertia of the deformation, to the frames of flexible bodies."""
+    data, gravity = system.workspace, system.model.gravity.linear
+    update_motions(system.model, data, q, v, vdot)
+    for body in bound_bodies(data):
+        external[body.joint] += external[[node.index for node in body.nodes]].sum(axis=0)
+        if inertia:
+            external[body.joint] -= body.inertia_wrench(data, q, v, vdot, gravity)
 
 
 def _add(external: Array, pair: Pair, wrench: Array) -> None:
@@ -104,7 +119,8 @@ def reaction_names(mech: "Mechanism") -> list[str]:
     A closure has precedence over a joint of the same name.
     """
     constraints = [c.name for c in mech.constraints if c.frames]
-    return [name for name in joint_names(mech.model) if name not in constraints] + constraints
+    left_out = {*constraints, *(name for body in flexible_bodies(mech.model) for name in body.mode_joints)}
+    return [name for name in joint_names(mech.model) if name not in left_out] + constraints
 
 
 def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:

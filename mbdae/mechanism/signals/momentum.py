@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from ...system import Array
 from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import bound_bodies, require_rigid, update_motions
 
 MOMENTUM = {f"{word}.{x}": unit
             for word, unit in (("com", "m"), ("momentum", "kg m/s"), ("angular_momentum", "kg m^2/s"))
@@ -35,9 +36,11 @@ def momentum(model: pin.Model, q: Array, v: Array) -> dict[str, Array]:
     bodies = [(j, Y) for j, Y in enumerate(model.inertias) if j]
     mass = sum(Y.mass for _, Y in bodies)
     for row, configuration, velocity in zip(out, q, v, strict=True):
-        pin.forwardKinematics(model, data, configuration, velocity)
-        h = _momenta_of_bodies(model, data).sum(axis=0)
-        c = np.sum([Y.mass * data.oMi[j].act(Y.lever) for j, Y in bodies], axis=0) / (mass or np.nan)
+        update_motions(model, data, configuration, velocity)
+        h = _momenta_of_bodies(model, data, configuration, velocity).sum(axis=0)
+        moments = [Y.mass * data.oMi[j].act(Y.lever) for j, Y in bodies]
+        moments += [body.first_moment(data, configuration) for body in bound_bodies(data)]
+        c = np.sum(moments, axis=0) / (mass or np.nan)
         row[:3], row[3:6], row[6:] = c, h[:3], h[3:] - np.cross(c, h[:3])
     return dict(zip(MOMENTUM, out.T, strict=True))
 
@@ -70,10 +73,11 @@ def momenta(model: pin.Model, q: Array, v: Array, a: Array) -> Momenta:
         v: velocities, (n, nv).
         a: accelerations, (n, nv).
     """
+    require_rigid(model, "momenta")
     data, out = make_data(model), Momenta(*np.empty((4, len(q), 6 + model.nv)))
     for i, (qi, vi, ai) in enumerate(zip(q, v, a, strict=True)):
         pin.forwardKinematics(model, data, qi, vi, ai)
-        h, dh = _momenta_of_bodies(model, data), _inertia_wrenches(model, data)
+        h, dh = _momenta_of_bodies(model, data, qi, vi), _inertia_wrenches(model, data, qi, vi, ai)
         C = pin.computeCoriolisMatrix(model, data, qi, vi)
         dM = C + C.T
         M = pin.crba(model, data, qi)
@@ -105,19 +109,21 @@ def shaking_force(model: pin.Model, q: Array, v: Array, vdot: Array) -> dict[str
     """
     data, out = make_data(model), np.empty((len(q), 6))
     for row, configuration, velocity, acceleration in zip(out, q, v, vdot, strict=True):
-        pin.forwardKinematics(model, data, configuration, velocity, acceleration)
-        row[:] = -_inertia_wrenches(model, data).sum(axis=0)
+        update_motions(model, data, configuration, velocity, acceleration)
+        row[:] = -_inertia_wrenches(model, data, configuration, velocity, acceleration).sum(axis=0)
     sizes = np.linalg.norm(out.reshape(-1, 2, 3), axis=2)
     return dict(zip(SHAKING, np.hstack([sizes[:, :1], out[:, :3], sizes[:, 1:], out[:, 3:]]).T, strict=True))
 
 
-def _momenta_of_bodies(model: pin.Model, data: pin.Data) -> Array:
-    """Return the momenta of the bodies about the origin, (n, 6); velocities are current."""
-    bodies = list(zip(data.oMi, model.inertias, data.v, strict=True))[1:]
-    return np.array([M.act(Y * w).vector for M, Y, w in bodies]).reshape(-1, 6)
+def _momenta_of_bodies(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
+    """Return the momenta of bodies, and of their deformations, about the origin, (n, 6); velocities are current."""
+    bodies = list(zip(data.oMi, model.inertias, data.v, strict=False))[1:]  # nodes of flexible bodies follow
+    found = [M.act(Y * w).vector for M, Y, w in bodies] + [body.momentum(data, q, v) for body in bound_bodies(data)]
+    return np.array(found).reshape(-1, 6)
 
 
-def _inertia_wrenches(model: pin.Model, data: pin.Data) -> Array:
+def _inertia_wrenches(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> Array:
     """Return the rates of these momenta, (n, 6); accelerations are current."""
-    bodies = list(zip(data.oMi, model.inertias, data.v, data.a, strict=True))[1:]
-    return np.array([M.act(Y * a + w.cross(Y * w)).vector for M, Y, w, a in bodies]).reshape(-1, 6)
+    bodies = list(zip(data.oMi, model.inertias, data.v, data.a, strict=False))[1:]
+    found = [M.act(Y * x + w.cross(Y * w)).vector for M, Y, w, x in bodies]
+    return np.array(found + [body.inertia_wrench(data, q, v, a) for body in bound_bodies(data)]).reshape(-1, 6)

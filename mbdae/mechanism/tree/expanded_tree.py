@@ -74,6 +74,16 @@ class Branches(NamedTuple):
     sign: Array
     before: Array
 
+    def with_modes(self, modes: Array, sign: float) -> "Branches":
+        """Return the branches with translations and then rotations of a node by the modes of a flexible body."""
+        k, c = len(modes), len(self.at)
+        before = np.zeros((c + 2 * k,) * 2)
+        before[:c, :c] = self.before
+        before[:c, c:] = (self.sign == sign)[:, None]
+        before[c : c + k, c:] = before[c + k :, c + k :] = 1.0
+        at, signs = np.concatenate([self.at, modes, modes]), np.concatenate([self.sign, np.full(2 * k, sign)])
+        return Branches(at, signs, before)
+
 
 def branches(model: pin.Model, a: int, b: int) -> Branches:
     """Return the columns that move only one of two joints' bodies."""

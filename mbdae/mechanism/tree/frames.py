@@ -2,14 +2,18 @@
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from ...errors import UnknownNameError
+from ...errors import InputError, UnknownNameError
 from .expanded_tree import Branches, branches
 from .pinocchio_data import make_data
+from .tree_terms import bound_bodies, flexible_bodies, update_motions
+
+if TYPE_CHECKING:
+    from ..flexible.workspace import BoundNode
 
 WORLD = "world"
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -17,7 +21,10 @@ _NEXT, _LAST = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])  # a_2
 
 
 class Anchor(NamedTuple):
-    """A frame fixed to a joint's body: rotation R (3, 3) and position p (3,) in m, in the joint frame."""
+    """A frame fixed to a joint's body: rotation R (3, 3) and position p (3,) in m, in the joint frame.
+
+    Nodes of flexible bodies follow the joints, in the order of the bodies: see `mbdae.mechanism.flexible`.
+    """
 
     name: str
     joint: int
@@ -57,8 +64,8 @@ def frame_placement(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
     Raises:
         UnknownNameError: lists the valid names.
     """
-    frame = find_frame(model, name)
-    return data.oMi[frame.parentJoint] * frame.placement
+    a = anchor(model, name)
+    return data.oMi[a.joint] * pin.SE3(a.R, a.p)
 
 
 def frame_names(model: pin.Model) -> list[str]:
@@ -67,8 +74,19 @@ def frame_names(model: pin.Model) -> list[str]:
 
 
 def anchor(model: pin.Model, name: str) -> Anchor:
-    """Return the frame called ``name`` as an anchor."""
-    frame = find_frame(model, name)
+    """Return the frame called ``name`` as an anchor.
+
+    Raises:
+        UnknownNameError: lists the valid names.
+        InputError: for the joint of a mode, which has no frame.
+    """
+    frame, at = find_frame(model, name), model.njoints
+    for body in flexible_bodies(model):
+        if name in body.node_frames:
+            return Anchor(name, at + body.node_frames.index(name), np.eye(3), np.zeros(3))
+        if frame.parentJoint > 0 and model.names[frame.parentJoint] in body.mode_joints:
+            raise InputError(f"{name!r} is on a mode of {body.name!r}: nodes are {', '.join(body.node_frames)}")
+        at += len(body.node_frames)
     return Anchor(name, frame.parentJoint, frame.placement.rotation.copy(), frame.placement.translation.copy())
 
 
@@ -93,7 +111,7 @@ def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.nda
 def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
     data, out = make_data(model), np.empty((len(anchors), len(q), 3))
     for k, configuration in enumerate(q):
-        pin.forwardKinematics(model, data, configuration)
+        update_motions(model, data, configuration)
         for path, a in zip(out, anchors, strict=True):
             path[k] = data.oMi[a.joint].act(a.p)
     return out
@@ -124,7 +142,7 @@ def frame_motions(
     anchors = [anchor(model, name) for name in names]
     data, p, V, A = make_data(model), np.empty((len(names), len(q), 3)), *np.empty((2, len(names), len(q), 6))
     for k, point in enumerate(zip(q, v, vdot, strict=True)):
-        pin.forwardKinematics(model, data, *point)
+        update_motions(model, data, *point)
         for i, a in enumerate(anchors):
             placement = data.oMi[a.joint]
             p[i, k] = placement.act(a.p)
@@ -159,7 +177,8 @@ class Pair:
 
     ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
     -w on a, both at the world's origin, has the generalised force sign * (J^T w). ``columns`` (nv,) is true where a
-    joint moves a or b or both.
+    joint moves a or b or both. Modes that move an anchor on a node have other columns than J, ``nodes``: sign of the
+    anchor, the bound body and its node; their ``sign`` is 0.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
@@ -169,16 +188,37 @@ class Pair:
         self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it is a vector
         support_a, support_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = support_b - support_a, (support_a + support_b) > 0
+        self.nodes = [
+            (sign, body, node)
+            for sign, x in ((-1.0, a), (1.0, b))
+            for body in bound_bodies(data)
+            for node in body.nodes
+            if node.index == x.joint
+        ]
+        for _, body, _ in self.nodes:
+            self.sign[body.at] = 0.0
 
     @cached_property
     def branches(self) -> Branches:
-        """Columns of J that move only one of the anchors."""
-        return branches(self.model, self.a.joint, self.b.joint)
+        """Columns of J that move only one of the anchors; a node adds translations and rotations by its modes."""
+        carriers = {node.index: body.joint for _, body, node in self.nodes}
+        out = branches(self.model, *(carriers.get(x.joint, x.joint) for x in (self.a, self.b)))
+        for sign, body, _ in self.nodes:
+            out = out.with_modes(np.arange(body.at.start, body.at.stop), sign)
+        return out
 
     @property
     def jacobian(self) -> np.ndarray:
-        """The columns of J that move only one of the anchors, (6, c)."""
-        return self._J[:, self.branches.at]
+        """The columns of J that move only one of the anchors, (6, c), as ``branches``."""
+        at = self.branches.at
+        if not self.nodes:
+            return self._J[:, at]
+        split = [J for _, _, node in self.nodes for J in node.split_columns(self._data)]
+        return np.hstack([self._J[:, at[: len(at) - sum(J.shape[1] for J in split)]], *split])
+
+    def rotation_change(self, node: "BoundNode", z: np.ndarray) -> np.ndarray:
+        """Return `BoundNode.rotation_change` of a node of the pair, (6, k)."""
+        return node.rotation_change(self._data, z)
 
     def locate(self) -> None:
         """Update rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
@@ -202,16 +242,26 @@ class Pair:
 
     def relative(self, v: np.ndarray) -> np.ndarray:
         """Return the spatial velocity (6,) of b relative to a at the world's origin, for velocities v (nv,)."""
-        return self._J.dot(self.sign * v)
+        return self._J.dot(self.sign * v) + sum(sign * (node.columns @ v[body.at]) for sign, body, node in self.nodes)
 
     def torque(self, wrench: np.ndarray) -> np.ndarray:
         """Return the generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
-        return self.sign * wrench.dot(self._J)
+        out = self.sign * wrench.dot(self._J)
+        for sign, body, node in self.nodes:
+            out[body.at] += sign * wrench.dot(node.columns)
+        return out
+
+    def relative_jacobian(self) -> np.ndarray:
+        """Return the Jacobian of the spatial velocity of b relative to a, (6, nv)."""
+        return np.array([self.torque(e) for e in np.eye(6)])
 
 
 def support(model: pin.Model, joint: int) -> np.ndarray:
     """Return a mask of the velocities that move a joint, (nv,): 1 for these, 0 for the others."""
     mask = np.zeros(model.nv)
+    if joint >= model.njoints:
+        carriers = [body.carrier(model) for body in flexible_bodies(model) for _ in body.node_frames]
+        joint = carriers[joint - model.njoints]
     starts, sizes, parents = model.idx_vs, model.nvs, model.parents
     while joint:
         mask[starts[joint] : starts[joint] + sizes[joint]] = 1.0

@@ -24,8 +24,13 @@ def make_data(model: pin.Model, *, complete: bool = False) -> pin.Data:
         model: the joint tree.
         complete: allocate memory for all algorithms of Pinocchio at any size, 32 nv^3 bytes and more.
     """
-    if complete or model.nv <= MAX_COMPLETE_NV:
-        return model.createData()
+    data = model.createData() if complete or model.nv <= MAX_COMPLETE_NV else _lean_data(model)
+    if bodies := getattr(model, "flexible", ()):
+        data.flexible = [body.bind(model, data) for body in bodies]
+    return data
+
+
+def _lean_data(model: pin.Model) -> pin.Data:
     data, n, nv = pin.Data(), model.njoints, model.nv
     data.joints.extend([joint.createData() for joint in model.joints])
     for placements in (data.oMi, data.liMi):

@@ -9,7 +9,9 @@ of motions and a x* F of a motion and a wrench, all at the world's origin,
     dV_j/dq_m = J_m x W                                  dV_j/dv_m = J_m
     dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
 
-Velocities and accelerations are relative to the body at which both branches begin.
+Velocities and accelerations are relative to the body at which both branches begin. A node of a flexible body moves by
+its modes like by two more joints, with columns T and W; W has the change of Jr, too (`BoundNode.rotation_change`).
+Results have one entry for each velocity, ``at`` (u,), where u = c without nodes.
 """
 
 from collections.abc import Callable
@@ -19,6 +21,7 @@ import numpy as np
 
 from ...system import Array
 from .frames import Pair, motion_cross, skew, unit_gap, wrench_matrix
+from .tree_terms import require_rigid
 
 Rate = Callable[[Pair], Array]
 COMPLEX_STEP = 1e-30
@@ -40,6 +43,12 @@ class PairPartials:
         self.moves_b = self.sign > 0
         self.W = self.Jv.dot(self.before.T)
         self.dV = motion_cross(self.J, self.W)  # of V_b or V_a
+        self.at, self._sums = _sums_of_columns(at) if pair.nodes else (at, None)
+        end = len(self.sign)
+        for _, body, node in pair.nodes[::-1]:
+            k = body.modal.modes
+            self.dV[:, end - k : end] += pair.rotation_change(node, node.node.Psi @ v[body.at])
+            end -= 2 * k
         self.V = self.Jv.dot(self.sign)  # V_b - V_a
 
     def along_columns(self, Da: Array, Db: Array) -> Array:
@@ -59,18 +68,36 @@ class PairPartials:
         if C is not None:
             dF += C.dot(self.sign * self.dV)
         J_rotation = self.J.T.dot(wrench_matrix(F)).dot(self.J)
-        return self.sign[:, None] * (self.J.T.dot(dF) - self.before.T * J_rotation)
+        return self._matrix(self.sign[:, None] * (self.J.T.dot(dF) - self.before.T * J_rotation), F)
+
+    def _matrix(self, K: Array, F: Array | None = None) -> Array:
+        """Return a matrix over columns as one over velocities, with the rotation vectors of nodes under a wrench F."""
+        if self._sums is None:
+            return K
+        out, positions = self._sums.T @ K @ self._sums, {int(k): i for i, k in enumerate(self.at)}
+        for sign, body, node in self.pair.nodes if F is not None else ():
+            i = np.array([positions[k] for k in range(body.at.start, body.at.stop)])
+            out[i[:, None], i] += sign * np.array([F @ self.pair.rotation_change(node, z) for z in node.node.Psi.T])
+        return out
+
+    def force(self, F: Array) -> Array:
+        """Return sign J^T F, (u,)."""
+        return self._rows(self.sign * F.dot(self.J))
+
+    def _rows(self, x: Array) -> Array:
+        return x if self._sums is None else x @ self._sums
 
     def damping(self, C: Array) -> Array:
         """Return the partial derivatives (c, c) of sign J^T F with respect to v, for dF = C d(V_b - V_a)."""
-        return self.sign[:, None] * self.J.T.dot(C).dot(self.J) * self.sign
+        return self._matrix(self.sign[:, None] * self.J.T.dot(C).dot(self.J) * self.sign)
 
     def power(self, w: Array, Da: Array, Db: Array) -> Array:
         """Return the partials (m, c) of w . (V_b - V_a) by q, for wrenches w (6, m) with partials Da, Db (m, 6, 6)."""
-        return self.along_columns(self.V.dot(Da), self.V.dot(Db)) + w.T.dot(self.sign * self.dV)
+        return self._rows(self.along_columns(self.V.dot(Da), self.V.dot(Db)) + w.T.dot(self.sign * self.dV))
 
     def bias(self, rate: Rate, w: Array, Da: Array, Db: Array) -> tuple[Array, Array]:
         """Return the partials (m, c) of w' . (V_b - V_a) + w . (A_b - A_a) by q and v; w' = rate(pair)."""
+        require_rigid(self.pair.model if self.pair.nodes else None, "derivatives of accelerations at nodes")
         J, sign, b = self.J, self.sign, self.moves_b
         strictly_before = self.before * (1 - self.before.T)
         V, V_before = self.Jv.dot(self.before), self.Jv.dot(strictly_before)
@@ -88,6 +115,12 @@ class PairPartials:
             by_q[:, m] += self.V.dot(_rate_partial(rate, pair, d, dV, moves_b=bool(b[m])))
         by_v = self.along_columns(self.V.dot(Da), self.V.dot(Db)) + dw.T.dot(sign * J) + w.T.dot(sign * dA_v)
         return by_q, by_v
+
+
+def _sums_of_columns(at: Array) -> tuple[Array, Array | None]:
+    """Return the different velocities (u,) of columns (c,), and the matrix of sums over equal ones, (c, u)."""
+    different = np.unique(at)
+    return different, (at[:, None] == different).astype(float)
 
 
 def _rate_partial(rate: Rate, pair: Pair, d: Array, dV: Array, *, moves_b: bool) -> Array:

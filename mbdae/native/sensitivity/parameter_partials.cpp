@@ -27,7 +27,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
   has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
-    columns_[j].assign(supports[j].begin() + supports[m.parents[j]].size(), supports[j].end());
+    columns_[j].assign(supports[j].velocities.begin() + supports[m.parents[j]].velocities.size(), supports[j].velocities.end());
     for (int c : columns_[j]) joint_of_[c] = j;
     for (int i = j; i; i = m.parents[i]) has_ancestor_[j][i] = true, subtree_[i].push_back(j);
     subtree_[0].push_back(j);
@@ -52,7 +52,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
-      std::vector<Moving>& found = ends_[&pairs[p]];
+      std::vector<Moving>& found = moved_frames_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))

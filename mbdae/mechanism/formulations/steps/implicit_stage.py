@@ -20,12 +20,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from scipy.linalg.lapack import dpotrs
 
 from ....linear_solve import factorized
 from ....system import Array, Counts, Solver
 from ...tree.manifold import Manifold
+from ...tree.tree_terms import inverse, update_poses
 from ..equation_partials import EquationPartials, equation_partials
 
 if TYPE_CHECKING:
@@ -61,14 +61,14 @@ class ImplicitStages:
         """Return the first four residuals of the module, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
         s, nv = self.system, self.system.nv
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
-        pin.computeJointJacobians(s.model, s.workspace, q)
+        update_poses(s.model, s.workspace, q)
         G = s.closures()[1][self.rows]
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
         if s.closure_friction:
             e, speed, factor = s.closure_friction.slip_terms(v)
             T = factor * s.closure_friction.normal_forces(s.closure_friction.minimum_norm_map(self.rows) @ z)[0]
             tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
-        inertial = pin.rnea(s.model, s.workspace, q, v, dx[nv : 2 * nv])
+        inertial = inverse(s.model, s.workspace, q, v, dx[nv : 2 * nv])
         rate = s.manifold.tangent(x[:nv], v)
         g_t = s.g_t(t)[self.rows]
         rates[-1] -= z @ g_t

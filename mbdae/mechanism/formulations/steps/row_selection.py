@@ -48,6 +48,8 @@ def rows_of_step(system: "Index2System", t: float, y: Array) -> Array:
 
 def _weakest(system: "Index2System", B: Array, rank: int) -> str:
     """Return the names of the closures whose rows form the combination with the smallest singular value."""
+    if not np.isfinite(B).all():
+        return "the state is not finite"
     combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2
     names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > NEGLIGIBLE * combination.max())]
     return ", ".join(dict.fromkeys(repr(name) for name in names))

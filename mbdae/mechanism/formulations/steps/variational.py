@@ -21,11 +21,11 @@ Numerical Integration, sections VI.6 and VII.1; Celledoni, Marthinsen, Owren, J.
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ....linear_solve import factorized
 from ....system import Array
 from ...tree.manifold import Manifold
+from ...tree.tree_terms import bias, update_poses
 
 if TYPE_CHECKING:
     from ..index2 import Index2System
@@ -104,10 +104,10 @@ class RattleStep:
         s, none = self.system, np.empty(0)
         s.counts.M += 1
         M, N = (a.copy() for a in s.inertial.momentum_partials(q, w))
-        pin.computeJointJacobians(s.model, s.workspace, q)
+        update_poses(s.model, s.workspace, q)
         tau, rates = s.torque(t, q, w, none)
         by_w = N.T + s.laws.partials(t, q, w, none)[: s.nv, s.nv :]
-        D = N.T @ w / 2 + tau - pin.nonLinearEffects(s.model, s.workspace, q, np.zeros(s.nv))
+        D = N.T @ w / 2 + tau - bias(s.model, s.workspace, q, np.zeros(s.nv))
         return AppliedForces(M, N, D, by_w, float(rates[-1]))
 
 
