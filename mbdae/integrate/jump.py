@@ -91,7 +91,7 @@ class ModeJumps:
         if varies := not at_known_time and self._varies(i):
             rates = self._rate_before(i)
             time = self._event(i, point, rates)
-        R = self._map(point, jumped)
+        R = self._map(point, jumped)[1]
         if not varies:
             return self._projected(i, Jump(R[:, :-1], time))
         trace.enter_node(i + 1)
@@ -109,11 +109,20 @@ class ModeJumps:
         matrix[:, ny:] += P[:, ny:]
         return jump._replace(matrix=matrix)
 
-    def _map(self, point: ModePoint, jumped: Array) -> Array:
-        """Return the partials of the point after the impact by (y, p, t), (ny, ny + k + 1)."""
+    def at_start(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return the point after an impact at the start, in the idle mode, and its partials by (y, p), (ny, ny + k)."""
+        mode, ny = self.system.mode, self.sensitivity.ny
+        self.system.enter((0,) * len(mode))
+        point = ModePoint(self.system, self.all_rows, t, y)
+        found, R = self._map(point, np.eye(ny, ny + self.sensitivity.k + 1))
+        self.trace.enter_node(0)
+        return found, R[:, :-1]
+
+    def _map(self, point: ModePoint, jumped: Array) -> tuple[Array, Array]:
+        """Return the point after the impact, and its partials by (y, p, t), (ny, ny + k + 1)."""
         impacts = row_impacts(point, self.unswitched, self._recent(point.t))
         if not impacts:
-            return jumped
+            return point.y, jumped
         nv, ny, k = self.system.nv, self.sensitivity.ny, self.sensitivity.k
         found = impact_partials(self.sensitivity.parameters, point.t, point.q, impacts)
         out = np.eye(ny, ny + k + 1)
@@ -125,7 +134,8 @@ class ModeJumps:
         out[-1, :-1] -= kinetic[0]
         R = out[:, :ny] @ jumped
         R[:, ny:] += out[:, ny:]
-        return R
+        nq = self.system.nq
+        return np.concatenate([point.y[:nq], impacts[-1].after, point.y[nq + nv :]]), R
 
     def _recent(self, t: float) -> set[int]:
         """Return the switches with an impact within their rest time before t."""

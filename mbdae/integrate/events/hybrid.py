@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism

@@ -181,9 +181,9 @@ class AdvanceSensitivity:
         try:
             for cell in cells:
                 cell.set(cell.setting._replace(rate=0.0))
-            for t, y in zip(trace.ts[[0, -1]].tolist(), trace.ys[[0, -1]], strict=True):
-                q, v, s, _ = np.split(y, np.cumsum([m.nq, m.nv, len(m.states)]))
-                at = m.at(t, q, v, s, mode=trace.mode)
+            for i in (0, len(trace.ts) - 1):
+                q, v, s, _ = np.split(trace.ys[i], np.cumsum([m.nq, m.nv, len(m.states)]))
+                at = m.at(float(trace.ts[i]), q, v, s, mode=self.sol.mode(i) or trace.system.mode)
                 by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
                 if any(x.any() for x in by_time):
                     raise InputError("forces or drivers depend on time: the advance has no derivative by dt")

@@ -44,5 +44,6 @@ def _require_separate_impacts(sol: Solution) -> None:
         for name in impact.where:
             switch = switches.get(name)
             if switch and switch.restitution and impact.t - last.get(name, -inf) < switch.rest:
-                raise InputError(f"{name!r} comes to rest by an accumulation of bounces at t = {impact.t:.9g} s: no derivative")
+                when = f"at t = {impact.t:.9g} s"
+                raise InputError(f"{name!r} comes to rest by an accumulation of bounces {when}: no derivative")
             last[name] = impact.t

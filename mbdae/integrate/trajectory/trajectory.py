@@ -165,7 +165,9 @@ class Trajectory:
             yield LinearMap(self.sensitivity.jump(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
-            y, impact = self.at_start("initial impact", lambda: self.sensitivity.initial_impact(t, y))
+            y, impact = self.at_start("initial impact", lambda: self.jumps.at_start(t, y))
+            yield LinearMap(impact, False)
+            y, impact = self.at_start("initial rows", lambda: self.sensitivity.initial_impact(t, y))
             yield LinearMap(impact, False)
         if self.project:
             yield LinearMap(self.at_start("restored", lambda: self.sensitivity.projection(t, y)), False)

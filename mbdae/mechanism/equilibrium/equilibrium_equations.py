@@ -22,6 +22,8 @@ from ...tolerances import EPS, ROUNDING
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..formulations.equation_partials import equation_partials
+from ..hybrid.switches import Mode
+from ..hybrid.unilateral import Unilateral
 from ..tree.tree_terms import bias, update_motions, update_poses
 from .null_space import NullSpace, close_loops, constraint_null_space
 from .spectrum import null_space
@@ -79,18 +81,23 @@ class Statics:
         v: constant velocities of locked coordinates, (nv,).
         locked: velocity indices of the locked coordinates.
         loads: names of scaled forces, or ``"gravity"``.
+        mode: the mode, whose closed contacts carry load; without one, contacts are ignored, with a warning.
 
     Raises:
         UnknownNameError: for a force that does not exist.
         InputError: for a sampled controller, which has no equilibrium.
     """
 
-    def __init__(self, mech: "Mechanism", t: float, v: Array, locked: Array, loads: Sequence[str] = ()) -> None:
+    def __init__(
+        self, mech: "Mechanism", t: float, v: Array, locked: Array, loads: Sequence[str] = (), mode: Mode | None = None
+    ) -> None:
         self.mech, self.t, self.v, self.locked = mech, t, v, locked
         self.system = s = mech.system()
-        if mech.switches:
-            names = ", ".join(dict.fromkeys(switch.name for switch in mech.switches))
-            warnings.warn(f"statics and modes ignore unilateral closures, clutches and stiction: {names}", stacklevel=3)
+        s.enter(mode or s.mode)
+        kinds, ignored = (Unilateral,) if mode is not None else (), "clutches and stiction"
+        if names := ", ".join(dict.fromkeys(switch.name for switch in mech.switches if type(switch) not in kinds)):
+            ignored = ignored if kinds else f"unilateral closures, {ignored}"
+            warnings.warn(f"statics and modes ignore {ignored}: {names}", stacklevel=3)
         for law, _ in s.laws.bound:
             if isinstance(law, SampledElement):
                 raise InputError(f"{law.name!r} is a sampled controller: statics and modes need a continuous one")

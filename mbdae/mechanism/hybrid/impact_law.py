@@ -86,8 +86,15 @@ class ImpactSolution(NamedTuple):
 
 
 def solve_impact(
-    U: Array, bilateral: Array, b: Array, rows: Array, c: Array, e: Array, v: Array,
-    frictional: Sequence[FrictionRow] = (), speed: float = 1.0,
+    U: Array,
+    bilateral: Array,
+    b: Array,
+    rows: Array,
+    c: Array,
+    e: Array,
+    v: Array,
+    frictional: Sequence[FrictionRow] = (),
+    speed: float = 1.0,
 ) -> ImpactSolution:
     """Solve the impact problem: Newton restitution, contact rows and bilateral rows, Coulomb friction.
 
@@ -127,8 +134,8 @@ def solve_impact(
     start = U @ stages[0].before
     if frictional and work > MODE_ROUNDING * float(start @ start) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction increases the energy here, for a restitution above 0")
-    total, P, friction = (sum(x) for x in zip(*(stage[2:5] for stage in stages), strict=True))
-    return ImpactSolution(v, total, P, work, friction, tuple(stages))
+    p, P, friction = (np.sum([stage[i] for stage in stages], axis=0) for i in (2, 3, 4))
+    return ImpactSolution(v, p, P, work, friction, tuple(stages))
 
 
 class _Impact:

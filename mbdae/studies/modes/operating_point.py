@@ -10,7 +10,9 @@ from ...mechanism import Mechanism
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, require_steady
 from ...system import Array
-from ..statics.equilibrium import balanced, complete_arguments, velocities, velocity_labels
+from ...tolerances import CLOSED
+from ..statics.contacts import Contacts, balanced_on_contacts
+from ..statics.equilibrium import complete_arguments, velocities, velocity_labels
 from ..statics.stability import loses_rank
 
 if TYPE_CHECKING:
@@ -48,8 +50,8 @@ def operating_point(
             found = None
     if found is None:
         q0, speeds, fixed, _ = complete_arguments(mech, q, t, v, hold)
-        here = balanced(Statics(mech, t, speeds, fixed), q0, "stable")[0]
-        statics = Statics(mech, t, speeds, locked)
+        rest = balanced_on_contacts(mech, t, speeds, fixed, q0, "stable")
+        here, statics = rest.here, Statics(mech, t, speeds, locked, mode=rest.statics.system.mode)
         found = (statics, statics.point(here.q, here.s)), "steady motion" if speeds.any() else "equilibrium"
     (statics, here), kind = found
     if not here.free.Z.shape[1] and not len(here.s):
@@ -66,7 +68,20 @@ def _locked_text(mech: Mechanism, locked: Array) -> str:
 
 
 def _at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[Statics, ForceBalance]:
-    statics = Statics(mech, t, v, locked)
-    here = statics.point(q, np.array(list(mech.states.values())))
-    require_steady(statics, here)
-    return statics, here
+    """Return the balance at a configuration, which rests on the contacts that are closed there and press.
+
+    Raises:
+        InputError: for a configuration that is not an equilibrium, or that violates a contact.
+    """
+    contacts = Contacts(mech, t)
+    gaps, states = contacts.gaps(q), np.array(list(mech.states.values()))
+    if (gaps < -CLOSED).any():
+        raise InputError(f"this configuration violates {contacts.names({int(gaps.argmin())})[0]!r}")
+    closed = set(np.flatnonzero(gaps <= CLOSED).tolist())
+    while True:
+        statics = Statics(mech, t, v, locked, mode=contacts.mode(closed))
+        here = statics.point(q, states)
+        if not (pulling := contacts.pulling(closed, here)):
+            require_steady(statics, here)
+            return statics, here
+        closed.remove(pulling[0])

@@ -1,7 +1,7 @@
 """Equilibria and steady motions of a mechanism: holding forces and stability."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import EquilibriumError, StepError, UnknownNameError, as_list
+from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.equilibrium.linearization import require_steady
 from ...mechanism.signals.reactions import Reaction, reaction
 from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.tree.frames import find_joint
@@ -22,8 +20,8 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ROUNDING, SOLUTION_ROUNDING
+from .contacts import balanced_on_contacts
 from .stability import Verdict, verdict
-from .trust_region import TrustRegion
 
 if TYPE_CHECKING:
     from ...mechanism.mechanism import Coordinates
@@ -48,7 +46,8 @@ class Equilibrium(Tabular):
         holding: torque in N m or force in N on each coordinate of locked joints, by name.
         residual: unbalanced force along free motions, relative to the largest force.
         iterations: number of trial steps.
-        verdict: stability, and its criterion.
+        verdict: stability, and its criterion; on contacts, that of the motions in which they stay closed.
+        contacts: normal forces in N, or N m, of the stops, ropes and planes on which it rests, by name.
     """
 
     mechanism: Mechanism
@@ -61,6 +60,7 @@ class Equilibrium(Tabular):
     residual: float
     iterations: int
     verdict: Verdict
+    contacts: dict[str, float] = field(default_factory=dict)
 
     @property
     def stability(self) -> str:
@@ -87,6 +87,10 @@ class Equilibrium(Tabular):
         """
         return reaction(self.mechanism, name, np.array([self.t]), self.q[None], self.lam[None])
 
+    def _contact_unit(self, name: str) -> str:
+        row = next(s.row for s in self.mechanism.switches if s.name == name)
+        return "N" if self.mechanism.row_units[row] == "m" else "N m"
+
     def tabulated(self) -> Columns:
         """Return one row: coordinates, states, holding forces, and forces of closures, by names of signals."""
         units, values = coordinate_units(self.mechanism), {"t": self.t, **self.coordinates}
@@ -95,6 +99,8 @@ class Equilibrium(Tabular):
         for name, x in self.holding.items():
             values[f"holding.{name}"] = x
             known[f"holding.{name}"] = effort_unit(units, name)
+        values |= {f"contact.{name}": x for name, x in self.contacts.items()}
+        known |= {f"contact.{name}": self._contact_unit(name) for name in self.contacts}
         for c in self.mechanism.constraints:
             r = self.reaction(c.name) if c.frames else None
             for kind, vector, unit in (("force", r.force_world, "N"), ("torque", r.torque_world, "N m")) if r else ():
@@ -122,6 +128,7 @@ class Equilibrium(Tabular):
             "coordinates": self.coordinates,
             "lam": self.lam.tolist(),
             "holding": self.holding,
+            "contacts": self.contacts,
             "reactions": {
                 n: {"force": r.force_world[0].tolist(), "torque": r.torque_world[0].tolist()} for n, r in forces.items()
             },
@@ -138,6 +145,7 @@ class Equilibrium(Tabular):
         ]
         lines += [f"  {name} = {_shown(x):.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
+        lines += [f"  rests on {name} with {x:.8g} {self._contact_unit(name)}" for name, x in self.contacts.items()]
         lines += [f"  {name} is held by {_shown(x):.8g} {effort_unit(named, name)}" for name, x in self.holding.items()]
         for c in self.mechanism.constraints:
             if c.frames:
@@ -166,7 +174,9 @@ def equilibrium(
 
     By a trust region over the free motions that needs no potential, so that controllers, motors and follower forces are
     allowed. States such as currents and integrators are determined, too; an integrator requires its reference value.
-    Drivers are frozen at time t. With speeds it is a relative equilibrium: the coordinates with a speed move steadily
+    Drivers are frozen at time t. It may rest on stops, ropes and planes, which press and never pull.
+
+    With speeds it is a relative equilibrium: the coordinates with a speed move steadily
     and nothing may depend on them (the shaft of a governor); the torque that sustains them is reported.
 
     Args:
@@ -193,11 +203,10 @@ def equilibrium(
     if find not in FIND:
         raise UnknownNameError("kind of equilibrium", find, FIND)
     q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
-    statics = Statics(mech, t, speeds, held)
-    here, residual, iterations = balanced(statics, q0, find)
+    statics, here, residual, iterations, contacts = balanced_on_contacts(mech, t, speeds, held, q0, find)
     holding = dict(zip(names, here.holding.tolist(), strict=True))
     judged = verdict(statics, here)
-    return Equilibrium(mech, t, here.q, speeds, here.s, here.lam, holding, residual, iterations, judged)
+    return Equilibrium(mech, t, here.q, speeds, here.s, here.lam, holding, residual, iterations, judged, contacts)
 
 
 def complete_arguments(
@@ -234,28 +243,3 @@ def velocity_labels(mech: Mechanism, indices: Array) -> list[str]:
     joints = [mech.coordinate_joint(int(i)) for i in indices]
     spans = [velocities(mech, name) for name in joints]
     return [n if len(at) == 1 else f"{n}.{i - at[0] + 1}" for n, at, i in zip(joints, spans, indices, strict=True)]
-
-
-def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float, int]:
-    """Search from a configuration; return the balance, its residual, and the number of trial steps.
-
-    Raises:
-        EquilibriumError: if no equilibrium is found.
-        InputError: for speeds that are not steady.
-    """
-    mech = statics.mech
-    try:
-        search = TrustRegion(statics, statics.point(q, np.array(list(mech.states.values()))))
-        found = search.run(find)
-    except StepError as e:
-        raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e
-    here = search.here
-    if not found:
-        unbalanced = np.abs(here.free.Z @ here.rho) / statics.sizes.l
-        worst = mech.coordinate_joint(int(unbalanced.argmax()))
-        where = f"{search.residual:.2e} of the largest force is unbalanced, most at joint {worst!r}"
-        text = f"no {'stable ' * (find == 'stable')}equilibrium found in {search.iterations} iterations: {where}"
-        raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
-    if statics.v.any():
-        require_steady(statics, here)
-    return here, search.residual, search.iterations

@@ -19,7 +19,8 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from .continuation import Continuation, CriticalPoint
-from .equilibrium import balanced, complete_arguments
+from .equilibrium import complete_arguments
+from .search import balanced
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -231,11 +231,20 @@ def test_what_has_no_derivative_is_named():
     refused("has not advanced", simulator.adjoint)
 
 
-def test_mode_changes_and_events_are_refused():
-    simulator = mbdae.Simulator("pendulum_on_stop", rtol=1e-7, restart=True)
-    simulator.advance(3.0)
-    stop = simulator.mechanism.switches[0].name
-    refused(f"{stop}.*switches at t", simulator.tangent)
+def test_an_advance_through_impacts():
+    """The tangent of an advance is that of a run; its length has no derivative, and neither has rest by bounces."""
+    sol = mbdae.solve("pendulum_on_stop", (0.0, 1.5), rtol=1e-9)
+    simulator = mbdae.Simulator("pendulum_on_stop", rtol=1e-9, restart=True)
+    simulator.advance(1.5)
+    expected = mbdae.sensitivity(sol, start=True).dy[-1, :2, 0]
+    assert stacked(simulator.tangent(dq=[1.0]))[:2] == pytest.approx(expected, rel=1e-9)
+    assert simulator.adjoint(v=[1.0]).q == pytest.approx(expected[1:], rel=1e-9)
+    refused("instants that do not scale", lambda: simulator.tangent(dt=1.0))
+    simulator.advance(6.0)
+    refused("'rod stop' comes to rest by an accumulation of bounces", simulator.tangent)
+
+
+def test_terminal_events_are_refused():
     simulator = mbdae.Simulator("four_bar", rtol=1e-8, events=mbdae.Event("q.crank = 1.0", terminal=True))
     assert simulator.advance(5.0) == "event"
     refused("ended in an event", simulator.tangent)

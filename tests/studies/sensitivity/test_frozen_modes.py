@@ -2,12 +2,10 @@
 
 from functools import cache
 
-import numpy as np
 import pytest
 from frozen import FROZEN, assert_derivative, compare
 
 import mbdae
-from mbdae.errors import InputError
 from mbdae.mechanism.formats.template import Template
 
 
@@ -30,12 +28,3 @@ def test_no_mode_changes(model, values, others, T, mode, project):
         assert_derivative(found.dy[..., i], lambda x, at=at: at(x).y, value, 1e-9, (1e-3, 3e-3), sol.mechanism, name)
         assert_derivative(found.lam[..., i], lambda x, at=at: at(x).lam, value, 1e-9, (1e-3, 3e-3), what=name)
     compare(sol, given, [f"v.{sol.mechanism.joint_names[0]}", "energy"], model=template)
-
-
-def test_where_a_mode_changes():
-    sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0.0, 1.5))
-    with pytest.raises(InputError, match=rf"'rod stop' switches at t = {sol.impacts[0].t:.9g} s: no derivative"):
-        mbdae.sensitivity(sol, start=True)
-    sol = mbdae.solve(mbdae.load("stick_slip_slider"), (0.0, 0.5))
-    with pytest.raises(InputError, match=r"friction' switches at t = "):
-        mbdae.gradient(sol, mbdae.Squares({"q.crank": np.zeros(len(sol.t))}), start=True)

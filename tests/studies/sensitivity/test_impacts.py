@@ -16,7 +16,7 @@ MODELS = [  # model, parameters, other values, span in s, number of impacts and 
     ("ratchet", ["driver.rocker driver.motion.amplitude", "clutch.driving pawl.tooth"], {}, 0.9, 1, 2, 3e-4),
     ("ratchet", ["clutch.holding pawl.pitch"], {}, 1.8, 2, 4, 3e-4),
     ("geneva_drive", ["start.v.crank", "body.wheel.inertia.2"], {}, 0.4, 0, 2, 1e-4),
-    ("stick_slip_slider", ["force.joint_friction 2.static", "force.joint_torque 1.torque.amplitude"], {}, 0.5, 0, 2, 1e-4),
+    ("stick_slip_slider", ["force.joint_friction 2.static", "body.rod.mass"], {}, 0.5, 0, 2, 1e-4),
     ("woodpecker", ["start.v.bird", "force.coulomb_friction 2.coefficient"], {}, 0.0685, 1, 4, 1e-4),
 ]
 

@@ -1,0 +1,130 @@
+"""Equilibria that rest on stops, ropes and planes: 0 <= gap, 0 <= N, gap N = 0.
+
+From an equilibrium without contact, the first contact that the way to it violates closes, and the search continues in
+that mode; a closed contact in tension opens again. The equilibrium is accepted when no gap is negative and every closed
+contact presses.
+
+Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), section 16.5, for the active-set iteration.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import EquilibriumError
+from ...mechanism import Mechanism
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.hybrid.mode_point import AllRows
+from ...mechanism.hybrid.switches import Mode
+from ...mechanism.hybrid.unilateral import CLOSED as ACTIVE
+from ...mechanism.hybrid.unilateral import OPEN, Unilateral
+from ...system import Array
+from ...tolerances import CLOSED, MODE_ROUNDING
+from .search import balanced
+
+CHANGES = 20  # of the mode, plus as many per contact: more are a cycle
+
+
+class Contacts:
+    """Contacts of a mechanism on which an equilibrium may rest.
+
+    Args:
+        mech: the mechanism.
+        t: time in s.
+    """
+
+    def __init__(self, mech: Mechanism, t: float) -> None:
+        self.mech, self.t = mech, t
+        self.switches = [s for s in mech.switches if type(s) is Unilateral]
+        self.all_rows = AllRows(mech.system()) if self.switches else None
+        self.rows = np.array([s.row for s in self.switches], int)
+        self.signs = np.array([s.sign for s in self.switches])
+
+    def gaps(self, q: Array) -> Array:
+        """Return the gaps in rad and characteristic lengths, (k,)."""
+        if self.all_rows is None:
+            return np.empty(0)
+        return self.signs * self.all_rows(self.t, q)[0][self.rows] / self.mech.row_scales[self.rows]
+
+    def normal_forces(self, lam: Array) -> Array:
+        """Return the normal forces in N, or N m, positive under pressure, (k,); 0 for open contacts."""
+        return self.signs * lam[self.rows]
+
+    def mode(self, closed: set[int]) -> Mode:
+        """Return the mode in which these contacts are closed."""
+        out = [OPEN] * len(self.mech.switches)
+        for k in closed:
+            out[self.switches[k].index] = ACTIVE
+        return tuple(out)
+
+    def names(self, closed: set[int]) -> list[str]:
+        """Return the names of contacts."""
+        return [self.switches[k].name for k in sorted(closed)]
+
+    def pulling(self, closed: set[int], here: ForceBalance) -> list[int]:
+        """Return the closed contacts in tension, the largest tension first."""
+        force, size = self.normal_forces(here.lam), float(np.abs(here.lam).max(initial=0.0))
+        return sorted((k for k in closed if force[k] < -MODE_ROUNDING * size), key=lambda k: float(force[k]))
+
+    def first_violated(self, closed: set[int], q0: Array, q1: Array) -> tuple[int, float] | None:
+        """Return the open contact whose gap is negative at q1 and closes first on the way from q0, and where.
+
+        The gap is taken as linear along that way, which is a fraction of it between 0 and 1.
+        """
+        before, after = np.maximum(self.gaps(q0), 0.0), self.gaps(q1)
+        negative = [k for k in range(len(after)) if k not in closed and after[k] < -CLOSED]
+        fractions = [(float(before[k] / (before[k] - after[k])), k) for k in negative]
+        return (min(fractions)[1], min(fractions)[0]) if fractions else None
+
+
+class RestingBalance(NamedTuple):
+    """A balance of forces, and the contacts on which it rests.
+
+    Attributes:
+        statics: of the mode.
+        here: the balance.
+        residual: of the search.
+        iterations: number of trial steps of all searches.
+        contacts: normal forces in N, or N m, of the closed contacts by name.
+    """
+
+    statics: Statics
+    here: ForceBalance
+    residual: float
+    iterations: int
+    contacts: dict[str, float]
+
+
+def balanced_on_contacts(mech: Mechanism, t: float, v: Array, locked: Array, q: Array, find: str) -> RestingBalance:
+    """Search for an equilibrium that violates no contact.
+
+    Raises:
+        EquilibriumError: if none is found.
+        InputError: for speeds that are not steady.
+    """
+    contacts, closed, iterations = Contacts(mech, t), set[int](), 0
+    for _ in range(CHANGES * (1 + len(contacts.switches))):
+        statics = Statics(mech, t, v, locked, mode=contacts.mode(closed))
+        reason = None
+        try:
+            here, residual, n = balanced(statics, q, find)
+            reached, iterations = here.q, iterations + n
+        except EquilibriumError as e:
+            reason, reached = e, np.array(e.q)
+        violated = contacts.first_violated(closed, q, reached)
+        if violated:
+            k, fraction = violated
+            closed.add(k)
+            q = mech.manifold.integrate(q, fraction * mech.manifold.difference(q, reached))
+            continue
+        if reason:
+            raise reason
+        if pulling := contacts.pulling(closed, here):
+            closed.remove(pulling[0])
+            q = here.q
+            continue
+        force = contacts.normal_forces(here.lam)
+        loads = {contacts.switches[k].name: float(force[k]) for k in sorted(closed)}
+        return RestingBalance(statics, here, residual, iterations, loads)
+    names = ", ".join(map(repr, contacts.names(closed)))
+    raise EquilibriumError(f"no equilibrium: contacts open and close without end, with {names}", q.tolist(), np.inf, "")

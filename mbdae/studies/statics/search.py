@@ -1,0 +1,34 @@
+"""Search for an equilibrium in one mode."""
+
+import numpy as np
+
+from ...errors import EquilibriumError, StepError
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.linearization import require_steady
+from ...system import Array
+from .trust_region import TrustRegion
+
+
+def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float, int]:
+    """Search from a configuration; return the balance, its residual, and the number of trial steps.
+
+    Raises:
+        EquilibriumError: if no equilibrium is found.
+        InputError: for speeds that are not steady.
+    """
+    mech = statics.mech
+    try:
+        search = TrustRegion(statics, statics.point(q, np.array(list(mech.states.values()))))
+        found = search.run(find)
+    except StepError as e:
+        raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e
+    here = search.here
+    if not found:
+        unbalanced = np.abs(here.free.Z @ here.rho) / statics.sizes.l
+        worst = mech.coordinate_joint(int(unbalanced.argmax()))
+        where = f"{search.residual:.2e} of the largest force is unbalanced, most at joint {worst!r}"
+        text = f"no {'stable ' * (find == 'stable')}equilibrium found in {search.iterations} iterations: {where}"
+        raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
+    if statics.v.any():
+        require_steady(statics, here)
+    return here, search.residual, search.iterations
