@@ -1,4 +1,4 @@
-"""The gait of the simplest walker over the slope: its angle, its multipliers, and where it begins to limp.
+"""The gait of the simplest walker over the incline: its angle, its multipliers, and where it begins to limp.
 
 Run: python examples/walker.py
 """
@@ -13,17 +13,17 @@ STRIKE = "heel strike"
 
 
 def main(first: float = 0.001, last: float = 0.017, plot: str | Path | None = None) -> dict[str, float]:
-    """Print the branch of gaits; return the slope at which the period doubles, and the angle there."""
-    found = mbdae.periodic_branch("simplest_walker", "slope", first, last, rtol=1e-9)
+    """Print the branch of gaits; return the incline at which the period doubles, and the angle there."""
+    found = mbdae.periodic_branch("simplest_walker", "incline", first, last, rtol=1e-9)
     print(found)
     doubling = next(b for b in found.bifurcations if b.kind == "doubling")
     if plot:
         draw(found, plot)
-    return {"slope": doubling.value, "angle": doubling.motion.after[STRIKE]["q.stance"]}
+    return {"incline": doubling.value, "angle": doubling.motion.after[STRIKE]["q.stance"]}
 
 
 def draw(found, path: str | Path) -> None:
-    """Draw one step, the angle at the strike and the multipliers over the slope."""
+    """Draw one step, the angle at the strike and the multipliers over the incline."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.5, 2.4), layout="constrained")
@@ -42,11 +42,11 @@ def draw(found, path: str | Path) -> None:
         for axes in (angle, multipliers):
             axes.axvline(bifurcation.value, color="0.5", linestyle=":", linewidth=0.9)
     angle.plot(found.values, [p.motion.after[STRIKE]["q.stance"] for p in found.points], color="#0072B2")
-    angle.set(title="angle after the strike (rad)", xlabel="slope (rad)")
+    angle.set(title="angle after the strike (rad)", xlabel="incline (rad)")
     sizes = np.sort(np.abs(found.multipliers), axis=1)
     multipliers.plot(found.values, sizes[:, 1:], color="#0072B2")
     multipliers.axhline(1, color="black", linewidth=0.7)
-    multipliers.set(title="magnitude of multipliers", xlabel="slope (rad)")
+    multipliers.set(title="magnitude of multipliers", xlabel="incline (rad)")
     figure.savefig(path, dpi=110)
 
 

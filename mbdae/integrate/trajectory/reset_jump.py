@@ -1,4 +1,4 @@
-"""Jumps of tangents and adjoints at events of the user's: h and R of an event in `mbdae.integrate.jump`."""
+"""Jumps of tangents and adjoints at events of the user's: h and R of an event in `mbdae.integrate.trajectory.jump`."""
 
 from typing import TYPE_CHECKING
 
@@ -8,7 +8,7 @@ from ...errors import InputError
 from ...mechanism.hybrid.reset import Reset, StateReset
 from ...tolerances import VISIBLE
 from ..events.level_crossing import parse_level_crossing
-from ..jump import Jump
+from .jump import Jump
 from .signal_jacobian import SignalJacobian
 
 if TYPE_CHECKING:

@@ -23,11 +23,11 @@ from ...solution.solution import Solution
 from ...system import Array, State, System
 from ...tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE, ZERO_SPEED
 from ..events.jumps import MARGIN
-from ..jump import ModeJumps
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
 from .checkpoints import Checkpoints, RecordedStates
 from .differentiable_runs import require_differentiable
+from .jump import ModeJumps
 from .native_trajectory import NativeStep, NativeTrajectory
 from .reset_jump import ResetJumps
 

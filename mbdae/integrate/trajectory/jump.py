@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..mechanism.discrete_sensitivity.guard_partials import GuardPartials
-from ..mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
-from ..mechanism.hybrid.impact import row_impacts
-from ..mechanism.hybrid.mode_point import AllRows, ModePoint
-from ..mechanism.hybrid.switches import unswitched_rows
-from ..system import Array
-from ..tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
-from .trajectory.native_trajectory import NativeStep
+from ...errors import InputError
+from ...mechanism.discrete_sensitivity.guard_partials import GuardPartials
+from ...mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
+from ...mechanism.hybrid.impact import row_impacts
+from ...mechanism.hybrid.mode_point import AllRows, ModePoint
+from ...mechanism.hybrid.switches import unswitched_rows
+from ...system import Array
+from ...tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
+from .native_trajectory import NativeStep
 
 if TYPE_CHECKING:
-    from .trajectory.trajectory import Trajectory
+    from .trajectory import Trajectory
 
 COMMANDS = ("command", "speed step")  # guards of switches at known times
 
