@@ -46,7 +46,7 @@ class Symmetry:
             if name not in (*TWISTS, *cyclic):
                 raise UnknownNameError("symmetry", name, (*TWISTS, *cyclic))
         if not set(names).isdisjoint(TWISTS):
-            require_rigid(mech.model, "a symmetry")
+            require_rigid(mech.model, "symmetries")
         if len(set(names)) < len(names):
             raise InputError(f"a symmetry is named once, got {', '.join(names)}")
         return tuple(cls(name, system) for name in names)

@@ -46,12 +46,16 @@ def guess_of(
     if T is None:
         raise InputError("the equations do not depend on time: give an estimate of the period, T, or a section")
     cycle = Cycle(t, k, section, not free and not section, free, symmetries)
-    nodes, at = [y], t
-    for i in range(k):
-        nodes.append(flow.run(at, nodes[-1], T / k, section if i == k - 1 else None).y[-1])
-        at += T / k
-    end = nodes.pop()
+    *nodes, end = _nodes(flow, cycle, y, T)
     return cycle, Guess(nodes, T, *_advances(mech, symmetries, y[: mech.nq], end[: mech.nq]))
+
+
+def _nodes(flow: Flow, cycle: Cycle, y: Array, T: float) -> list[Array]:
+    """Return the points between the parts of a period, from its start to its end, (k + 1,)."""
+    k, out = cycle.parts, [y]
+    for i in range(k):
+        out.append(flow.run(cycle.t + i * T / k, out[-1], T / k, cycle.section if i == k - 1 else None).y[-1])
+    return out
 
 
 def _number_of_parts(parts: int | None, section: str | None) -> int:
