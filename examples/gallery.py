@@ -44,6 +44,7 @@ SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.p
     "convergence.png": [PACKAGE / x.format("order") for x in FIGURE],
     "drift.png": [PACKAGE / x.format("drift") for x in FIGURE],
     "errors_over_time.png": [EXAMPLES / "errors_over_time.py", PACKAGE / "studies/figures.py"],
+    "walker.png": [EXAMPLES / "walker.py"],
     "foot_path.png": [EXAMPLES / "foot_path.py"],
     "long_time_energy.png": [EXAMPLES / "long_time_energy.py", PACKAGE / "studies/figures.py"],
     "foot_bands.png": [PACKAGE / x.format("tolerance") for x in FIGURE],
@@ -62,6 +63,7 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     example("errors_over_time", folder)
     example("foot_path", folder)
     example("optimal_control", folder)
+    example("walker", folder)
     example("long_time_energy", folder)
     return {path.name: path.stat().st_size for path in sorted(folder.glob("*.png"))}
 

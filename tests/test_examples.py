@@ -270,6 +270,13 @@ def test_lift_assist(capsys):
     assert "N m after (RMS)" in capsys.readouterr().out
 
 
+def test_walker(tmp_path, capsys):
+    found = example("walker").main(0.0148, 0.0153, plot=tmp_path / "walker.png")
+    assert found["incline"] == pytest.approx(0.0150884379411, abs=1e-9)
+    assert found["angle"] == pytest.approx(0.23716586, abs=1e-7)
+    assert "period doubling" in capsys.readouterr().out
+
+
 def test_foot_path(tmp_path, capsys):
     result = example("foot_path").main(points=19, plot=tmp_path / "path.png")
     assert result["after"] < 0.6 * result["before"]

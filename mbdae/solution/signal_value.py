@@ -11,7 +11,8 @@ from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.tree.coordinate_units import acceleration_units, component_suffixes
-from ..mechanism.tree.frames import find_joint, frame_index, frame_origin, skew
+from ..mechanism.tree.frames import find_joint, frame_index, skew
+from ..mechanism.tree.tree_terms import frame_origin
 from ..system import Array
 from .columns import force_rows, moving_frames, reaction_units, row_names
 from .signals import effort_rows, signals, units

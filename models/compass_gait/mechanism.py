@@ -1,4 +1,4 @@
-"""A compass walker: two straight legs with masses, hinged at a hip with a mass, passive on a slope."""
+"""A compass walker: two straight legs with masses, hinged at a hip with a mass, passive on a incline."""
 
 from math import cos, radians, sin
 from typing import Annotated
@@ -8,17 +8,17 @@ from pydantic import Field
 LEG, MASS, HIP, GRAVITY = 1.0, 5.0, 10.0, 9.81
 
 
-def mechanism(slope: Annotated[float, Field(gt=0, lt=20)] = 3.0) -> dict:
+def mechanism(incline: Annotated[float, Field(gt=0, lt=20)] = 3.0) -> dict:
     """Return the tables of the walker.
 
     Args:
-        slope: of the ground in degrees.
+        incline: of the ground in degrees.
     """
-    a = radians(slope)
+    a = radians(incline)
     leg = {"parent": "z", "axis": [0.0, -1.0, 0.0], "mass": MASS, "com": [0.0, 0.0, -LEG / 2]}
     return {
-        "title": f"Compass gait on {slope:g} degrees",
-        "gravity": [GRAVITY * sin(a), 0.0, -GRAVITY * cos(a)],  # x down the slope, z normal to it
+        "title": f"Compass gait on {incline:g} degrees",
+        "gravity": [GRAVITY * sin(a), 0.0, -GRAVITY * cos(a)],  # x down the incline, z normal to it
         "duration": 5.0,
         "order": {"T": 0.5, "steps": 20},
         "body": [

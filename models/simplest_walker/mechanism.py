@@ -1,4 +1,4 @@
-"""The simplest walking model: two massless legs, a mass at the hip and small masses at the feet, on a slope."""
+"""The simplest walking model: two massless legs, a mass at the hip and small masses at the feet, on a incline."""
 
 from math import cos, sin
 from typing import Annotated
@@ -8,17 +8,17 @@ from pydantic import Field
 FOOT = 1e-12  # of the hip's mass: the published equations are the limit 0, and change by this
 
 
-def mechanism(slope: Annotated[float, Field(gt=0, lt=0.1)] = 0.009) -> dict:
+def mechanism(incline: Annotated[float, Field(gt=0, lt=0.1)] = 0.009) -> dict:
     """Return the tables of the walker, in units of its leg, its hip's mass and gravity.
 
     Args:
-        slope: of the ground in rad.
+        incline: of the ground in rad.
     """
-    root = slope ** (1 / 3)
-    angle, rate = 0.970956 * root - 0.270837 * slope, -1.01472 * root + 1.249 * slope  # of the long gait, to 1e-3
+    root = incline ** (1 / 3)
+    angle, rate = 0.970956 * root - 0.270837 * incline, -1.01472 * root + 1.249 * incline  # of the long gait, to 1e-3
     return {
         "title": "Simplest walker",
-        "gravity": [sin(slope), 0.0, -cos(slope)],  # x down the slope, z normal to it
+        "gravity": [sin(incline), 0.0, -cos(incline)],  # x down the incline, z normal to it
         "duration": 20.0,
         "order": {"T": 3.0, "steps": 20},
         "body": [

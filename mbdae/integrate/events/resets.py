@@ -10,7 +10,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.index2 import Index2System
 from ...mechanism.hybrid.reset import StateReset
 from ...system import Array
-from ...tolerances import SOLUTION_ROUNDING
+from ...tolerances import AGREEMENT, SOLUTION_ROUNDING
 from .level_crossing import SignalEvent, parse_level_crossing
 from .source import EventSource, Occurrence
 
@@ -90,7 +90,7 @@ class Resets(EventSource):
     def _counts(self, i: int, step: "StepMap", theta: float, y: Array) -> bool:
         """Return whether an event is not at the start of the run, and its condition holds."""
         condition, t = self.conditions[i], step.t + theta * step.h
-        if step.first and theta == 0:
+        if step.first and theta * abs(step.h) <= AGREEMENT * max(1.0, abs(step.t)):
             return False
         return condition is None or condition.direction * condition.value(t, y) > 0
 
@@ -103,6 +103,9 @@ class Resets(EventSource):
         if len(self.times) > MAX_RESETS and self.times[0] == run.t:
             raise StepError("switching", f"event {found.reset.name!r} repeats without end at t = {run.t:.17g}")
         run.end_interval()
+        for i, signal in enumerate(self.signals):  # the last step was longer before the event
+            at = run.t, run.ys[-1]
+            signal.advance(*at, 0.0 if i == self._found else signal.value(*at))
         self.done.append((len(run.ts), found.reset.name))
         run.switch_mode(found(run.t, run.ys[-1]))
         return False

@@ -186,9 +186,9 @@ class Trajectory:
         """Yield the maps from node i to the next one."""
         self.enter_node(i)
         t1, y1, changed = float(self.ts[i + 1]), self.ys[i + 1], i + 1 in self.changes
-        if i in self.resets or (self.jumped[i] and self.system.mechanism.switches):
-            jump = self.resets[i] if i in self.resets else self.jumps[i]
-            yield LinearMap(jump.matrix, False)
+        switched = self.jumped[i] and self.system.mechanism.switches
+        if jumps := self.resets if i in self.resets else self.jumps if switched else None:
+            yield LinearMap(jumps[i].matrix, False)
             self.enter_node(i + 1)
             yield from self._carry_restart(t1, y1)
             return

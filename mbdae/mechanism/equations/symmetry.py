@@ -14,6 +14,8 @@ from ...errors import InputError, UnknownNameError
 from ...system import Array
 from ...tolerances import CLOSED, EPS, SUM_ROUNDING
 from ..formulations.index2 import Index2System
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import require_rigid
 
 TWISTS = {"x": 0, "y": 1, "z": 2, "turn": 5}  # component of a world twist: translations, and the turn about z
 ITERATIONS = 20
@@ -43,6 +45,8 @@ class Symmetry:
         for name in names:
             if name not in (*TWISTS, *cyclic):
                 raise UnknownNameError("symmetry", name, (*TWISTS, *cyclic))
+        if not set(names).isdisjoint(TWISTS):
+            require_rigid(mech.model, "symmetries")
         if len(set(names)) < len(names):
             raise InputError(f"a symmetry is named once, got {', '.join(names)}")
         return tuple(cls(name, system) for name in names)
@@ -103,10 +107,9 @@ class Symmetry:
 
     def _jacobian_rates(self, q: Array) -> Array:
         """Return the rates of `_jacobians` while the bodies move by the symmetry, (njoints - 1, 6, nv)."""
-        s = self.system
-        pin.computeJointJacobiansTimeVariation(s.model, s.workspace, q, self.direction(q))
-        world = pin.ReferenceFrame.WORLD
-        rates = [pin.getJointJacobianTimeVariation(s.model, s.workspace, i, world) for i in range(1, s.model.njoints)]
+        model, data, world = self.system.model, make_data(self.system.model, complete=True), pin.ReferenceFrame.WORLD
+        pin.computeJointJacobiansTimeVariation(model, data, q, self.direction(q))
+        rates = [pin.getJointJacobianTimeVariation(model, data, i, world) for i in range(1, model.njoints)]
         return np.array(rates)
 
     @property

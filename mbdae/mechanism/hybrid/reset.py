@@ -20,11 +20,11 @@ from ...system import Array
 from ...tolerances import EPS, SUM_ROUNDING
 from ..callbacks import call_with_views, checked_value, function_name
 from ..checked_table import Table
-from ..formulations.index2 import Index2System
 from .state_expressions import Expression, state_columns
 
 if TYPE_CHECKING:
     from ..discrete_sensitivity.point_sensitivity import PointSensitivity
+    from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
 
 ITERATIONS = 20
@@ -104,7 +104,7 @@ class StateReset:
         InputError: for a value of an unknown coordinate, an invalid expression, or a function that is not available.
     """
 
-    def __init__(self, system: Index2System, reset: Reset) -> None:
+    def __init__(self, system: "Index2System", reset: Reset) -> None:
         self.system, self.reset, mech = system, reset, system.mechanism
         if reset.function and reset._call is None:
             gone = f"{reset.function!r} is a Python function and not in the file: load the mechanism with it again"

@@ -117,13 +117,6 @@ def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) ->
     return out
 
 
-def frame_origin(model: pin.Model, data: pin.Data, q: np.ndarray, frame: int) -> np.ndarray:
-    """Return the origin of a frame, by its index in the model, in the world in m, (3,)."""
-    at = model.frames[frame]
-    pin.forwardKinematics(model, data, q)
-    return np.asarray(data.oMi[at.parentJoint].act(at.placement.translation))
-
-
 def frame_motions(
     model: pin.Model, names: Sequence[str], q: np.ndarray, v: np.ndarray, vdot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from ..sweep.sweep_run import maker_of
 from .branch_path import FIRST_STEP, BranchPath, Range
 from .guess import guess_of
 from .periodic import GAP, RTOL, require_positive_period, run_options, start_point
-from .result import Bifurcation, BranchPoint, multiplier_text
+from .result import Bifurcation, BranchMotion, multiplier_text
 from .shooting import newton
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Branch(Tabular):
     """
 
     name: str
-    points: tuple[BranchPoint, ...]
+    points: tuple[BranchMotion, ...]
     bifurcations: tuple[Bifurcation, ...]
     message: str
     path: BranchPath

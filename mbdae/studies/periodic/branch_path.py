@@ -31,7 +31,7 @@ from ..path_location import locate
 from ..sweep.sweep_run import Maker
 from .flow import Flow
 from .motion import motion_of
-from .result import Bifurcation, BranchPoint
+from .result import Bifurcation, BranchMotion
 from .shooting import Cycle, Guess, Linearisation
 
 FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, parts of the range
@@ -100,7 +100,7 @@ class BranchPath:
         out[-1] = self.over.last - self.over.first
         return out
 
-    def point(self, at: Linearisation, before: BranchPoint | None, along: Array | None = None) -> BranchPoint:
+    def point(self, at: Linearisation, before: BranchMotion | None, along: Array | None = None) -> BranchMotion:
         """Return a point of the branch with its tangent, in the direction of that before, or of growing parameter."""
         value = at.flow.parameters.values[self.over.name]
         x = np.linalg.svd(at.matrix * self.scales(at))[2][-1]
@@ -108,7 +108,7 @@ class BranchPath:
         if direction is None:
             direction = np.eye(len(x))[-1]
         x *= 1.0 if x @ direction >= 0 else -1.0
-        return BranchPoint(value, motion_of(at), self.physical(at, x))
+        return BranchMotion(value, motion_of(at), self.physical(at, x))
 
     def physical(self, at: Linearisation, x: Array) -> tuple[Array, Array]:
         """Return a tangent as variations of the nodes, (k, ny), and of the other unknowns in their units."""
@@ -116,7 +116,7 @@ class BranchPath:
         nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
         return nodes, x[n * k :]
 
-    def transported(self, at: Linearisation, point: BranchPoint) -> Array:
+    def transported(self, at: Linearisation, point: BranchMotion) -> Array:
         """Return the tangent of a point in the coordinates of other equations, of unit length."""
         nodes, rest = point.tangent
         parts = [
@@ -126,20 +126,20 @@ class BranchPath:
         x = np.concatenate([*parts, rest])
         return np.asarray(x / np.linalg.norm(x))
 
-    def step(self, here: BranchPoint, h: float) -> BranchPoint | None:
+    def step(self, here: BranchMotion, h: float) -> BranchMotion | None:
         """Return the point after a step of length h; None if it fails."""
         try:
             return self._step(here, h)
         except (MbdaeError, np.linalg.LinAlgError):
             return None
 
-    def _step(self, here: BranchPoint, h: float) -> BranchPoint | None:
+    def _step(self, here: BranchMotion, h: float) -> BranchMotion | None:
         at = here.motion.shooting
         x = self.transported(at, here) * self.scales(at)
         at = self.equations(at.cycle, at.moved(h * x[:-1]), here.value + h * float(x[-1]))
         return self.corrected(at, here)
 
-    def corrected(self, at: Linearisation, before: BranchPoint) -> BranchPoint | None:
+    def corrected(self, at: Linearisation, before: BranchMotion) -> BranchMotion | None:
         """Return the point of the branch across the tangent of the point before; None if Newton's method fails."""
         last = np.inf
         for _ in range(MAX_CORRECTIONS):
@@ -157,7 +157,7 @@ class BranchPath:
         cosine = self.transported(at, before) @ self.transported(at, found)
         return found if cosine >= MIN_COSINE else None
 
-    def run(self, first: BranchPoint, h: float = FIRST_STEP) -> tuple[list[BranchPoint], list[Bifurcation], str]:
+    def run(self, first: BranchMotion, h: float = FIRST_STEP) -> tuple[list[BranchMotion], list[Bifurcation], str]:
         """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
         here, points, found = first, [first], list[Bifurcation]()
         low, high = sorted(self.over[1:])
@@ -177,11 +177,13 @@ class BranchPath:
             here, h = there, min(MAX_STEP, GROWTH * h)
         return points, found, f"ends at {self.over.name} = {here.value:.9g} after {MAX_POINTS} points"
 
-    def located(self, here: BranchPoint, h: float, value: Callable[[BranchPoint], float]) -> tuple[float, BranchPoint]:
+    def located(
+        self, here: BranchMotion, h: float, value: Callable[[BranchMotion], float]
+    ) -> tuple[float, BranchMotion]:
         """Return the step length at a sign change of a value, and the point."""
         return locate(self.step, here, h, value, "periodic motions")
 
-    def bifurcations(self, here: BranchPoint, there: BranchPoint, h: float) -> list[Bifurcation]:
+    def bifurcations(self, here: BranchMotion, there: BranchMotion, h: float) -> list[Bifurcation]:
         """Return the bifurcations of a step, in order."""
         out = list[tuple[float, Bifurcation]]()
         crossed = [kind for kind, test in TESTS.items() if test(here) * test(there) < 0]
@@ -193,7 +195,7 @@ class BranchPath:
                 out.append((length, Bifurcation(kind, at.value, at.motion)))
         return [x for _, x in sorted(out, key=lambda pair: pair[0])]
 
-    def doubled(self, at: Bifurcation, h: float) -> tuple[list[BranchPoint], list[Bifurcation], str]:
+    def doubled(self, at: Bifurcation, h: float) -> tuple[list[BranchMotion], list[Bifurcation], str]:
         """Follow the branch of twice the period from a period doubling; see `mbdae.studies.periodic.branch`.
 
         Raises:
@@ -214,7 +216,7 @@ class BranchPath:
         along = np.zeros(double.matrix.shape[1])
         along[: 2 * k * base.n] = np.concatenate([*flips, *(-x for x in flips)])
         along /= np.linalg.norm(along)
-        first = BranchPoint(at.value, motion_of(double), self.physical(double, along))
+        first = BranchMotion(at.value, motion_of(double), self.physical(double, along))
         start = None
         for _ in range(MAX_HALVINGS):
             if start := self.step(first, h):
@@ -226,11 +228,11 @@ class BranchPath:
         return [first, *points], found, message
 
 
-def _beyond(limit: float, p: BranchPoint) -> float:
+def _beyond(limit: float, p: BranchMotion) -> float:
     return p.value - limit
 
 
-def _pairs(p: BranchPoint) -> float:
+def _pairs(p: BranchMotion) -> float:
     return float(np.prod([a * b - 1 for a, b in combinations(p.motion.multipliers, 2)]).real)
 
 
@@ -240,7 +242,7 @@ def _has_complex_pair(multipliers: Array) -> bool:
     return bool(len(z) and np.abs(z.imag).max() > HALF_DIGITS**0.5)
 
 
-TESTS: dict[str, Callable[[BranchPoint], float]] = {
+TESTS: dict[str, Callable[[BranchMotion], float]] = {
     "fold": lambda p: float(p.tangent[1][-1]),
     "doubling": lambda p: float(np.prod(p.motion.multipliers + 1).real),
     "neimark-sacker": _pairs,

@@ -35,37 +35,51 @@ def guess_of(
         UnknownNameError: for an unknown symmetry.
     """
     mech = flow.mechanism
-    if parts is not None and (isinstance(parts, bool) or not isinstance(parts, int) or parts < 1):
-        raise InputError(f"parts must be a positive number, got {parts!r:.60}")
-    system, k = mech.system(), parts or (2 if section else 1)
-    if section and k < 2:
-        raise InputError("a motion with a section has at least 2 parts: the section is not monitored in the first one")
-    symmetries, free = Symmetry.named(system, names), is_autonomous(mech, t, y)
-    if mech.resets and free and not section:
-        y, T = _between_events(flow, t, y, T)
+    k = _number_of_parts(parts, section)
+    symmetries, free = Symmetry.named(mech.system(), names), is_autonomous(mech, t, y)
     if section:
         y, T = _on_section(flow, t, y, T or mech.duration, section)
+    elif mech.resets and free:
+        y, T = _between_events(flow, t, y, T)
     elif not free:
         T = T or _period_of_drivers(mech)
     if T is None:
         raise InputError("the equations do not depend on time: give an estimate of the period, T, or a section")
     cycle = Cycle(t, k, section, not free and not section, free, symmetries)
-    nodes, at = [y], t
+    *nodes, end = _nodes(flow, cycle, y, T)
+    return cycle, Guess(nodes, T, *_advances(mech, symmetries, y[: mech.nq], end[: mech.nq]))
+
+
+def _nodes(flow: Flow, cycle: Cycle, y: Array, T: float) -> list[Array]:
+    """Return the points between the parts of a period, from its start to its end, (k + 1,)."""
+    k, out = cycle.parts, [y]
     for i in range(k):
-        nodes.append(flow.run(at, nodes[-1], T / k, section if i == k - 1 else None).y[-1])
-        at += T / k
-    end = nodes.pop()
-    q, q1 = y[: mech.nq], end[: mech.nq]
-    moved = system.manifold.difference(q, q1)
-    turns = np.zeros(mech.nv)
-    angles = _revolute(mech)
+        out.append(flow.run(cycle.t + i * T / k, out[-1], T / k, cycle.section if i == k - 1 else None).y[-1])
+    return out
+
+
+def _number_of_parts(parts: int | None, section: str | None) -> int:
+    """Return the number of parts of a period.
+
+    Raises:
+        InputError: for a number that is not possible.
+    """
+    if parts is not None and (isinstance(parts, bool) or not isinstance(parts, int) or parts < 1):
+        raise InputError(f"parts must be a positive number, got {parts!r:.60}")
+    if section and parts == 1:
+        raise InputError("a motion with a section has at least 2 parts: the section is not monitored in the first one")
+    return parts or (2 if section else 1)
+
+
+def _advances(mech: Mechanism, symmetries: Sequence[Symmetry], q: Array, end: Array) -> tuple[Array, Array]:
+    """Return the motions (m,) along symmetries that lead from an end back to q, and full turns (nv,) of joints."""
+    moved, angles, turns = mech.manifold.difference(q, end), _revolute(mech), np.zeros(mech.nv)
     turns[angles] = np.round(moved[angles] / TWO_PI)
-    sigma = np.zeros(len(symmetries))
-    if symmetries:
-        w = np.column_stack([symmetry.direction(q) for symmetry in symmetries])
-        turns[np.abs(w).max(axis=1) > 0] = 0.0
-        sigma = np.linalg.lstsq(w, moved - TWO_PI * turns, rcond=None)[0]
-    return cycle, Guess(nodes, T, sigma, turns)
+    if not symmetries:
+        return np.zeros(0), turns
+    w = np.column_stack([symmetry.direction(q) for symmetry in symmetries])
+    turns[np.abs(w).max(axis=1) > 0] = 0.0
+    return -np.linalg.lstsq(w, moved - TWO_PI * turns, rcond=None)[0], turns
 
 
 def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
@@ -138,7 +152,7 @@ def _revolute(mech: Mechanism) -> Array:
     return np.array([j.idx_v for j in joints if j.shortname().removeprefix("JointModel").startswith("R")], int)
 
 
-def settled_start(sol: Solution, T: float | None, names: Sequence[str]) -> tuple[float, Array, float]:
+def start_from_run(sol: Solution, T: float | None, names: Sequence[str]) -> tuple[float, Array, float]:
     """Return the end of a run that has nearly settled, its time, and the time since it was there before.
 
     The distance between states is measured in rad, characteristic lengths and per period of the fastest motion,

@@ -24,19 +24,24 @@ def motion_of(found: Linearisation) -> PeriodicMotion:
 
 def floquet(found: Linearisation) -> tuple[Array, tuple[Neutral, ...]]:
     """Return the multipliers that are not neutral, and the neutral ones with their errors."""
-    factors, k = found.factors, found.cycle.parts
-    names = [x.name for x in found.cycle.symmetries]
-    known = [found.symmetry_directions(i) for i in range(k)]
-    flows = [found.flow_direction(i) for i in range(k)]
-    if found.cycle.free and min(np.linalg.norm(x) for x in flows) > HALF_DIGITS:
-        names, known = ["time", *names], [np.column_stack([f, w]) for f, w in zip(flows, known, strict=True)]
+    factors, nodes = found.factors, range(found.cycle.parts)
+    names, known = _known_directions(found)
     neutral = [Neutral(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
-    energies = [found.energy_gradient(i) for i in range(k)]
+    energies = [found.energy_gradient(i) for i in nodes]
     error = _left_error(factors, energies)
     if error <= SAME_STATE:
         neutral.append(Neutral("energy", error))
         known = [np.column_stack([w, e]) for w, e in zip(known, energies, strict=True)]
     return periodic_eigenvalues(on_quotient(factors, known)), tuple(neutral)
+
+
+def _known_directions(found: Linearisation) -> tuple[list[str], list[Array]]:
+    """Return the names of the free phase and of symmetries, and their directions at each node, (n, m) each."""
+    nodes, names = range(found.cycle.parts), [x.name for x in found.cycle.symmetries]
+    known, flows = [found.symmetry_directions(i) for i in nodes], [found.flow_direction(i) for i in nodes]
+    if not found.cycle.free or min(np.linalg.norm(x) for x in flows) <= HALF_DIGITS:
+        return names, known
+    return ["time", *names], [np.column_stack([f, w]) for f, w in zip(flows, known, strict=True)]
 
 
 def _right_error(factors: Sequence[Array], known: Sequence[Array], j: int) -> float:

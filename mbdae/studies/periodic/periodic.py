@@ -10,15 +10,16 @@ from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
+from ...tolerances import SOLUTION_ROUNDING
 from .flow import Flow
-from .guess import guess_of, settled_start
+from .guess import guess_of, start_from_run
 from .motion import motion_of
 from .result import PeriodicMotion
 from .shooting import Cycle, Guess, Linearisation, newton
 
 __all__ = ["periodic"]
 
-METHOD, RTOL = "pherk6", 1e-12
+METHOD, RTOL = "pherk6", SOLUTION_ROUNDING
 GAP = 100.0  # of rtol: residual of shooting, which step-size control makes uneven
 
 
@@ -61,7 +62,7 @@ def periodic(
     """
     require_positive_period(T)
     mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
-    given = settled_start(model, T, symmetry) if isinstance(model, Solution) else None
+    given = start_from_run(model, T, symmetry) if isinstance(model, Solution) else None
     t, y0, T = given or (0.0, start_point(mech, q, v, s), T)
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
     return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts), rtol)

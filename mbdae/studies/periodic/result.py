@@ -169,7 +169,7 @@ class PeriodicMotion(Tabular):
         return "\n".join(lines)
 
 
-class BranchPoint(NamedTuple):
+class BranchMotion(NamedTuple):
     """A point of a branch.
 
     Attributes:

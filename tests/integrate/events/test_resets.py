@@ -1,6 +1,7 @@
 """Events at which the state jumps: in runs, in their tangents, in files."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mbdae
@@ -171,3 +172,19 @@ def test_impacts_of_closures_conserve_angular_momentum_about_the_new_foot():
     foot = 2 * np.sin(sol.q[i][2])  # the new foot is at the origin after the strike, ahead of the other one before it
     before = momentum(sol.q[i - 1], sol.v[i - 1], foot)
     assert before == pytest.approx(momentum(sol.q[i], sol.v[i], 0.0), rel=1e-9)
+
+
+def test_a_jump_across_its_own_level_is_one_event():
+    """x' = 1 from 0; at 1 the state jumps to -1 in the first file, beyond another level in the second."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
+    model.gravity.linear[:] = 0.0
+    back = Reset(name="back", signal="q.x = 1", state={"q.x": "q.x - 2"})
+    sol = mbdae.solve(mbdae.Mechanism(model, resets=[back]), (0, 6), np.zeros(1), np.ones(1))
+    np.testing.assert_allclose([sol.t[i] for i, _ in sol.resets], [1, 3, 5], atol=1e-12)
+    faster = Reset(name="faster", signal="q.x > 5", state={"v.x": 2.0})
+    ahead = Reset(name="ahead", signal="q.x > 1", state={"q.x": 7.0})
+    sol = mbdae.solve(mbdae.Mechanism(model, resets=[ahead, faster]), (0, 2), np.zeros(1), np.ones(1))
+    assert [name for _, name in sol.resets] == ["ahead", "faster"]
+    assert sol.q[-1][0] == pytest.approx(9.0, abs=1e-12)

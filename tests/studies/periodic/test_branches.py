@@ -10,7 +10,7 @@ from mbdae.errors import InputError, UnknownNameError
 
 @pytest.fixture(scope="session")
 def gaits():
-    return mbdae.periodic_branch("simplest_walker", "slope", 0.0148, 0.0153, rtol=1e-11)
+    return mbdae.periodic_branch("simplest_walker", "incline", 0.0148, 0.0153, rtol=1e-11)
 
 
 def test_the_walker_doubles_its_period(gaits):
@@ -59,6 +59,6 @@ def test_a_bouncing_ball_has_a_fold_where_the_table_is_too_slow():
 
 def test_wrong_input_is_one_line():
     with pytest.raises(InputError, match="two different numbers"):
-        mbdae.periodic_branch("simplest_walker", "slope", 0.01, 0.01)
+        mbdae.periodic_branch("simplest_walker", "incline", 0.01, 0.01)
     with pytest.raises(UnknownNameError, match="slop"):
         mbdae.periodic_branch("simplest_walker", "slop", 0.01, 0.02)

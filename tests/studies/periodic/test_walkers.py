@@ -10,19 +10,19 @@ import mbdae
 from mbdae.__main__ import cli
 
 STRIKE = "heel strike"
-LONG = {  # slope: angle and rate after the strike, period, multiplier
+LONG = {  # incline: angle and rate after the strike, period, multiplier
     0.004: (0.153389564876, -0.156080146676, 3.852613461751, 0.22888996 + 0.59115519j),
     0.009: (0.200310900544, -0.199832473005, 3.882463752851, -0.19009984 + 0.55759878j),
     1e-6: (0.009709374687, -0.010147203353, 3.812249720362, 0.99327509),
 }
-COMMANDS = ("periodic compass_gait --rtol 1e-8", "periodic-branch simplest_walker slope=0.009:0.0092 --rtol 1e-8")
+COMMANDS = ("periodic compass_gait --rtol 1e-8", "periodic-branch simplest_walker incline=0.009:0.0092 --rtol 1e-8")
 
 
-@pytest.mark.parametrize("slope", LONG)
-def test_long_gaits_of_the_simplest_walker(slope):
-    """Garcia, Chatterjee, Ruina, Coleman, J. Biomech. Eng. 120 (1998): T -> 3.812, angle/slope^(1/3) -> 0.970956."""
-    found = mbdae.periodic(f"simplest_walker?slope={slope}")
-    angle, rate, T, multiplier = LONG[slope]
+@pytest.mark.parametrize("incline", LONG)
+def test_long_gaits_of_the_simplest_walker(incline):
+    """Garcia, Chatterjee, Ruina, Coleman, J. Biomech. Eng. 120 (1998): T -> 3.812, angle/incline^(1/3) -> 0.970956."""
+    found = mbdae.periodic(f"simplest_walker?incline={incline}")
+    angle, rate, T, multiplier = LONG[incline]
     after = found.after[STRIKE]
     assert pytest.approx(T, abs=1e-10) == found.T
     assert after["q.stance"] == pytest.approx(angle, abs=1e-10)
@@ -33,8 +33,8 @@ def test_long_gaits_of_the_simplest_walker(slope):
     assert found.stability == "stable"
     assert [x.name for x in found.neutral] == ["time"]
     assert found.neutral[0].error < 1e-8
-    if slope == 1e-6:
-        assert after["q.stance"] / slope ** (1 / 3) == pytest.approx(0.970956, abs=5e-5)
+    if incline == 1e-6:
+        assert after["q.stance"] / incline ** (1 / 3) == pytest.approx(0.970956, abs=5e-5)
         assert np.abs(found.multipliers - 0.48919606).min() < 2e-8
 
 
@@ -59,10 +59,10 @@ def test_the_compass_gait(compass):
 
     The strike is the impact law on the closure of the new foot; the other program has the angular momentum.
     """
-    after, slope = compass.after[STRIKE], np.radians(3.0)
+    after, incline = compass.after[STRIKE], np.radians(3.0)
     assert pytest.approx(0.734346391159, abs=1e-10) == compass.T
-    assert after["q.stance"] - slope == pytest.approx(0.2186688029, abs=1e-10)
-    assert after["q.swing"] - slope == pytest.approx(-0.3233885581, abs=1e-10)
+    assert after["q.stance"] - incline == pytest.approx(0.2186688029, abs=1e-10)
+    assert after["q.swing"] - incline == pytest.approx(-0.3233885581, abs=1e-10)
     assert after["v.stance"] == pytest.approx(-1.0923835899, abs=1e-10)
     assert after["v.swing"] == pytest.approx(-0.3773739489, abs=1e-10)
     for z in (-0.19972613 + 0.54447606j, 0.13157262):

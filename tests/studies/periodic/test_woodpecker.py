@@ -1,0 +1,49 @@
+"""The woodpecker's cycle: impacts, a sleeve that jams and slips, and a height that advances."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError
+
+IN_FLIGHT = np.array([-0.19, -3.98308870e-03, 2.37143242e-02]), np.array([1.47197306e-02, -12.3138827, 5.27311897])
+
+
+@pytest.fixture(scope="session")
+def cycle():
+    q, v = IN_FLIGHT
+    return mbdae.periodic("woodpecker", 0.132, q=q, v=v, symmetry=["height"], rtol=1e-8)
+
+
+def test_the_cycle(cycle):
+    """Its period and advance are those of a long run; time and height are neutral; a disturbance dies in a period."""
+    period = cycle.T
+    assert period == pytest.approx(0.132003468, abs=2e-8)
+    assert cycle.advances["height"] == pytest.approx(-0.0152323748, abs=1e-8)
+    assert cycle.stability == "stable"
+    assert [x.name for x in cycle.neutral] == ["time", "height"]
+    assert max(x.error for x in cycle.neutral) < 1e-8
+    assert cycle.multipliers[0].real == pytest.approx(0.018056, abs=1e-5)
+    assert np.abs(cycle.multipliers[1:]).max() < 1e-6
+    assert len(cycle.multipliers) == 4
+
+
+def test_the_monodromy_matrix_is_a_quotient_of_runs(cycle):
+    """Along one direction, of fourth order, through all impacts and modes of a period."""
+    shooting, d = cycle.shooting, np.array([0.0, 0.02, -0.05, 0.001, 0.3, -0.2])
+    chart = shooting.charts[0]
+
+    def end(x):
+        q, v, s = chart.state(0.0, chart.x0 + x * d)
+        run = shooting.flow.run(0.0, np.concatenate([q, v, s, [0.0]]), cycle.T, None)
+        return chart.coordinates_of(run.y[-1])
+
+    h = 1e-3
+    quotient = (8 * (end(h) - end(-h)) - (end(2 * h) - end(-2 * h))) / (12 * h)
+    found = shooting.factors[0] @ d
+    np.testing.assert_allclose(found, quotient, atol=1e-5 * np.abs(quotient).max())
+
+
+def test_a_period_does_not_begin_where_an_edge_is_jammed():
+    with pytest.raises(InputError, match="begin a period, and each part of it, where it is"):
+        mbdae.periodic("woodpecker", 0.132, symmetry=["height"])
