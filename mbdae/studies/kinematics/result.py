@@ -134,7 +134,7 @@ class Kinematics(Tabular):
         return tuple(t for x in self.traced for t in toggles(x, self.mechanism, self.drive))
 
     def toggle_table(self) -> list[list[str]]:
-        """Return the toggle positions as text, headings first: what reverses, the input, and all coordinates."""
+        """Return the toggle positions as text, headings first, with reversing joints, the input and all coordinates."""
         found, ends = self.toggles, (CurveSegment(0, len(self.toggles), 0.0, 0.0, "range"),)
         q, v = (np.array([getattr(t, name) for t in found]) for name in "qv")
         only = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, stretches=ends)

@@ -72,7 +72,7 @@ def _zeros(traced: TracedCurve, i: int) -> list[CurvePoint]:
 
 
 def toggle_table(found: Sequence[Toggle], names: Mapping[str, Array], drive: str, unit: str) -> list[list[str]]:
-    """Return a table of toggle positions: input, what reverses, and all coordinates.
+    """Return a table of toggle positions with the reversing joints, the input and all coordinates.
 
     Args:
         found: m toggle positions.
