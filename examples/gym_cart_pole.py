@@ -14,7 +14,7 @@ import pinocchio as pin
 
 import mbdae
 from mbdae.mechanism.forces.joint_torque import JointTorque
-from mbdae.mechanism.input_functions import Input
+from mbdae.mechanism.time_functions.input_functions import Input
 
 PUSH, PERIOD, TRACK = 20.0, 0.02, 2.0  # N, s, m
 

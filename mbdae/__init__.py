@@ -16,7 +16,7 @@ from .discovery import class_names, public_names
 if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checkers
     from .errors import MbdaeError as MbdaeError
     from .integrate.events.event import Event as Event
-    from .integrate.simulator import Simulator as Simulator
+    from .integrate.simulator.simulator import Simulator as Simulator
     from .integrate.solve import solve as solve
     from .mechanism import Closure as Closure
     from .mechanism import Clutch as Clutch
@@ -24,9 +24,14 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism import Function as Function
     from .mechanism import Input as Input
     from .mechanism import Mechanism as Mechanism
+    from .mechanism import Reset as Reset
     from .mechanism import Stop as Stop
     from .mechanism import load as load
     from .mechanism import model_names as model_names
+    from .mechanism.flexible import ModalBody as ModalBody
+    from .mechanism.flexible import attach_flexible as attach_flexible
+    from .mechanism.flexible import beam as beam
+    from .mechanism.flexible import modal_body as modal_body
     from .mechanism.forces.actuator import Actuator as Actuator
     from .mechanism.forces.bushing import Bushing as Bushing
     from .mechanism.forces.coulomb_friction import CoulombFriction as CoulombFriction
@@ -43,6 +48,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .methods import Tableau as Tableau
     from .progress import progress_bar as progress_bar
     from .solution.solution import Solution as Solution
+    from .studies.atlas.atlas import atlas as atlas
     from .studies.comparison.compare import compare as compare
     from .studies.drift.drift import drift as drift
     from .studies.fit.fit import fit as fit
@@ -58,6 +64,8 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.optimize.optimize import optimize as optimize
     from .studies.order.gradients import check_gradients as check_gradients
     from .studies.order.order import order as order
+    from .studies.periodic.branch import periodic_branch as periodic_branch
+    from .studies.periodic.periodic import periodic as periodic
     from .studies.replay.replay import animate as animate
     from .studies.report.report import report as report
     from .studies.schema.schema import schema as schema
@@ -80,9 +88,21 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
 _CORE = {
     "errors": ["MbdaeError"],
     "integrate.events.event": ["Event"],
-    "integrate.simulator": ["Simulator"],
+    "integrate.simulator.simulator": ["Simulator"],
     "integrate.solve": ["solve"],
-    "mechanism": ["Closure", "Clutch", "Driver", "Function", "Input", "Mechanism", "Stop", "load", "model_names"],
+    "mechanism.flexible": ["ModalBody", "attach_flexible", "beam", "modal_body"],
+    "mechanism": [
+        "Closure",
+        "Clutch",
+        "Driver",
+        "Function",
+        "Input",
+        "Mechanism",
+        "Reset",
+        "Stop",
+        "load",
+        "model_names",
+    ],
     "methods": ["METHODS", "Tableau"],
     "progress": ["progress_bar"],
     "solution.solution": ["Solution"],

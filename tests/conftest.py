@@ -9,7 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest's workers share the
 import pytest
 
 from mbdae import Mechanism, backend
-from mbdae.integrate import binding
+from mbdae.integrate.run import binding
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler

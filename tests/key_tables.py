@@ -19,7 +19,7 @@ from mbdae.mechanism.closures import KINDS, rows_and_summary
 from mbdae.mechanism.closures.closure import Closure
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.schema import MechanismFile
-from mbdae.mechanism.time_functions import TIME_FUNCTIONS
+from mbdae.mechanism.time_functions.time_functions import TIME_FUNCTIONS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
 WRITTEN = r"(?<=<!-- {0}: written by tests/key_tables.py -->\n).*(?=<!-- end of {0} -->)"

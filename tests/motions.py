@@ -5,7 +5,7 @@ from chains import random_q, tree
 
 import mbdae
 from mbdae import Closure, Mechanism
-from mbdae.mechanism.time_functions import Constant
+from mbdae.mechanism.time_functions.time_functions import Constant
 
 ALL = [{}, {"project": True}, {"formulation": "ggl"}, {"formulation": "index1", "method": "DOP853"}]
 

@@ -18,10 +18,10 @@ from mbdae.mechanism.forces.joint_spring import JointSpring
 from mbdae.mechanism.forces.joint_torque import JointTorque
 from mbdae.mechanism.forces.spring_damper import SpringDamper
 from mbdae.mechanism.forces.wrench import Wrench
-from mbdae.mechanism.frames import find_joint, find_joints
-from mbdae.mechanism.joints import PER_COORDINATE, translation_components
 from mbdae.mechanism.model_settings import Start
-from mbdae.mechanism.time_functions import Constant, Harmonic, Polynomial, Steps, TimeTable
+from mbdae.mechanism.time_functions.time_functions import Constant, Harmonic, Polynomial, Steps, TimeTable
+from mbdae.mechanism.tree.frames import find_joint, find_joints
+from mbdae.mechanism.tree.joints import PER_COORDINATE, translation_components
 
 PLAIN = ("kind", "name", "frames", "joints", "joint", "frame", "axes", "axis", "second_axis", "grip", "contact",
          "surface", "unilateral", "restitution", "limits", "interpolation", "controls")  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from ..backend import BACKENDS
-from ..integrate.defaults import DEFAULTS
+from ..integrate.options.defaults import DEFAULTS
 from .completion import FORMULATIONS, completed, methods
 from .signature import REQUIRED, Argument, arguments_of
 from .values import TimeSpan, locked_joints, parsed_numbers, split_names, values_by_name

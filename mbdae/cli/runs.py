@@ -15,7 +15,7 @@ def span(mech: "Problem", t_span: tuple[float, ...] | None) -> tuple[float, floa
     Raises:
         InputError: for a single end time that is not positive, or an empty span.
     """
-    from ..integrate.span import checked_span
+    from ..integrate.options.span import checked_span
 
     start, *ends = t_span or (mech.duration,)
     return checked_span((start, *ends)) if ends else checked_span(start, end=True)
@@ -35,7 +35,7 @@ def simulate(
     Raises:
         InputError: for tolerances together with a fixed step, and as for `mbdae.solve`.
     """
-    from ..integrate.settings import complete_settings
+    from ..integrate.options.settings import complete_settings
     from ..integrate.solve import solve
 
     if step is not None and (rtol is not None or options.get("atol") is not None):

@@ -9,10 +9,10 @@ from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
 from .events.event import Events
-from .loop import Progress, run_to_end
-from .options import RunOptions
-from .result import make_solution
-from .run_setup import prepare
+from .options.options import RunOptions
+from .run.loop import Progress, run_to_end
+from .run.result import make_solution
+from .run.run_setup import prepare
 
 
 def solve(

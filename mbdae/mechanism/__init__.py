@@ -6,7 +6,6 @@ from .closures.closure import Closure
 from .closures.clutch import Clutch
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
-from .contacts import Contact, contact
 from .forces import NAMES
 from .formats.description import describe, restore
 from .formats.joint_tree import depth_first
@@ -14,12 +13,14 @@ from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formulations.compiled_systems import CompiledSystem
 from .hybrid.impact import Impact
-from .input_functions import Input
-from .joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
+from .hybrid.reset import Reset
 from .mechanism import Mechanism
-from .reactions import Effort, Reaction, effort, reaction, redundant
+from .signals.contacts import Contact, contact
+from .signals.joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
+from .signals.reactions import Effort, Reaction, effort, reaction, redundant
 from .singularity import Singular
-from .time_functions import Function
+from .time_functions.input_functions import Input
+from .time_functions.time_functions import Function
 
 globals().update(NAMES)  # every force is public, by discovery
 
@@ -37,6 +38,7 @@ __all__ = [
     "NotCompiled",
     "Reaction",
     "Singular",
+    "Reset",
     "Stop",
     "contact",
     "depth_first",

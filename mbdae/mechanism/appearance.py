@@ -14,11 +14,11 @@ from .closures.kinds.revolute import RevoluteClosure
 from .closures.kinds.rolling import RollingClosure
 from .closures.kinds.slot import SlotClosure
 from .forces.spring_damper import SpringDamper
-from .frames import Anchor, anchor
 from .scene.make_scene import make_scene
 from .scene.outlines import Outline
 from .scene.rolling_bodies import RollingBody
 from .scene.scene import Mark, Scene, Strut
+from .tree.frames import Anchor, anchor
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism

@@ -11,8 +11,8 @@ from pydantic import BaseModel
 from ..errors import InputError
 from .closures.closure import Axis, Closure
 from .closures.driver import Driver
-from .frames import WORLD
 from .model_settings import Motor, Start
+from .tree.frames import WORLD
 
 LISTED_NAMES = 4  # before "and n more"
 LIMITS, FRICTION = "limits of joints", "friction of joints"  # as named in `ImportedModel.left_out`

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, UnknownNameError
 from .closures.driver import Driver
-from .input_functions import Input, InputHistory, InputSetting
+from .time_functions.input_functions import Input, InputHistory, InputSetting
 from .variant import variant
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ..errors import InputError
 from .closures.unilateral_constraint import Stop
-from .frames import find_joint, joint_names
+from .tree.frames import find_joint, joint_names
 
 
 def resolve_stops(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:

@@ -14,8 +14,9 @@ from pydantic import AllowInfNan, Field, ValidationError
 from ..data_types import JsonObject
 from ..errors import InputError
 from .checked_table import Table, one_line
-from .joints import PER_COORDINATE, PER_VELOCITY, subspace
 from .scene.shapes import PlacementEntries
+from .tree.joints import PER_COORDINATE, PER_VELOCITY, subspace
+from .tree.tree_terms import require_rigid
 
 PREFIX = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
@@ -94,6 +95,7 @@ def model_to_data(model: pin.Model) -> JsonObject:
     Raises:
         InputError: for a joint of an unsupported kind.
     """
+    require_rigid(model, "archives of models")
     joints = zip(model.names, model.parents, model.jointPlacements, model.joints, model.inertias, strict=True)
     return {
         "name": model.name,

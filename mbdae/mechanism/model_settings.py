@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..system import Array
 from ..tolerances import HALF_DIGITS
 from .checked_table import Table
-from .frames import find_joint
+from .tree.frames import find_joint
 
 Value = float | tuple[float, ...]
 

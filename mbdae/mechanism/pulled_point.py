@@ -8,7 +8,8 @@ import pinocchio as pin
 from ..system import Array
 from ..tolerances import TINY
 from .mechanism import Mechanism
-from .pinocchio_data import make_data
+from .tree.pinocchio_data import make_data
+from .tree.tree_terms import require_rigid
 
 
 class Pull(NamedTuple):
@@ -40,6 +41,7 @@ class PulledPoint:
 
     def __init__(self, mechanism: Mechanism, joint: int, point: Array, q: Array) -> None:
         self.mechanism, self.model, self.joint = mechanism, mechanism.model, joint
+        require_rigid(self.model, "pulls on points")
         self.data = make_data(self.model)
         pin.forwardKinematics(self.model, self.data, q)
         self.local = self.data.oMi[joint].actInv(np.asarray(point, float))

@@ -10,7 +10,7 @@ from ..data_types import JsonObject
 from ..system import Array
 from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
 from .closures import independent_rows
-from .reactions import mass_scaled_jacobian
+from .signals.reactions import mass_scaled_jacobian
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System

@@ -10,6 +10,7 @@ import numpy as np
 from .forces import bind_forces, named_force
 from .forces.coulomb_friction import CoulombFriction
 from .forces.joint_friction import JointFriction
+from .tree.tree_terms import structure_of_flexible
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -34,7 +35,19 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
         forces = tuple(named_force(f, i) for i, f in enumerate(parts["forces"]))
         if _are_same_kinds(mech.forces, forces) and not any(isinstance(f, SWITCHED) for f in forces):
             return _shared(mech, parts | {"forces": forces})
-    names = ("closures", "drivers", "stops", "clutches", "visuals", "title", "duration", "order", "settings", "motors")
+    names = (
+        "closures",
+        "drivers",
+        "stops",
+        "clutches",
+        "resets",
+        "visuals",
+        "title",
+        "duration",
+        "order",
+        "settings",
+        "motors",
+    )
     kept = {name: getattr(mech, name) for name in (*names, "left_out", "remarks")}
     given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
     out = type(mech)(**given)
@@ -70,5 +83,6 @@ def _have_same_structure(a: "Mechanism", b: "Mechanism") -> bool:
     pairs = [(a.forces, b.forces), (a.constraints, b.constraints)]
     trees = [(list(m.model.names), list(m.model.joints), list(m.model.parents)) for m in (a, b)]
     rows = a.row_names == b.row_names and np.array_equal(a.positional, b.positional)
-    same = trees[0] == trees[1] and rows and list(a.states) == list(b.states)
+    flexible = structure_of_flexible(a.model) == structure_of_flexible(b.model)
+    same = trees[0] == trees[1] and flexible and rows and list(a.states) == list(b.states)
     return same and all(_are_same_kinds(*pair) for pair in pairs)

@@ -3,7 +3,7 @@
     u_1 = u_0 + h ((1 - gamma) a_0 + gamma a_1),   q_1 = q_0 (+) (h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1) + ...)
     (1 - alpha_m) a_1 + alpha_m a_0 = (1 - alpha_f) u_1' + alpha_f u_0'
 
-for u = (v, s, w); `mbdae.mechanism.formulations.second_order` has the equations that u_1' satisfies. The auxiliary a
+for u = (v, s, w); `mbdae.mechanism.formulations.steps.second_order` has the equations of u_1'. The auxiliary a
 approximates u' at t + Delta h, Delta = alpha_m - alpha_f; so it starts, and it is rescaled where h changes.
 
 The errors of a step are its differences to the explicit step with a_1 = a_0, of order 1,
@@ -60,6 +60,7 @@ class GeneralizedAlpha(NewtonMethod):
     excludes: ClassVar[Mapping[str, str]] = {
         "textbook": "it integrates the second-order equations of a mechanism",
         "ggl": "it enforces positions and velocities in formulation 'index2'",
+        "events": "it does not restart where the state jumps",
         "switches": "it does not restart in modes of stops, stiction, clutches and contacts",
         "velocity rows": "it enforces positions, which rolling and other constraints of velocities alone do not have",
     }

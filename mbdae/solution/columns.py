@@ -6,11 +6,11 @@ import numpy as np
 
 from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reaction_wrenches
-from ..mechanism.characteristic_rate import gravity_rate
-from ..mechanism.contacts import contact, contact_path, rolling_closures
-from ..mechanism.coordinate_units import component_suffixes
+from ..mechanism.equations.characteristic_rate import gravity_rate
 from ..mechanism.forces.coulomb_friction import CoulombFriction
-from ..mechanism.frames import WORLD, find_joint, frame_motions, frame_names
+from ..mechanism.signals.contacts import contact, contact_path, rolling_closures
+from ..mechanism.tree.coordinate_units import component_suffixes
+from ..mechanism.tree.frames import WORLD, find_joint, frame_motions, frame_names
 from ..system import Array
 from ..tolerances import AGREEMENT, COARSE
 from .sampling import residuals_and_energies
@@ -163,7 +163,7 @@ def reaction_units(mech: "Mechanism") -> dict[str, str]:
 
 
 def reaction_columns(sol: "Solution") -> dict[str, Array]:
-    """Return columns of joint and closure wrenches, see `mbdae.mechanism.joint_wrenches.reaction_wrenches`."""
+    """Return columns of joint and closure wrenches, see `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`."""
     n, mech = len(sol.t), sol.mechanism
     world, own = (x.reshape(n, -1, 3) for x in reaction_wrenches(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
     all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..errors import UnknownNameError, as_list
 from ..mechanism import Driver
-from ..mechanism.contacts import rolling_closures
-from ..mechanism.coordinate_units import acceleration_units, coordinate_units
-from ..mechanism.effort_signals import driver_powers, effort_units, efforts
-from ..mechanism.momentum import MOMENTUM, SHAKING, momentum, shaking_force
+from ..mechanism.signals.contacts import rolling_closures
+from ..mechanism.signals.effort_signals import driver_powers, effort_units, efforts
+from ..mechanism.signals.momentum import MOMENTUM, SHAKING, momentum, shaking_force
+from ..mechanism.tree.coordinate_units import acceleration_units, coordinate_units
 from ..system import Array
 from .columns import (
     CONTACT,
@@ -143,18 +143,19 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); ``force.<name>`` and
     ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, with suffix ``.x .y .z`` the
     components along world axes, with ``.1 .2 .3`` along local axes, see
-    `mbdae.mechanism.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalised force of couplings and
-    drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and ``deflection.<force>``, see
-    `mbdae.mechanism.effort_signals`; of rolling bodies ``contact.<closure>.x`` in m, ``normal``, ``longitudinal`` and
-    ``lateral.<closure>`` in N, and ``friction.<closure>``, the friction coefficient required not to slip.
+    `mbdae.mechanism.signals.joint_wrenches.reaction_wrenches`; ``effort.<name>``, the generalised force of couplings
+    and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and
+    ``deflection.<force>``, see `mbdae.mechanism.signals.effort_signals`; of rolling bodies ``contact.<closure>.x`` in
+    m, ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the friction coefficient
+    required not to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of the mechanism, ``momentum.x``
     (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``shaking_force.x`` (N) and ``shaking_moment.x`` (N m) of
-    the inertia forces, without ``.x`` their magnitudes, see `mbdae.mechanism.momentum`; ``kinetic``, ``potential``,
-    ``energy``, and ``work`` of the non-conservative forces and drivers in J; of switches ``gap``, ``mode`` and
-    ``impulse.<name>``, see `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all
-    rows.
+    the inertia forces, without ``.x`` their magnitudes, see `mbdae.mechanism.signals.momentum`; ``kinetic``,
+    ``potential``, ``energy``, and ``work`` of the non-conservative forces and drivers in J; of switches ``gap``,
+    ``mode`` and ``impulse.<name>``, see `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and
+    |G v + g_t| over all rows.
 
     Args:
         sol: the solution.

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError, UnknownNameError, as_list
-from ..integrate.options import projects_positions
-from ..integrate.settings import complete_settings
+from ..integrate.options.options import projects_positions
+from ..integrate.options.settings import complete_settings
 from ..integrate.steppers.library_solver import LibrarySolver
 from ..integrate.steppers.solvers import SOLVERS, find_method
 from ..mechanism import Mechanism
@@ -80,6 +80,16 @@ class Variant:
     def name(self) -> str:
         """Name of the method."""
         return getattr(self.method, "name", self.method)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether the method controls its step sizes; it takes fixed steps alone otherwise."""
+        return bool(find_method(self.formulation, self.method).error_power)
+
+    @property
+    def family(self) -> str:
+        """Family of the method."""
+        return find_method(self.formulation, self.method).family
 
     def __str__(self) -> str:
         return f"{self.prefix}:{self.name}" if self.prefix else self.name

@@ -12,7 +12,7 @@ from mbdae.mechanism.checked_table import Table
 from mbdae.mechanism.formats.load import make
 from mbdae.mechanism.formats.table_entries import with_entry
 from mbdae.mechanism.formats.template import Template, _with_joint_values
-from mbdae.mechanism.frames import joint_names
+from mbdae.mechanism.tree.frames import joint_names
 
 TABLES = ("force", "closure", "driver", "stop", "clutch", "body", "frame")
 OF_EACH = 12  # parameters of a table, spread over it

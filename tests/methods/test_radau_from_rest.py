@@ -8,7 +8,7 @@ from bouncing import carried, empty
 import mbdae
 from mbdae import Closure, Mechanism, methods
 from mbdae.mechanism.forces.joint_torque import JointTorque
-from mbdae.mechanism.time_functions import Harmonic
+from mbdae.mechanism.time_functions.time_functions import Harmonic
 from mbdae.methods import collocation
 
 INERTIA = (0.5, 0.5, 0.5)

@@ -13,7 +13,7 @@ from scipy.optimize import brentq, fsolve
 import mbdae
 from mbdae.mechanism.closures.contact import ConvexBody
 from mbdae.mechanism.formulations.equation_partials import equation_partials, gamma_partials
-from mbdae.mechanism.frames import motion_cross
+from mbdae.mechanism.tree.frames import motion_cross
 
 WEAVE = {  # m/s: real and imaginary part
     1: (3.52696170990070, 0.80774027519930), 2: (2.68234517512745, 1.68066296590675),

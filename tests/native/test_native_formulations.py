@@ -12,7 +12,7 @@ from smooth import SMOOTH
 import mbdae
 from mbdae import backend
 from mbdae.integrate.steppers.stepper import PythonStepper
-from mbdae.mechanism import assembly
+from mbdae.mechanism.assembly import assembly
 from mbdae.methods import EXPLICIT, METHODS
 from mbdae.system import State
 

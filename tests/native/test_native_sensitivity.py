@@ -31,21 +31,22 @@ def given(system, m=2, d=3):
 
 def test_what_does_not_fit_is_refused(system):
     nodes, shape = given(system)
-    first, extra = np.ones(shape), np.zeros((3, shape[1]))
+    first, extra = np.ones(shape), np.zeros((3, 1, shape[1]))
     assert system.core.tangent(*nodes, first, np.empty((3, 0))).shape == (3, *shape)
-    assert len(system.core.adjoint(*nodes, extra, first[0])[0]) == shape[1]
+    assert system.core.adjoint(*nodes, extra, first[:1])[0].shape == (1, shape[1])
+    assert system.core.adjoint(*nodes, np.zeros((3, *shape)), first)[0].shape == shape
     for i, wrong in ((4, np.empty(0)), (5, nodes[5][:-1]), (6, nodes[6][:, :-1])):
         short = [*nodes[:i], wrong, *nodes[i + 1 :]]
         with pytest.raises(REFUSED):
             system.core.tangent(*short, first, np.empty((3, 0)))
         with pytest.raises(REFUSED):
-            system.core.adjoint(*short, extra, first[0])
+            system.core.adjoint(*short, extra, first[:1])
     with pytest.raises(REFUSED):
         system.core.tangent(*nodes, first, np.ones((3, 1)))
     with pytest.raises(REFUSED):
-        system.core.adjoint(*nodes, extra[:-1], first[0])
+        system.core.adjoint(*nodes, extra[:-1], first[:1])
     with pytest.raises(REFUSED):
-        system.core.adjoint(*nodes, extra, first[0, :-1])
+        system.core.adjoint(*nodes, extra, first[:1, :-1])
     other = mbdae.load("four_bar").system(native=backend.load())
     other.expand()
     with pytest.raises(ValueError, match="another core"):

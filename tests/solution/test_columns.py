@@ -8,7 +8,7 @@ from scipy.integrate import simpson
 import mbdae
 from mbdae.errors import UnknownNameError
 from mbdae.finite_differences import STENCIL, central_difference
-from mbdae.mechanism.time_functions import Harmonic
+from mbdae.mechanism.time_functions.time_functions import Harmonic
 from mbdae.solution.signal_value import signal_values, value
 from mbdae.solution.signals import signals, units
 

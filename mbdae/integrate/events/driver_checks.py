@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.formulations.projection import require_compatible_accelerations
+from ...mechanism.formulations.steps.projection import require_compatible_accelerations
 from .source import EventSource
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 
 class DriverChecks(EventSource):

@@ -16,7 +16,7 @@ from .load_resolution import QUARTERS, PointAt, sample_points
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
-    from ..step_map import StepMap
+    from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
 RETURN_FACTOR = 1.05  # times the flight time predicted from speed and acceleration: the gap is then negative again

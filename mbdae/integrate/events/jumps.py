@@ -19,8 +19,8 @@ from ...system import Array, System
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
-    from ..step_map import StepMap
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
 MARGIN = 8  # roundings of t between the end of a step and a jump: more than the error of its stage times

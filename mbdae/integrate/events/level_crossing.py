@@ -20,7 +20,7 @@ from ...system import Array
 from ...tolerances import EPS
 
 if TYPE_CHECKING:
-    from ..step_map import StepMap
+    from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")

@@ -15,8 +15,8 @@ from .source import EventError
 
 if TYPE_CHECKING:
     from ..._native import SingularityMonitor as CoreMonitor
-    from ..run_state import RunState
-    from ..step_map import StepMap
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
 CROSSING_RATIO = 0.1  # of the largest ratio: below it, a crossing is attempted

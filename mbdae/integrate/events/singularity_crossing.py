@@ -19,7 +19,7 @@ from ...system import Array
 from ...tolerances import CLOSED, EVALUATION_ROUNDING, INTERPOLATION, ROUNDING, SEARCH_TOLERANCE
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 solve_ivp = lazy_import("scipy.integrate", "solve_ivp")
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")

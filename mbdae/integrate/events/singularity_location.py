@@ -22,7 +22,7 @@ from ...tolerances import COARSE, SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from .source import EventError, EventSource
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
 Ratio = TypeVar("Ratio", float, Array)  # of one node, or of several

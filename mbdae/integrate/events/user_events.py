@@ -23,8 +23,8 @@ from .level_crossing import SignalEvent, crossing_at_jump
 from .source import EventSource, Occurrence
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
-    from ..step_map import StepMap
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
 
 brentq = lazy_import("scipy.optimize", "brentq")
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
@@ -64,7 +64,7 @@ class UserEvents(EventSource):
     @classmethod
     def from_run(cls, run: "RunState") -> "UserEvents":
         system, events = run.system, run.options.events
-        modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches)
+        modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches or run.problem.resets)
         return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)
 
     def begin_interval(self, run: "RunState") -> None:

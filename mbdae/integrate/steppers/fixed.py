@@ -11,7 +11,7 @@ from ...tolerances import COINCIDENT, HALF_DIGITS, SOLUTION_ROUNDING, TINY
 from .stepper import PythonStepper, StepperState, smallest_step
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 DETOUR = (0.309, 0.655)  # of two steps: ends of the steps that avoid the grid point in between
 FIXED_STEP_TOLERANCE = HALF_DIGITS  # of the magnitude of a component: largest projection without a new carry

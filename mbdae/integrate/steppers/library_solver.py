@@ -12,7 +12,7 @@ from ...system import Array, State, Step, System
 from .adaptive import Adaptive
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 UNCONTROLLED = 1e30  # absolute tolerance of components whose error is not controlled
 
@@ -29,6 +29,7 @@ class LibrarySolver(ABC):
     name: str
     order: int
 
+    family: ClassVar[str] = "library"
     excludes: ClassVar[Mapping[str, str]] = {}
     in_core = True  # the compiled core evaluates its equations
     error_power = 1  # positive: it controls its step sizes

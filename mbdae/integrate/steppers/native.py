@@ -12,15 +12,15 @@ from ..events.jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
 from ..events.singularity import SINGULAR_RATIO
 from ..events.singularity_location import AHEAD, MONITORED_RATIO, NOTCH, SUSPICIOUS_RATIO
-from ..projected_step import MAX_UNDONE
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE, Fixed
+from .projected_step import MAX_UNDONE
 from .stepper import SPACINGS, PythonStepper, Stepper, StepperState
 
 if TYPE_CHECKING:
     from ..._native import Run
     from ..events.user_events import UserEvents
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core
@@ -164,7 +164,7 @@ class NativeStepper(Stepper):
             monitor.to_core(r.monitor)
         if adaptive := self.adaptive:
             c, pi = r.control, adaptive.controller
-            c.h, c.cut, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected
+            c.h, c.uncut_size, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected
             c.largest = min(adaptive.max_step, adaptive.cap)
         elif fixed := self.fixed:
             g = r.grid
@@ -190,7 +190,7 @@ class NativeStepper(Stepper):
     def _from_native(self) -> None:
         if adaptive := self.adaptive:
             c, pi = self.run.control, adaptive.controller
-            adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.cut, c.last, c.rejected
+            adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.uncut_size, c.last, c.rejected
         elif fixed := self.fixed:
             fixed.i, fixed.on_grid = self.run.grid.i, self.run.grid.on_grid
 

@@ -18,7 +18,7 @@ from .library_solver import UNCONTROLLED, LibrarySolver, LibraryStepper
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-    from ..run_state import RunState
+    from ..run.run_state import RunState
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import StepError
 from ...system import Array, Step
-from ..projected_step import project_end
+from .projected_step import project_end
 
 if TYPE_CHECKING:
-    from ..run_state import RunState
+    from ..run.run_state import RunState
     from .adaptive import Adaptive
 
 SPACINGS = 16  # roundings of t: smallest step size

@@ -10,7 +10,7 @@ from pydantic_core import PydanticUndefined
 from ...errors import InputError
 from ...system import Array
 from ..checked_table import OneLine, Table, wrong_kind
-from ..frames import Pair
+from ..tree.frames import Pair
 from .active_range import ActiveRange
 from .joint_rows import JointRow
 from .rows import FrameRows

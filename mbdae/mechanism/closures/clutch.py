@@ -8,7 +8,7 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ...errors import InputError
-from ..time_functions import Steps
+from ..time_functions.time_functions import Steps
 from .joint_pair import JointPair
 from .joint_rows import BoundCoordinateRow, BoundJointRow, JointRow, Ratio
 

@@ -6,7 +6,7 @@ with u = 0 for closures. Neither G nor its rate depends explicitly on time, and 
 entries are 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple, cast
 
@@ -15,8 +15,8 @@ import pinocchio as pin
 
 from ...errors import InputError, StepError
 from ...system import Array
-from ..frames import Anchor, Pair, anchor, support
-from ..wrench_partials import PairPartials
+from ..tree.frames import Anchor, Pair, anchor, support
+from ..tree.wrench_partials import PairPartials
 from .brake import Brake
 from .closure import Closure
 from .clutch import Clutch
@@ -48,7 +48,7 @@ class Constraints:
         joint_rows: bound rows between joints.
         spans: indices of the rows of each closure and driver, by name.
         driven: indices of the rows that follow functions of time, and their drivers.
-        sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
+        sign: see `mbdae.mechanism.tree.frames.Pair`, (ng, nv).
         columns: which velocities a row depends on: those of its joints and their ancestors, (ng, nv).
         positional: which rows have a g, (ng,).
         W: wrenches of the rows between frames at the last evaluation of G, (6, ng).
@@ -73,6 +73,8 @@ class Constraints:
                 self._between_joints(model, data, spec)
         self.positional[[at for at, d in self.driven if d.speed is not None]] = False
         self._J = data.J.reshape(6, -1)  # with nv = 1 it is a vector
+        bound = self.frame_rows.items()
+        self._node_rows = [(self.spans[name], *node) for name, (pair, _) in bound for node in pair.nodes]
         self._no_motion = np.zeros((3, self.ng))
         self._index_special_rows()
         self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
@@ -115,17 +117,24 @@ class Constraints:
             out[row.at] = row.unit
         return out
 
-    def jacobian(self) -> Array:
-        """Return G, (ng, nv), and store the wrenches of the rows in W."""
-        for name, (pair, rows) in self.frame_rows.items():
+    def update_wrenches(self, names: Iterable[str]) -> None:
+        """Store the wrenches of the rows between frames of these closures in W."""
+        for name in names:
+            pair, rows = self.frame_rows[name]
             pair.locate()
             try:
                 for _, r, w in rows:
                     r.wrenches(pair, w)
             except StepError as e:
                 raise StepError(e.status, f"closure {name!r}: {e}") from None
+
+    def jacobian(self) -> Array:
+        """Return G, (ng, nv), and store the wrenches of the rows in W."""
+        self.update_wrenches(self.frame_rows)
         G = self.W.T.dot(self._J)
         G *= self.sign
+        for span, sign, body, node in self._node_rows:
+            G[span, body.at] += sign * self.W[:, span].T.dot(node.columns)
         for row in self.joint_rows:
             G[row.at, row.columns] = row.value()[1]
         G[self.inactive] = 0.0
@@ -165,7 +174,8 @@ class Constraints:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), after `jacobian`."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_rows.values():
-            local, at, F, D = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
+            local, F, D = PairPartials(pair, v), np.zeros(6), np.zeros((2, 36))
+            at = local.at
             for s, r, w in rows:
                 Da, Db = r.partials(pair)
                 B[s, at] = local.power(w, Da, Db)
@@ -181,7 +191,8 @@ class Constraints:
         """Return the partial derivatives of Gdot v with respect to q and v, (ng, nv) each, after `jacobian`."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_rows.values():
-            local, at = PairPartials(pair, v), pair.branches.at
+            local = PairPartials(pair, v)
+            at = local.at
             for s, r, w in rows:
                 by_q[s, at], by_v[s, at] = local.bias(r.rate, w, *r.partials(pair))
         for row in self.joint_rows:

@@ -21,7 +21,7 @@ from ...data_types import CoreData
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import PARALLEL, ROUNDING
-from ..frames import Pair, cross
+from ..tree.frames import Pair, cross
 from .line_rows import LineRows, Lines, at_rest, unit
 from .rows import displaced, rotated
 
@@ -166,7 +166,7 @@ class NoSlipRows(LineRows):
 
     def core_data(self) -> list[CoreData]:
         shape = self.shape.core_data()
-        return [{"kind": "grip", "shape": shape, "share": share.tolist()} for share in self.directions.T]
+        return [{"kind": "grip", "shape": shape, "direction": x.tolist()} for x in self.directions.T]
 
     def lines(self, pair: Pair) -> Lines:
         n, p, dn, dp = self.shape.contact_kinematics(pair)

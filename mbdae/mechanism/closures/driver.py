@@ -15,8 +15,8 @@ from pydantic import Field, model_validator
 from ...errors import InputError, StepError
 from ...tolerances import COINCIDENT, THREE_DIGITS
 from ..checked_table import Table
-from ..piecewise_polynomial import Beyond, PiecewisePolynomial
-from ..time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
+from ..time_functions.piecewise_polynomial import Beyond, PiecewisePolynomial
+from ..time_functions.time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
 from .joint_rows import Coordinate
 from .rows import Distance, FrameRows
 

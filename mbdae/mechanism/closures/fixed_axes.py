@@ -6,7 +6,7 @@ import numpy as np
 
 from ...system import Array
 from ...tolerances import THREE_DIGITS
-from ..frames import Pair
+from ..tree.frames import Pair
 from .closure import Axis, BetweenFrames, Z
 from .rows import unit_axis
 

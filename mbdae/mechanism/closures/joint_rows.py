@@ -16,8 +16,8 @@ from ...data_types import CoreData
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING
-from ..frames import find_joint
-from ..joints import subspace
+from ..tree.frames import find_joint
+from ..tree.joints import subspace
 
 MAX_DENOMINATOR = 1000
 

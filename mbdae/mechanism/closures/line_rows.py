@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...system import Array
-from ..frames import Pair, cross
+from ..tree.frames import Pair, cross
 from .rows import FrameRows
 
 

@@ -10,8 +10,8 @@ from pydantic import Field, field_validator, model_validator
 from ...data_types import CoreData
 from ...system import Array
 from ..checked_table import Table
-from ..piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
-from ..time_functions import Harmonic
+from ..time_functions.piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
+from ..time_functions.time_functions import Harmonic
 
 DEGREE = 7  # of splines: their seventh derivative jumps, which does not affect methods of order 6
 

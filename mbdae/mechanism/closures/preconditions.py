@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
 from ...tolerances import RANK, THREE_DIGITS
-from ..frames import Pair, find_joint
+from ..tree.frames import Pair, find_joint
+from ..tree.tree_terms import update_motions
 from .closure import Closure
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def lost_precondition(system: "Index2System", ts: Array, qs: Array) -> str:
     closures = [c for c in closures_with_preconditions(system.mechanism) if not c.within]
     first: dict[str, Array] = {}
     for t, q in zip(ts, qs, strict=True) if closures else ():
-        pin.forwardKinematics(system.model, system.workspace, q)
+        update_motions(system.model, system.workspace, q)
         for closure, pair in _with_pairs(system, closures):
             relative = first.setdefault(closure.name, pair.Rb.T @ pair.Ra)
             if message := closure.violated_precondition(pair, relative):
@@ -72,7 +72,7 @@ def _free_rotation(mech: "Mechanism", closure: Closure, pair: Pair, G: Array) ->
     rows = [i for c in mech.closures if not c.within for i in mech.rows_of(c.name) if mech.positional[i]]
     size, free = np.linalg.svd(G[rows])[1:] if rows else (np.empty(0), np.eye(mech.nv))
     free = free[np.count_nonzero(size > RANK * max(size, default=0.0)) :]
-    rotations = (pair.sign * pair._J)[3:] @ free.T
+    rotations = pair.relative_jacobian()[3:] @ free.T
     if not rotations.size or np.linalg.matrix_rank(rotations, RANK * np.abs(rotations).max()) > 2:
         return ""
     axes, message = excluded

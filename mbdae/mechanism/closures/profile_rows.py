@@ -10,7 +10,7 @@ import numpy as np
 
 from ...data_types import CoreData
 from ...system import Array
-from ..frames import Pair
+from ..tree.frames import Pair
 from .line_rows import LineRows, Lines, at_rest
 from .profiles import PlaneCurve
 from .rows import displaced, rotated

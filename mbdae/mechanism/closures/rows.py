@@ -17,8 +17,8 @@ from typing import ClassVar
 import numpy as np
 
 from ...data_types import CoreData
-from ..frames import Pair, cross, skew, unit_gap
-from ..wrench_partials import line_wrench_partials, moved_line_partials, skews
+from ..tree.frames import Pair, cross, skew, unit_gap
+from ..tree.wrench_partials import line_wrench_partials, moved_line_partials, skews
 
 Vector = tuple[float, float, float]
 

@@ -6,7 +6,7 @@ from ...data_types import CoreData
 from ...finite_differences import weights
 from ..forces.force import PairElement
 from ..formulations.core_description import constraints_of, laws_of
-from ..frames import Pair, find_frame
+from ..tree.frames import Pair, find_frame
 from .parameter_direction import Parameter
 from .parameter_partials import Parameters
 

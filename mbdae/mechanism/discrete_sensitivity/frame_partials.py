@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..frames import find_frame, point_velocities, support
+from ..tree.frames import find_frame, point_velocities, support
 from .parameter_partials import Parameters
 
 

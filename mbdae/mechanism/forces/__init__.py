@@ -10,11 +10,12 @@ from pydantic_core import PydanticUndefined
 
 from ...discovery import members, plugins
 from ...errors import InputError
-from ..frames import find_joint
+from ..tree.frames import find_joint
 from .elements import ForceElements
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
 from .joint_friction import JointFriction, StictionJoint
+from .modal_elasticity import modal_elasticity
 from .torque_function import TorqueElement, TorqueFunction
 
 _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
@@ -73,12 +74,13 @@ def is_custom(force: object) -> bool:
 
 
 def bind_forces(forces: Sequence[MechanismForce], model: pin.Model, data: pin.Data) -> ForceElements:
-    """Bind forces to a workspace, with the damping of the model for all joints without a joint_damping.
+    """Bind forces, elasticity of flexible bodies, and damping of the model for joints without a joint_damping.
 
     Raises:
         UnknownNameError, InputError: for unknown or unsuitable frames and joints.
     """
     laws = [TorqueElement(f, model) if callable(f) else f.bind(model, data) for f in forces]
+    laws += modal_elasticity(model)
     damping, replaced = np.array(model.damping), set[str]()
     for f in forces:
         if isinstance(f, JointDamping):

@@ -7,9 +7,9 @@ import pinocchio as pin
 from pydantic import model_validator
 
 from ...errors import StepError
-from ..frames import Pair, anchor, motion_cross, skew, wrench_matrix
-from ..manifold import inverse_jacobian
-from ..wrench_partials import COMPLEX_STEP, moved_line_partials, skews
+from ..tree.frames import Pair, anchor, motion_cross, skew, wrench_matrix
+from ..tree.manifold import inverse_jacobian
+from ..tree.wrench_partials import COMPLEX_STEP, moved_line_partials, skews
 from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
 MAX_ROTATION = 3.0  # rad: the rotation vector is smooth below pi

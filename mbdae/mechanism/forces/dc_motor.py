@@ -5,7 +5,7 @@ from typing import Literal
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..time_functions import TimeFunction
+from ..time_functions.time_functions import TimeFunction
 from .force import Force, ForceElement, single_velocity_joint
 from .linear import LinearElement, Term
 

@@ -15,9 +15,9 @@ from ...data_types import CoreData
 from ...errors import InputError, NotCompiled
 from ...system import Array
 from ..checked_table import Table
-from ..frames import Pair, find_joint, find_joints
-from ..time_functions import Constant, TimeFunction
-from ..wrench_partials import PairPartials
+from ..time_functions.time_functions import Constant, TimeFunction
+from ..tree.frames import Pair, find_joint, find_joints
+from ..tree.wrench_partials import PairPartials
 
 ArrayOrZero = np.ndarray | float
 """An array, or 0 for one of zeros."""
@@ -138,10 +138,10 @@ class PairElement(ForceElement):
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         self.pair.locate()
         pair, nv = PairPartials(self.pair, v), len(v)
-        i, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))  # i: velocities that move the pair
+        i, out = pair.at, np.zeros((nv + 1, 2 * nv))  # i: velocities that move the pair
         conservative, other = self.wrench_partials(t, pair.V)
         K, D = pair.torque(*other), pair.damping(other.C)
-        out[-1, i], out[-1, nv + i] = v[i].dot(K), v[i].dot(D) + pair.sign * other.F.dot(pair.J)
+        out[-1, i], out[-1, nv + i] = v[i].dot(K), v[i].dot(D) + pair.force(other.F)
         out[i[:, None], i] = K + pair.torque(*conservative)
         out[i[:, None], nv + i] = D + pair.damping(conservative.C)
         return out

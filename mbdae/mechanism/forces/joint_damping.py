@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from ..frames import find_joints
+from ..tree.frames import find_joints
 from .force import Array, Force, ForceElement, Joints
 from .linear import LinearElement
 

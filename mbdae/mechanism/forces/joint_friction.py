@@ -8,7 +8,7 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ...errors import InputError
-from ..frames import find_joints, joint_names
+from ..tree.frames import find_joints, joint_names
 from .force import Array, CoreData, Force, ForceElement, Joints
 from .joint_law import Effort, JointElement
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..wrench_partials import COMPLEX_STEP
+from ..tree.wrench_partials import COMPLEX_STEP
 from .force import Array, ArrayOrZero, ForceElement
 
 Effort = tuple[Array | float, Array | float]

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..time_functions import Constant, Function, TimeFunction
+from ..time_functions.time_functions import Constant, Function, TimeFunction
 from .force import Array, Force, ForceElement, single_coordinate_joints, single_velocity_joint
 from .linear import LinearElement, Term
 from .sampled import Sample, SampledElement

@@ -7,7 +7,13 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
 
-from ..piecewise_polynomial import Interpolation, PiecewisePolynomial, Point, interpolant_of_points, require_increasing
+from ..time_functions.piecewise_polynomial import (
+    Interpolation,
+    PiecewisePolynomial,
+    Point,
+    interpolant_of_points,
+    require_increasing,
+)
 from .force import Array, CoreData, Force, ForceElement, Joints, single_coordinate_joints
 from .joint_law import Effort, JointElement
 from .linear import LinearElement, Spring

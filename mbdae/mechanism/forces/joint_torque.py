@@ -5,8 +5,8 @@ from typing import Literal
 import pinocchio as pin
 
 from ...errors import InputError
-from ..frames import find_joint
-from ..time_functions import TimeFunction
+from ..time_functions.time_functions import TimeFunction
+from ..tree.frames import find_joint
 from .force import Force, ForceElement, single_coordinate_joints
 from .linear import LinearElement, Term
 

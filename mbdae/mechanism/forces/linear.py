@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..time_functions import Constant, TimeFunction
+from ..time_functions.time_functions import Constant, TimeFunction
 from .force import Array, CoreData, ForceElement
 
 Term = tuple[str, int, str, int, float]

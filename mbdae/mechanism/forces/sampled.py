@@ -16,7 +16,7 @@ import pinocchio as pin
 from ...errors import InputError, StepError
 from ...tolerances import INPUT_DIGITS
 from ..callbacks import call_with_views, checked_value, function_name
-from ..frames import find_joints, joint_names
+from ..tree.frames import find_joints, joint_names
 from .force import Array, CoreData, Joints, PythonForce, start_values
 from .linear import LinearElement, Term
 

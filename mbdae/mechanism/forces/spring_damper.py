@@ -7,9 +7,9 @@ import pinocchio as pin
 from pydantic import Field
 
 from ...tolerances import EVALUATION_ROUNDING
-from ..frames import Pair, anchor, skew, unit_gap
-from ..time_functions import Constant, TimeFunction
-from ..wrench_partials import line_wrench_partials
+from ..time_functions.time_functions import Constant, TimeFunction
+from ..tree.frames import Pair, anchor, skew, unit_gap
+from ..tree.wrench_partials import line_wrench_partials
 from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
 

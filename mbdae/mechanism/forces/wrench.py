@@ -5,9 +5,9 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from ..frames import WORLD, Pair, anchor, skew
-from ..time_functions import Constant, TimeFunction
-from ..wrench_partials import moved_line_partials
+from ..time_functions.time_functions import Constant, TimeFunction
+from ..tree.frames import WORLD, Pair, anchor, skew
+from ..tree.wrench_partials import moved_line_partials
 from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
 
 ZERO = Constant(value=0.0)

@@ -8,11 +8,12 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
-from ..frames import WORLD, find_frame, frame_names
+from ..flexible import attach_flexible, beam
 from ..imported_model import ImportedModel
+from ..tree.frames import WORLD, find_frame, frame_names
 from .inertias import checked_inertia
-from .joint_tree import JOINT_MODELS, Tree, resolve_joints, rotation_from_z
-from .schema import Body, Frame, MechanismFile, Source
+from .joint_tree import JOINT_MODELS, Tree, depth_first, resolve_joints, rotation_from_z
+from .schema import Body, Flexible, Frame, MechanismFile, Source
 
 
 def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
@@ -30,13 +31,32 @@ def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tup
     tree = Tree(parts[0].model.name if len(parts) == 1 else name)
     _attach(tree, file, parts)
     tree.model.gravity.linear = np.array(file.gravity)
-    if not tree.model.nv:
+    if not (tree.model.nv or file.flexible):
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
     require_finite(tree.model)
     require_printable_names(tree.model)
     normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
     model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
+    model, visuals = _with_flexible_bodies(model, visuals, file.flexible)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
+
+
+def _with_flexible_bodies(
+    model: pin.Model, visuals: pin.GeometryModel | None, tables: Sequence[Flexible]
+) -> tuple[pin.Model, pin.GeometryModel | None]:
+    """Return the model with flexible bodies, in depth-first order."""
+    for x in tables:
+        parent = find_frame(model, x.parent)
+        names = ("length", "young", "density", "area", "second_moment", "modes", "elements", "ends", "plane")
+        given = {name: getattr(x, name) for name in (*names, "axial", "damping", "polar_moment")}
+        body = beam(**given, nodes=x.nodes or None)
+        attach_flexible(model, x.name, body, _joint(x), parent.parentJoint, parent.placement * placement(x))
+    if not tables:
+        return model, visuals
+    bodies = model.flexible
+    model, visuals = depth_first(model, visuals)
+    model.flexible = bodies
+    return model, visuals
 
 
 def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> None:
@@ -126,7 +146,7 @@ def body_inertia(x: Body) -> pin.Inertia | None:
     return checked_inertia(x.mass, np.array(x.com), tensor, f"body {x.name!r}")
 
 
-def _joint(x: Body) -> pin.JointModel:
+def _joint(x: Body | Flexible) -> pin.JointModel:
     axis = np.array(x.axis)
     if not np.linalg.norm(axis) > 0:
         raise InputError(f"the axis of body {x.name!r} is zero")

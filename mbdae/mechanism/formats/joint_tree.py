@@ -8,9 +8,9 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
 from ..closures.closure import Axis, Z
-from ..frames import find_joint, joint_names
-from ..joints import PER_COORDINATE, PER_VELOCITY, is_depth_first, joint_transform, subspace
 from ..model_settings import coordinates
+from ..tree.frames import find_joint, joint_names
+from ..tree.joints import PER_COORDINATE, PER_VELOCITY, is_depth_first, joint_transform, subspace
 
 JOINT_MODELS: dict[str, Callable[[], pin.JointModel]] = {
     "spherical": pin.JointModelSpherical,

@@ -21,10 +21,10 @@ from ...file_io import read_text
 from ..allowed_paths import AllowedPaths, access_error
 from ..checked_table import Table, one_line
 from ..closures.closure import Axis, Closure
-from ..frames import find_joint, frame_placement
 from ..imported_model import ImportedModel
 from ..model_settings import Motor
-from ..pinocchio_data import make_data
+from ..tree.frames import find_joint, frame_placement
+from ..tree.pinocchio_data import make_data
 from .schema import Frame, Vector
 from .yaml_table import yaml_table
 

@@ -25,9 +25,9 @@ from ...file_io import read_text
 from ..allowed_paths import AllowedPaths
 from ..checked_table import one_line
 from ..closures.closure import Closure
-from ..frames import find_joint, joint_names
 from ..imported_model import ImportedModel
 from ..model_settings import Motor
+from ..tree.frames import find_joint, joint_names
 from .reader import KEY, Reader
 from .schema import Source
 from .urdf import read_urdf

@@ -13,10 +13,12 @@ from ..closures import AnyClosure
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
+from ..flexible.beam import EndCondition, Plane
 from ..forces import AnyForce
-from ..input_functions import Input
+from ..hybrid.reset import Reset
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
-from ..time_functions import TimeFunction
+from ..time_functions.input_functions import Input
+from ..time_functions.time_functions import TimeFunction
 
 Vector = tuple[float, float, float]
 ReplacementKind = Literal[
@@ -70,6 +72,51 @@ class Body(Frame):
         return self
 
 
+class Flexible(Frame):
+    """A straight elastic beam along x of its frame, see `mbdae.beam`; its nodes are frames ``name.node``.
+
+    Attributes:
+        name: name of the body and of the joint of its frame; ``"name.mode 1"``, ... are the joints of its modes.
+        joint: kind of the joint between the parent and its frame.
+        axis: axis of a revolute or prismatic joint.
+        length: m.
+        young: Young's modulus in N/m^2.
+        density: kg/m^3.
+        area: area of the cross-section in m^2.
+        second_moment: second moment of area for bending along y, and along z if it differs, in m^4.
+        polar_moment: second moment of area about x in m^4; without it the beam has no inertia about its axis.
+        modes: number of modes.
+        elements: number of elements.
+        ends: displacements that the frame holds at the left and at the right end.
+        plane: direction of bending, or both.
+        axial: whether the beam stretches, too.
+        damping: damping ratio of all modes, or of each.
+        nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
+    """
+
+    joint: Literal["revolute", "prismatic", "spherical", "planar", "translation", "free"] = "free"
+    axis: Vector = (0.0, 0.0, 1.0)
+    length: float = Field(gt=0)
+    young: float = Field(gt=0)
+    density: float = Field(gt=0)
+    area: float = Field(gt=0)
+    second_moment: float | tuple[float, float]
+    polar_moment: float = Field(default=0.0, ge=0)
+    modes: int = Field(default=4, ge=1)
+    elements: int = Field(default=8, ge=1)
+    ends: EndCondition = "clamped"
+    plane: Plane = "y"
+    axial: bool = False
+    damping: float | tuple[float, ...] = 0.0
+    nodes: dict[str, float] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _check_axis(self) -> "Flexible":
+        if "axis" in self.model_fields_set and self.joint not in ("revolute", "prismatic"):
+            raise ValueError(f"axis does not belong to a {self.joint} joint; rotate its frame by rpy")
+        return self
+
+
 class Source(Table):
     """A file with joints and bodies: URDF, MJCF, or robot.yaml next to a robot.urdf.
 
@@ -110,10 +157,12 @@ class MechanismFile(Table):
         duration: default duration of a run, in s.
         frame: extra frames.
         body: extra bodies with their joints.
+        flexible: elastic beams.
         closure: loop closures.
         driver: joints or distances that follow a function of time.
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
+        event: events at which the state jumps.
         force: springs, dampers, motors, controllers.
         input: inputs of forces and drivers.
         start: initial state.
@@ -131,10 +180,12 @@ class MechanismFile(Table):
     duration: float = Field(default=10.0, gt=0)
     frame: tuple[Frame, ...] = ()
     body: tuple[Body, ...] = ()
+    flexible: tuple[Flexible, ...] = ()
     closure: tuple[AnyClosure, ...] = ()
     driver: tuple[Driver, ...] = ()
     stop: tuple[Stop, ...] = ()
     clutch: tuple[Clutch, ...] = ()
+    event: tuple[Reset, ...] = ()
     force: tuple[AnyForce, ...] = ()
     input: tuple[Input, ...] = ()
     start: Start = Start()

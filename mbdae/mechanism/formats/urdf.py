@@ -13,9 +13,9 @@ from ...file_io import read_text
 from ..allowed_paths import AllowedPaths
 from ..checked_table import Table
 from ..closures.closure import Axis
-from ..frames import find_joint, joint_names
 from ..imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, mimic_couplings, name_list
 from ..model_settings import Value
+from ..tree.frames import find_joint, joint_names
 from .joint_tree import resolve_joints
 from .loop_closures import add_loop_closures
 from .reader import KEY, Reader

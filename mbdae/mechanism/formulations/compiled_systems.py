@@ -16,7 +16,7 @@ from ...tolerances import SEARCH_TOLERANCE, SOLUTION_ROUNDING
 from ..closures.independent_rows import FALLEN
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
-from ..input_functions import Input
+from ..time_functions.input_functions import Input
 from .core_description import core_tolerances, describe, inputs_of, samplers_of
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
@@ -64,7 +64,7 @@ class CompiledSystem(Index2System):
         self.inputs = inputs_of(self)
 
     def set_input(self, cell: Input, number: int) -> None:
-        """See `mbdae.mechanism.input_functions.InputListener`."""
+        """See `mbdae.mechanism.time_functions.input_functions.InputListener`."""
         if any(u is cell for u in self.inputs):
             self.core.set_input(number, *cell.setting)
 

@@ -8,15 +8,17 @@ import numpy as np
 from ... import tolerances as tol
 from ...data_types import CoreData
 from ...errors import NotCompiled
-from .. import manifold
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
-from ..frames import Anchor, Pair
-from ..input_functions import Input
-from ..manifold import GROUPS
-from . import closure_friction, friction_interface, ggl, projection
+from ..time_functions.input_functions import Input
+from ..tree import manifold
+from ..tree.frames import Anchor, Pair
+from ..tree.manifold import GROUPS
+from ..tree.tree_terms import flexible_bodies
+from . import closure_friction, friction_interface, ggl
+from .steps import projection
 
 if TYPE_CHECKING:
     from ..._native import Tolerances
@@ -97,6 +99,7 @@ def describe(system: "Index2System") -> CoreData:
         "angular": m.angular.astype(int).tolist(),
         "angles": [{"iv": iv, "iq": iq} for iv, iq in m.angles],
         "order": system.elimination_order.tolist(),
+        "flexible": [body.core_data(system.model) for body in flexible_bodies(system.model)],
         "probe": independent_rows.random_probe(system.nv).tolist(),
     }
 

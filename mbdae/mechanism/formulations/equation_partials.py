@@ -1,16 +1,16 @@
 """Exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
 Those of M v' + nle come from Pinocchio on the expanded tree; rows and laws provide theirs: see
-`mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials` and the modules of closures and forces. A Python
-function of the user without partial derivatives is differentiated alone, by central differences.
+`mbdae.mechanism.tree.expanded_tree`, `mbdae.mechanism.tree.wrench_partials` and the modules of closures and forces. A
+Python function of the user without partial derivatives is differentiated alone, by central differences.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ...system import Array
+from ..tree.tree_terms import update_poses
 
 if TYPE_CHECKING:
     from .index2 import Index2System
@@ -44,7 +44,7 @@ def equation_partials(
     s.counts.M += 1
     s.counts.f += 1
     M, by_q, by_v = s.inertial.partials(q, v, vdot)
-    pin.computeJointJacobians(s.model, s.workspace, q)
+    update_poses(s.model, s.workspace, q)
     laws, G = s.laws.partials(t, q, v, u[nv:-1]), s.jacobian()[rows]
     all_lam = np.zeros(s.ng)
     all_lam[rows] = lam
@@ -77,7 +77,7 @@ def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]
 
 def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
     """Return the time partials of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each."""
-    pin.computeJointJacobians(s.model, s.workspace, q)
+    update_poses(s.model, s.workspace, q)
     out, (_, _, second) = s.laws.time_partials(t, q, v, states), s.constraints.motion(t)
     out[-1] += lam @ second
     third = np.zeros(s.ng)

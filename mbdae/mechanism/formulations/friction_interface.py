@@ -12,7 +12,7 @@ from ..closures.contact import ContactHeightRow
 from ..closures.line_rows import at_rest
 from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
-from ..frames import Pair, cross
+from ..tree.frames import Pair, cross
 
 ROTATIONAL = ("revolute", "spherical")  # friction torques, in a bearing with a radius
 MIN_COSINE = 0.7  # of the rotation of a slip within one step: below, its direction is not reliable
@@ -67,6 +67,12 @@ class FrictionInterface(NamedTuple):
     def slip_jacobian(self, w: Array) -> Array:
         """Return S (m, nv), slip = S v, at current kinematics: m = 1 along an axis, otherwise 3."""
         return np.array([self.pair.torque(x) for x in self.slip_wrenches(w)])
+
+    def sliding_jacobian(self, W: Array) -> Array:
+        """Return S (m, nv) of an interface that slides, from the wrenches W (6, ng) of all rows."""
+        if self.force.sticks:
+            return np.array([self.pair.torque(w) for w in W[:, self.no_slip_rows].T])
+        return self.slip_jacobian(W[:, self.rows])
 
     def slip_wrenches(self, w: Array) -> Array:
         """Return wrenches A (m, 6) on the second frame, S = A J, from those of the rows, w (6, r)."""

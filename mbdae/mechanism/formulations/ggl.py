@@ -17,10 +17,10 @@ from ...system import Array, Solver, State
 from ...tolerances import ROUNDING, SAME_STATE, SEARCH_TOLERANCE
 from ..closures import independent_rows
 from ..closures.closure_error import largest_error
-from .implicit_stage import Linearized, padded
 from .index2 import Index2System
-from .index2_step import Index2Chart
-from .projection import contradicting_positions, project_velocity, require_compatible_velocities
+from .steps.implicit_stage import Linearized, padded
+from .steps.index2_step import Index2Chart
+from .steps.projection import contradicting_positions, project_velocity, require_compatible_velocities
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -206,8 +206,8 @@ class LinearizedGGL(Linearized):
 
     P = G_p are the independent position rows of G, (k, nv).
 
-    With the letters of `mbdae.mechanism.formulations.implicit_stage`, and m = h times an eigenvalue of the method's
-    matrix,
+    With the letters of `mbdae.mechanism.formulations.steps.implicit_stage`, and m = h times an eigenvalue of the
+    method's matrix,
 
         [ E - m D - m^2 K S J   -L   -m K S J N ] [du' ]
         [ G + m B S J            0     B S J N  ] [dlam]

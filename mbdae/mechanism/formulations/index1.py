@@ -15,7 +15,7 @@ import numpy as np
 from ...errors import InputError
 from ...system import Array, State
 from .index2 import Index2System
-from .index2_step import Index2Chart
+from .steps.index2_step import Index2Chart
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism

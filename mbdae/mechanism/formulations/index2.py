@@ -8,7 +8,6 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrs, dpotrf, dpotrs
 
 from ...errors import StepError
@@ -16,13 +15,14 @@ from ...system import Array, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
-from ..pinocchio_data import PinocchioData
-from . import equation_partials, features, interpolation, projection, residuals, row_selection
+from ..tree import tree_terms as tree
+from ..tree.pinocchio_data import PinocchioData
+from . import equation_partials, features, residuals
 from .closure_friction import ClosureFriction, solve_with_friction
-from .index2_step import Index2Chart
 from .inertial_forces import InertialForces
-from .second_order import second_order_step
-from .variational import variational_step
+from .steps import index2_step, interpolation, projection, row_selection
+from .steps.second_order import second_order_step
+from .steps.variational import variational_step
 from .workspace_pool import RunVariables
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.laws = mechanism.bind_forces(self.workspace)
         if not (before and before.model is mechanism.model and before.constraints is mechanism.constraints):
             self.inertial = InertialForces(self.model)
+            tree.update_flexible(self.model, self.workspace)
             self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
             self.constraints.inactive = inactive_rows(mechanism.switches, self.mode)
             self.elimination_order = independent_rows.elimination_order(self.constraints.columns)
@@ -76,7 +77,7 @@ class Index2System(PinocchioData, RunVariables, System):
     def _kinematics(self, q: Array | None) -> None:
         self.counts.G += self.ng > 0
         if q is not None and self.ng:
-            pin.computeJointJacobians(self.model, self.workspace, q)
+            tree.update_poses(self.model, self.workspace, q)
 
     def g_t(self, t: float) -> Array:
         """Return g_t over all rows, (ng,); zero for closures, -u' for drivers."""
@@ -89,14 +90,14 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
         """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
-        pin.forwardKinematics(self.model, self.workspace, q, v, np.zeros(self.nv))
+        tree.update_motions(self.model, self.workspace, q, v, np.zeros(self.nv))
         return self.constraints.bias(v) - self.constraints.motion(t)[2]
 
     def inertia(self, t: float, q: Array) -> Array:
         """Return the Cholesky factor U of M(q) = U^T U, (nv, nv), zero below; leaves J and poses at q."""
         self.counts.M += 1
         self.counts.factorizations += 1
-        pin.crba(self.model, self.workspace, q, pin.Convention.WORLD)
+        tree.update_inertia(self.model, self.workspace, q)
         U, info = dpotrf(self._M, lower=0, clean=1)
         if info:
             if not np.isfinite(self._M).all():
@@ -109,7 +110,7 @@ class Index2System(PinocchioData, RunVariables, System):
     def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return f (nv,) and the rates (s', power in W), (ns + 1,); kinematics must be current at q."""
         tau, rates = self.torque(t, q, v, s)
-        f = tau - pin.nonLinearEffects(self.model, self.workspace, q, v)
+        f = tau - tree.bias(self.model, self.workspace, q, v)
         if not (finite := np.isfinite(f)).all():
             joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~finite)[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
@@ -122,10 +123,9 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Return the kinetic energy (armature included) and the potential energy of gravity and springs, in J."""
-        pin.crba(self.model, self.workspace, q, pin.Convention.WORLD)
+        tree.update_inertia(self.model, self.workspace, q)
         kinetic = float(v @ (np.triu(self._M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(self._M) * v))
-        gravity = float(pin.computePotentialEnergy(self.model, self.workspace, q))
-        return kinetic, gravity + self.laws.potential(q)
+        return kinetic, tree.gravity_potential(self.model, self.workspace, q) + self.laws.potential(q)
 
     @property
     def in_use(self) -> tuple[int, ...]:
@@ -138,7 +138,7 @@ class Index2System(PinocchioData, RunVariables, System):
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, and make kinematics current; reuses those of the last stage at the same q."""
         if self.manifold.is_same_point(q, self._last_q, self.mechanism.q_scales):
-            pin.computeJointJacobians(self.model, self.workspace, q)
+            tree.update_poses(self.model, self.workspace, q)
             return self._last
         U = self.inertia(t, q)
         return U, self.jacobian()
@@ -192,8 +192,8 @@ class Index2System(PinocchioData, RunVariables, System):
         q, v = self.split(y)
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.element_states(y)), y[-1:]])
 
-    def chart(self, t: float, y: Array) -> "Index2Chart":
-        return Index2Chart(self, t, y, self.rows_of_step(t, y))
+    def chart(self, t: float, y: Array) -> index2_step.Index2Chart:
+        return index2_step.Index2Chart(self, t, y, self.rows_of_step(t, y))
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""

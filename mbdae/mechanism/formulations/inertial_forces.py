@@ -6,9 +6,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..expanded_tree import expand
-from ..frames import motion_cross, wrench_matrix
-from ..pinocchio_data import make_data
+from ..flexible.partials import inertial_partials
+from ..tree.expanded_tree import expand
+from ..tree.frames import motion_cross, wrench_matrix
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import copied, flexible_bodies, update_inertia
 
 MAX_PINOCCHIO_NV = 100
 """Degrees of freedom up to which Pinocchio's derivatives are used: their workspace has nv^3 numbers, up to 40 MB."""
@@ -33,14 +35,27 @@ class InertialForces:
     def partials(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
         """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; live views."""
         if self.model.nv > MAX_PINOCCHIO_NV:
-            return self._by_composites(q, v, vdot)
-        pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
-        return self.data.M, self.data.dtau_dq, self.data.dtau_dv
+            M, by_q, by_v = self._by_composites(q, v, vdot)
+        else:
+            pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
+            M, by_q, by_v = self.data.M, self.data.dtau_dq, self.data.dtau_dv
+        if self._flexible is None:
+            return M, by_q, by_v
+        data, base = self._flexible, -self.compact.gravity.vector
+        U = np.triu(update_inertia(self.compact, data, q))
+        parts = np.repeat(np.arange(self.model.njoints), self.model.nvs)
+        more = [inertial_partials(body, data, parts, q, v, vdot, base) for body in data.flexible]
+        return U + np.triu(U, 1).T, by_q + sum(x for x, _ in more), by_v + sum(x for _, x in more)
+
+    @cached_property
+    def _flexible(self) -> pin.Data | None:
+        """Workspace of the model itself, with its flexible bodies; None without them."""
+        return make_data(self.compact) if flexible_bodies(self.compact) else None
 
     @cached_property
     def weightless(self) -> "InertialForces":
         """The same without gravity."""
-        model = self.compact.copy()
+        model = copied(self.compact)
         model.gravity = pin.Motion.Zero()
         return InertialForces(model)
 

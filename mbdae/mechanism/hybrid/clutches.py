@@ -7,7 +7,7 @@ import numpy as np
 
 from ...tolerances import COINCIDENT
 from ..closures.clutch import Clutch
-from ..frames import find_joint
+from ..tree.frames import find_joint
 from .switch import Guard, ImpactRow, LoadCandidate, PointFunction, SampledMotion, Switch, UnilateralRow
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
-from ..time_functions import Steps
+from ..time_functions.time_functions import Steps
 from .switch import Guard, ImpactRow, Switch
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from ...tolerances import COINCIDENT, VISIBLE
 from ..closures.brake import Brake
 from ..forces.joint_friction import KineticFrictionElement
-from ..frames import find_joint
+from ..tree.frames import find_joint
 from .friction_utilisation import friction_utilisation
 from .switch import Guard, LoadCandidate, Switch
 

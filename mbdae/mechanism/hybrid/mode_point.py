@@ -4,16 +4,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ...system import Array
 from ...tolerances import MODE_ROUNDING, PIVOT_RANK, SOLUTION_ROUNDING
 from ..closures.constraints import Constraints
-from ..pinocchio_data import make_data
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions, update_poses
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
-
 
 
 class AllRows:
@@ -25,13 +24,13 @@ class AllRows:
 
     def __call__(self, t: float, q: Array) -> tuple[Array, Array, Array]:
         """Return g (ng,), G (ng, nv) and g_t (ng,)."""
-        pin.computeJointJacobians(self.model, self.data, q)
+        update_poses(self.model, self.data, q)
         return *self.rows.value(t), -self.rows.motion(t)[1]
 
     def bias(self, t: float, q: Array, v: Array) -> Array:
         """Return gamma = Gdot v + g_tt, (ng,)."""
-        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(len(v)))
-        pin.computeJointJacobians(self.model, self.data, q)
+        update_motions(self.model, self.data, q, v, np.zeros(len(v)))
+        update_poses(self.model, self.data, q)
         return self.rows.bias(v) - self.rows.motion(t)[2]
 
 

@@ -7,7 +7,7 @@ from ...errors import InputError
 from ...tolerances import SAME_STATE, ZERO_SPEED
 from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
-from ..frames import find_joint
+from ..tree.frames import find_joint
 from .switch import Guard, ImpactRow, PointFunction, Switch
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..pinocchio_data import make_data
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions
 from .meshes import Mesh
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
@@ -130,7 +131,7 @@ class Scene:
         data = make_data(self._model)
         out = np.empty((*q.shape[:-1], len(self.shapes), 7))
         for row, pose in zip(np.atleast_2d(q), out.reshape(-1, len(self.shapes), 7), strict=True):
-            pin.forwardKinematics(self._model, data, row)
+            update_motions(self._model, data, row)
             for k, anchors in enumerate(self.anchors):
                 ends = [data.oMi[joint] * placement for joint, placement in anchors]
                 here = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
@@ -150,7 +151,7 @@ class Scene:
         anchors = [(pair.first, pair.second) for pair in pairs]
         data, out = make_data(self._model), np.empty((len(q), len(anchors), 2, 3))
         for row, points in zip(q, out, strict=True):
-            pin.forwardKinematics(self._model, data, row)
+            update_motions(self._model, data, row)
             for k, pair in enumerate(anchors):
                 points[k] = [(data.oMi[joint] * placement).translation for joint, placement in pair]
         return out

@@ -13,8 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from ...tolerances import COINCIDENT, INPUT_DIGITS, SOLUTION_ROUNDING
-from ..joints import subspace
-from ..pinocchio_data import make_data
+from ..tree.joints import subspace
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_motions
 
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
 ShapeWithRole = tuple[str, pin.GeometryObject]  # the role, and the geometry
@@ -49,7 +50,7 @@ def proportions(
         The proportions, positive for any model.
     """
     data = make_data(model)
-    pin.forwardKinematics(model, data, pin.neutral(model))
+    update_motions(model, data, pin.neutral(model))
     massive = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0]
     local = [(i, np.zeros(3)) for i in range(1, model.njoints)]
     local += [(i, model.inertias[i].lever) for i in massive]
@@ -67,7 +68,12 @@ def proportions(
 
 
 def generate(
-    model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int], rolling: Collection[int] = ()
+    model: pin.Model,
+    points: Sequence[Point],
+    size: Proportions,
+    seen: Collection[int],
+    rolling: Collection[int] = (),
+    hidden: Collection[int] = (),
 ) -> Iterator[ShapeWithRole]:
     """Yield shapes for bodies without visual geometry.
 
@@ -76,12 +82,14 @@ def generate(
         points: end points of links other than child joints, such as anchors of closures.
         size: lengths for drawing.
         seen: joints whose bodies have visuals. If there are any, bodies without mass are omitted.
-        rolling: joints whose bodies are drawn as rolling bodies.
+        rolling: joints whose bodies are drawn otherwise: rolling bodies, flexible bodies.
+        hidden: joints that are not drawn.
 
     Yields:
         Role and geometry, fixed to joints; role is ``"ground"``, ``"rail"``, ``"joint"`` or ``"link"``.
     """
-    shown = [i for i in range(1, model.njoints) if i not in seen and (not seen or model.inertias[i].mass > 0)]
+    drawn = [i for i in range(1, model.njoints) if i not in seen and i not in hidden]
+    shown = [i for i in drawn if not seen or model.inertias[i].mass > 0]
     subspaces = _motion_subspaces(model)
     rotating = [i for i in shown if subspaces[i][3:].any()]
     yield from _ground(model, rotating, [] if seen else points, size)

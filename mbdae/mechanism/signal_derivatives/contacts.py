@@ -5,12 +5,12 @@ from copy import copy
 import numpy as np
 
 from ...system import Array
-from ..contacts import contact_force_map, rolling_body, rolling_closures
+from ..signals.contacts import contact_force_map, rolling_body, rolling_closures
 from .motion_tangent import MotionTangent
 
 
 def path_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of the contact points of `mbdae.mechanism.contacts.contact_path`, (n, 3, m)."""
+    """Return the derivatives of the contact points of `mbdae.mechanism.signals.contacts.contact_path`, (n, 3, m)."""
     mech, parameters = motion.mechanism, motion.parameters
     names, out = [c.name for c in mech.constraints], np.empty((len(rolling_closures(mech)), 3, len(motion.d.t)))
     for i, closure in enumerate(rolling_closures(mech)):

@@ -3,18 +3,18 @@
 import numpy as np
 
 from ...system import Array
-from ..effort_signals import named_laws
 from ..forces.bushing import BushingElement
 from ..forces.elements import ForceElements
 from ..forces.force import ForceElement, PairElement
-from ..frames import point_velocities, unit_gap
-from ..manifold import inverse_jacobian, skew
+from ..signals.effort_signals import named_laws
+from ..tree.frames import point_velocities, unit_gap
+from ..tree.manifold import inverse_jacobian, skew
 from .motion_tangent import MotionTangent
 from .wrenches import law_wrench
 
 
 def effort_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of the columns of `mbdae.mechanism.effort_signals.efforts`, (n, m)."""
+    """Return the derivatives of the columns of `mbdae.mechanism.signals.effort_signals.efforts`, (n, m)."""
     bound = [law for law, _ in motion.system.laws.bound]
     out: list[Array] = []
     for law in named_laws(motion.mechanism, motion.system.laws).values():
@@ -25,7 +25,7 @@ def effort_derivatives(motion: MotionTangent) -> Array:
 
 
 def driver_power_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of the columns of `mbdae.mechanism.effort_signals.driver_powers`, (n, m)."""
+    """Return the derivatives of the columns of `mbdae.mechanism.signals.effort_signals.driver_powers`, (n, m)."""
     mech, constraints, parameters = motion.mechanism, motion.system.constraints, motion.parameters
     _, rates, accelerations = constraints.motion(motion.t)
     names, out = [c.name for c in mech.constraints], []

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...system import Array
-from ..frames import point_velocities
+from ..tree.frames import point_velocities
 from .motion_tangent import MotionTangent
 
 

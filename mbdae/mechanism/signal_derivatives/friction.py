@@ -17,7 +17,7 @@ from ...tolerances import TINY
 from ..closures.contact import ContactHeightRow
 from ..discrete_sensitivity.friction_partials import regularisation_factors
 from ..formulations.friction_interface import ROTATIONAL, FrictionInterface
-from ..frames import point_velocities
+from ..tree.frames import point_velocities
 from .motion_tangent import MotionTangent
 
 

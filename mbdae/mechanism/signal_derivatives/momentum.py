@@ -4,13 +4,13 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..frames import motion_cross, point_velocities
+from ..tree.frames import motion_cross, point_velocities
 from .motion_tangent import MotionTangent
 from .wrenches import wrench_cross
 
 
 def momentum_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of the columns of `mbdae.mechanism.momentum.momentum`, (9, m)."""
+    """Return the derivatives of the columns of `mbdae.mechanism.signals.momentum.momentum`, (9, m)."""
     m, d = len(motion.d.t), motion.d
     mass, first, h = 0.0, np.zeros(3), np.zeros(6)  # sums of m, m c and momenta at the world's origin
     dmass, dfirst, dh = np.zeros(m), np.zeros((3, m)), np.zeros((6, m))
@@ -36,7 +36,7 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
 
 
 def shaking_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
-    """Return the shaking force and moment, (2, 3), and their derivatives, (2, 3, m), see `mbdae.mechanism.momentum`.
+    """Return the shaking force and moment of `mbdae.mechanism.signals.momentum`, (2, 3), and derivatives, (2, 3, m).
 
     A body's wrench f = I A + V x* (I V) at the world's origin moves with the body:
 

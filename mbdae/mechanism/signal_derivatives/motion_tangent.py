@@ -8,7 +8,7 @@ P_i dp of parameters on the joint placement,
     V_i = V_p + w_i                    dV_i = dV_p + d_i,   d_i = X_i x w_i + J_i dv_i
     A_i = A_p + J_i v'_i + V_i x w_i   dA_i = dA_p + X_i x (J_i v'_i) + J_i dv'_i + dV_i x w_i + V_i x d_i
 
-on the expanded tree (`mbdae.mechanism.expanded_tree`), where a joint's axes are fixed in its frame.
+on the expanded tree (`mbdae.mechanism.tree.expanded_tree`), where a joint's axes are fixed in its frame.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,9 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..expanded_tree import factor_joints
-from ..frames import Anchor, Pair, find_frame, motion_cross
-from ..pinocchio_data import make_data
+from ..tree.expanded_tree import factor_joints
+from ..tree.frames import Anchor, Pair, find_frame, motion_cross
+from ..tree.pinocchio_data import make_data
 
 if TYPE_CHECKING:
     from ..discrete_sensitivity.parameter_partials import Parameters

@@ -5,7 +5,7 @@ changes of velocity and acceleration are dV~ = dV - X x V, dA~ = dA' - X x A',
 
     F = Y A' + V x* h - outer,   dF = X x* (F + outer) + Y dA~ + dV~ x* h + V x* Y dV~ + dY - d outer
 
-and a joint's wrench is the sum over the bodies of its subtree, see `mbdae.mechanism.joint_wrenches`.
+and a joint's wrench is the sum over the bodies of its subtree, see `mbdae.mechanism.signals.joint_wrenches`.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ import pinocchio as pin
 
 from ...system import Array
 from ..forces.force import PairElement
-from ..frames import joint_names, motion_cross, point_velocities
-from ..joint_wrenches import reaction_names
+from ..signals.joint_wrenches import reaction_names
+from ..tree.frames import joint_names, motion_cross, point_velocities
 from .motion_tangent import MotionTangent
 from .wrenches import closure_wrench, law_wrench, wrench_cross
 
 
 def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
-    """Return `mbdae.mechanism.joint_wrenches.point_reactions`, (2, n, 2, 3), and its tangents (2, n, 2, 3, m).
+    """Return `mbdae.mechanism.signals.joint_wrenches.point_reactions`, (2, n, 2, 3), and its tangents (2, n, 2, 3, m).
 
     The first index selects world axes or local axes, the third one force or torque.
     """

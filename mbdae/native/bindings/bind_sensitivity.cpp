@@ -45,14 +45,14 @@ ChangedElement changed_element(ChangedElements x, const Index2System& s) {
   out.parameter = x.parameter, out.at = x.at;
   check_indices(x.at, x.laws.empty() ? s.ng : s.ns, x.laws.empty() ? "row" : "state");
   for (PerturbedElements& p : x.laws) {
-    check_anchors(p.pairs, s.mechanics.joints), check_laws(p.laws, p.pairs.size());
+    check_anchors(p.pairs, s.mechanics.frames), check_laws(p.laws, p.pairs.size());
     std::vector<Pair> pairs;
     for (const auto& [a, b] : p.pairs) pairs.emplace_back(a, b, s.mechanics.supports());
     out.laws.emplace_back(p.weight, std::move(pairs), std::move(p.laws));
   }
   for (PerturbedElements& p : x.rows) {
     if (p.rows.size() != x.at.size()) reject("as many perturbed rows as there are");
-    check_anchors(p.pairs, s.mechanics.joints), check_rows(p.rows, p.pairs.size());
+    check_anchors(p.pairs, s.mechanics.frames), check_rows(p.rows, p.pairs.size());
     check_drivers(p.drivers, p.rows.size());
     out.rows.push_back(
         {p.weight, std::make_unique<Constraints>(s.mechanics, std::move(p.rows), p.pairs, std::move(p.drivers))});
@@ -87,7 +87,7 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
 struct Nodes {
   Nodes(PyCore& c, nb::handle method, bool halved, bool project, const Array& t, const Array& y, const PyParameters* p = nullptr)
       : ny(c.core->system.ny), nodes(t.size()), ts(t.data(), t.data() + nodes),
-        ys(numbers(y, nodes * c.core->system.length, "y")),
+        ys(checked_numbers(y, nodes * c.core->system.length, "y")),
         segment{nb::isinstance<Tableau>(method) ? nb::cast<const Tableau*>(method) : nullptr,
                 nb::isinstance<Radau>(method) ? nb::cast<const Radau*>(method) : nullptr,
                 halved, project, nodes - 1, ts.data(), ys.data()},
@@ -131,7 +131,7 @@ std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(Py
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.controlled_components()))
     reject("atol has the wrong length");
   Recomputed out;
-  out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
+  out.carries = checked_numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
   if (!succeeds(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return std::nullopt;
   return std::make_tuple(array(out.carries, {x.nodes, x.nc}), out.restarted, out.steps, vector(out.end));
 }
@@ -159,14 +159,16 @@ std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, 
   const CoreLock lock(c);
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
-  const size_t width = x.ny + x.nc;
-  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
-  Numbers by_start = numbers(bar, width, "bar"), by_p(p.partials->count());
+  const size_t width = x.ny + x.nc, costs = bar.size() / width, k = p.partials->count();
+  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries");
+  const Numbers more = checked_numbers(extra, x.nodes * costs * width, "extra");
+  Numbers by_start = checked_numbers(bar, costs * width, "bar"), by_p(costs * k);
   if (!succeeds(c, [&](Index2System& s) {
-        adjoint(s, *p.partials, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
+        adjoint(s, *p.partials, x.segment, known.data(), static_cast<int>(costs), more.data(), by_start.data(),
+                by_p.data());
       }))
     return std::nullopt;
-  return std::make_pair(vector(by_start), vector(by_p));
+  return std::make_pair(array(by_start, {costs, width}), array(by_p, {costs, k}));
 }
 
 std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bool halved, bool project, const Array& t,
@@ -176,9 +178,9 @@ std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bo
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
-  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
-  const Numbers start = numbers(first, d * width, "first");
-  const Numbers late = dh ? numbers(*dh, d, "dh") : Numbers();
+  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries"), along_p = checked_numbers(dp, d * p.partials->count(), "dp");
+  const Numbers start = checked_numbers(first, d * width, "first");
+  const Numbers late = dh ? checked_numbers(*dh, d, "dh") : Numbers();
   Numbers along(x.nodes * d * width);
   if (!succeeds(c, [&](Index2System& s) {
         tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(),
@@ -195,7 +197,7 @@ std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double
   if (p.core != &c) reject("the parameters are those of another core");
   if (!s.mechanics.expanded()) reject("partials need the expanded tree");
   const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
-  Numbers at = numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
+  Numbers at = checked_numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
   for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;
   for (size_t i = 0; i < k; ++i) dp[(ny + i) * k + i] = 1;
   if (!succeeds(c, [&](Index2System&) {
@@ -220,7 +222,8 @@ void bind_sensitivity(nb::module_& m, nb::class_<PyCore>& core) {
            "and their end; or None.")
       .def("adjoint", adjoint_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
            arg("y"), arg("carries"), arg("extra"), arg("bar"), arg("friction") = nb::none(),
-           "Return the cotangents of y and carry (ny + nc,) at the first node, and of parameters (k,), or None.")
+           "Return the cotangents of y and carry (costs, ny + nc) at the first node, and of parameters (costs, k), or None;\n"
+           "extra (m + 1, costs, ny + nc) are added at the inner nodes.")
       .def(
           "tangent", tangent_of_steps, arg("parameters"), arg("method"), arg("halved"), arg("project"), arg("t"),
           arg("y"), arg("carries"), arg("first"), arg("dp"), arg("dh") = nb::none(), arg("friction") = nb::none(),

@@ -78,7 +78,7 @@ void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<co
 void DescriptionReader::read(nb::handle h, TimeFunction& out) {
   read_fields(h, out, false);
   bool valid = out.kind == TimeFunction::python || out.a.size() == 4;
-  if (out.kind == TimeFunction::pieces)
+  if (out.kind == TimeFunction::polynomials)
     valid = out.degree >= 0 && (out.input < 0 || (out.degree == 1 && out.b.size() == 1)) && !out.b.empty() &&
             out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
   if (!valid) reject("the numbers of a function of time do not fit its kind");
@@ -94,10 +94,10 @@ void DescriptionReader::read(nb::handle h, TimeFunction& out) {
 void DescriptionReader::read(nb::handle h, std::shared_ptr<const Profile>& out) {
   auto p = std::make_shared<Profile>();
   read_fields(h, *p, true);
-  const size_t n = p->coefficients.size(), pieces = p->starts.size() - 1;
+  const size_t n = p->coefficients.size(), polynomials = p->starts.size() - 1;
   if (p->starts.size() < 2 || p->samples.empty() || p->degree < 0 || n < 2 || n % 2 ||
       !(p->starts.back() > p->starts[0]) || !std::is_sorted(p->starts.begin(), p->starts.end()) ||
-      (!p->harmonic && n != 2 * pieces * (static_cast<size_t>(p->degree) + 1)))
+      (!p->harmonic && n != 2 * polynomials * (static_cast<size_t>(p->degree) + 1)))
     reject("the numbers of a profile do not fit");
   for (double s : p->samples) {
     const Profile::Point x = p->at(s);
@@ -151,7 +151,7 @@ void DescriptionReader::read(nb::handle h, Row& out) {
     check_indices({j.iq}, n_.nq - j.nq + 1, "coordinate"), check_indices({j.iv}, n_.nv, "velocity");
   }
   if (out.kind == Row::sum && out.c.size() != n) reject("a sum has a coefficient for each joint");
-  if (out.kind == Row::curved && out.law.kind == TimeFunction::python) reject("a law is pieces or a harmonic");
+  if (out.kind == Row::curved && out.law.kind == TimeFunction::python) reject("a law is polynomials or a harmonic");
 }
 
 void DescriptionReader::check_states(int first, int count) const {
@@ -214,6 +214,17 @@ void check_drivers(const std::vector<Driver>& drivers, size_t rows) {
   for (const Driver& driver : drivers) check_indices({driver.row}, static_cast<int>(rows), "row");
 }
 
+static void check(const ModalBody& b, const Sizes& n) {
+  check_indices({b.joint}, n.joints, "joint of a flexible body");
+  if (b.modes < 1 || b.modes > n.nv) reject("modes out of range");
+  check_indices({b.iq}, n.nq - b.modes + 1, "mode"), check_indices({b.iv}, n.nv - b.modes + 1, "mode");
+  const size_t k = b.modes;
+  bool valid = b.C.size() == 3 * k && b.H0.size() == 3 * k && b.Mq.size() == k * k && b.Hj.size() == 3 * k * k &&
+               b.I1.size() == 6 * k && b.I2.size() == 6 * k * k;
+  for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k;
+  if (!valid) reject("the numbers of a flexible body do not fit its modes");
+}
+
 void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
   if (static_cast<int>(d.angular.size()) != n.nv || d.probe.size() != d.angular.size())
     reject("sizes do not fit the model");
@@ -227,7 +238,9 @@ void check(const Description& d, const Sizes& n, const Tolerances& tolerances) {
   for (size_t i = 0; i < order.size(); ++i)
     if (order[i] != static_cast<int>(i)) reject("the order of elimination is 0, 1, ... in some order");
   if (order.size() != d.rows.size()) reject("as many positions in the order of elimination as rows");
-  check_anchors(d.pairs, n.joints), check_anchors(d.law_pairs, n.joints);
+  size_t frames = n.joints;
+  for (const ModalBody& body : d.flexible) check(body, n), frames += body.nodes.size();
+  check_anchors(d.pairs, static_cast<int>(frames)), check_anchors(d.law_pairs, static_cast<int>(frames));
   check_rows(d.rows, d.pairs.size()), check_laws(d.laws, d.law_pairs.size());
   check_drivers(d.drivers, d.rows.size());
   for (const GroupJoint& b : d.group_joints) {

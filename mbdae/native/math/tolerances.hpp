@@ -13,14 +13,14 @@ struct Tolerances {
   // tolerances.py
   double eps, tiny, below_rounding, rounding, sum_rounding, evaluation_rounding, solution_rounding, search_tolerance;
   double same_state, zero_speed, pivot_rank, truncation, visible;
-  // mechanism/manifold.py
+  // mechanism/tree/manifold.py
   double max_rotation;         // rad, largest joint rotation within one step
   std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...
   // closures/independent_rows.py: ratios of pivots, and numbers of rows and iterations
   double smallest_pivot, worst_conditioning, growth_tolerance, reselection_ratio, probe_tolerance;
   double cg_tolerance;  // of the squared residual of conjugate gradients
   int many_rows, extra_cg_iterations;
-  // formulations/projection.py
+  // formulations/steps/projection.py
   double projection_max_remaining, projection_open, projection_stalled;
   int projection_iterations;
   // formulations/ggl.py, closure_friction.py, friction_interface.py

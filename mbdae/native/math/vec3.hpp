@@ -49,4 +49,8 @@ inline void rotate(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[3 * i] * x[0] + R[3 * i + 1] * x[1] + R[3 * i + 2] * x[2];
 }
 
+inline void rotate_by_columns(const double* R, const double* x, double* out) {
+  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
+}
+
 }  // namespace mbdae

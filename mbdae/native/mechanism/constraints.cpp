@@ -14,7 +14,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
                          const std::vector<std::pair<Anchor, Anchor>>& anchors, std::vector<Driver> drivers_)
     : rows(std::move(rows_)), all(rows.size()), drivers(std::move(drivers_)) {
   std::iota(all.begin(), all.end(), 0);
-  const std::vector<std::vector<int>> supports = m.supports();
+  const auto supports = m.supports();
   for (const auto& x : anchors) {
     pairs.emplace_back(x.first, x.second, supports);
     pairs.back().needs_Ra = pairs.back().needs_Rb = false;
@@ -32,15 +32,16 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
     of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
     Pair& pair = pairs[r.pair];
     r.columns = pair.columns;
+    r.columns.erase(std::unique(r.columns.begin(), r.columns.end()), r.columns.end());
     if (r.has_a) pair.needs_Ra = true;
     if (r.has_b) pair.needs_Rb = true;
-    if (has_contact(r) || r.profile) pair.needs_Ra = pair.needs_Rb = true;
+    if (r.along_line()) pair.needs_Ra = pair.needs_Rb = true;
   }
   for (const Driver& d : drivers)
     if (d.speed) rows[d.row].positional = false;
 }
 
-bool Constraints::fits(const Constraints& x) const {
+bool Constraints::has_structure_of(const Constraints& x) const {
   if (x.rows.size() != rows.size() || x.pairs.size() != pairs.size() || x.drivers.size() != drivers.size()) return false;
   for (size_t k = 0; k < pairs.size(); ++k)
     if (x.pairs[k].a.joint != pairs[k].a.joint || x.pairs[k].b.joint != pairs[k].b.joint) return false;
@@ -94,8 +95,10 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
     const double x = row.wrench(pair, w);
     if (g) g[r] = row.positional ? x : 0;
     for (size_t k = 0; k < pair.columns.size(); ++k) {
-      const double* j = J + 6 * pair.columns[k];
-      out[pair.columns[k]] = pair.sign[k] == 0 ? 0 : pair.sign[k] * (dot(w, j) + dot(w + 3, j + 3));
+      const double* j = J + 6 * pair.sources[k];
+      double& entry = out[pair.columns[k]];
+      if (!k || pair.columns[k - 1] != pair.columns[k]) entry = 0;
+      if (pair.sign[k] != 0) entry += pair.sign[k] * (dot(w, j) + dot(w + 3, j + 3));
     }
   }
 }

@@ -1,4 +1,4 @@
-// The configuration manifold of a model, and the tangent map x' = J(x) v of a step (mbdae/mechanism/manifold.py).
+// The configuration manifold of a model, and the tangent map x' = J(x) v of a step (mbdae/mechanism/tree/manifold.py).
 #pragma once
 
 #include <vector>

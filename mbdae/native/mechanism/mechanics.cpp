@@ -1,5 +1,6 @@
 #include "mechanism/mechanics.hpp"
 
+#include <algorithm>
 #include <iterator>
 #include <stdexcept>
 
@@ -19,8 +20,8 @@ namespace mbdae {
 namespace {
 
 // A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
-// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/pinocchio_data.py.
-pinocchio::Data lean(const pinocchio::Model& model) {
+// the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/tree/pinocchio_data.py.
+pinocchio::Data minimal_data(const pinocchio::Model& model) {
   using namespace pinocchio;
   Data data;
   const size_t n = model.njoints;
@@ -37,21 +38,43 @@ pinocchio::Data lean(const pinocchio::Model& model) {
   return data;
 }
 
+std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const pinocchio::Model& m) {
+  std::vector<FlexibleBody> out;
+  int pose = m.njoints, column = m.nv;
+  for (ModalBody& x : bodies) {
+    std::vector<int> base;
+    for (int j : m.supports[x.joint])
+      for (int i = 0; j && i < m.nvs[j]; ++i) base.push_back(m.idx_vs[j] + i);
+    const int nodes = static_cast<int>(x.nodes.size()), modes = x.modes;
+    out.emplace_back(std::move(x), std::move(base), pose, column);
+    pose += nodes, column += nodes * modes;
+  }
+  return out;
+}
+
 }  // namespace
 
-Mechanics::Workspace::Workspace(const pinocchio::Model& m)
-    : model(m), data(lean(m)), saved_poses(data.oMi), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
+Mechanics::Workspace::Workspace(const pinocchio::Model& m, std::vector<FlexibleBody> flexible_)
+    : model(m), flexible(std::move(flexible_)), data(minimal_data(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {
+  size_t nodes = 0, columns = 0;
+  for (const FlexibleBody& x : flexible) nodes += x.data.nodes.size(), columns += x.data.nodes.size() * x.data.modes;
+  data.oMi.resize(m.njoints + nodes, pinocchio::SE3::Identity());
+  data.J.setZero(6, m.nv + columns);
+  saved_poses = data.oMi;
+}
 
-Mechanics::Mechanics(const void* model, const Tolerances& limits_)
-    : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
-  nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
+Mechanics::Mechanics(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible)
+    : limits(limits_) {
+  const auto& m = *static_cast<const pinocchio::Model*>(model);
+  w.reset(new Workspace(m, bound(std::move(flexible), m)));
+  nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints, frames = static_cast<int>(w->data.oMi.size());
   ancestors.resize(nv), tangent.assign(nq, 0);
   const auto above = supports();
   parents.assign(w->model.parents.begin(), w->model.parents.end());
   for (int j = 1; j < joints; ++j) tangent[w->model.idx_qs[j]] = w->model.idx_vs[j];
   for (int j = 1; j < joints; ++j)
     for (int i = 0; i < w->model.nvs[j]; ++i) {
-      const auto& own = above[j];
+      const auto& own = above[j].velocities;
       const auto end = own.end() - w->model.nvs[j] + i;
       ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
     }
@@ -62,26 +85,50 @@ void Mechanics::begin_sweep() {
   w->nle.setZero(nv);
   auto tree = tree_joints(w->model);
   const double *gravity = w->model.gravity.linear().data(), *armature = w->model.armature.data();
-  if (!tree.empty()) w->sweep.reset(new TreeSweep(std::move(tree), ancestors, gravity, armature));
+  if (!tree.empty()) w->sweep.reset(new TreeSweep(std::move(tree), ancestors, gravity, armature, &w->flexible));
+  if (!w->sweep && !w->flexible.empty()) throw std::invalid_argument("flexible bodies need joints with fixed axes");
 }
 
-void Mechanics::write(const void* model, const Tolerances& limits_) {
+void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<ModalBody> flexible) {
   ++motion_stamp_, ++pose_stamp_, limits = limits_;
   if (model == &w->model) return;
   auto partials = std::move(w->partials);
-  w.reset(new Workspace(*static_cast<const pinocchio::Model*>(model))), begin_sweep();
+  const auto& m = *static_cast<const pinocchio::Model*>(model);
+  w.reset(new Workspace(m, bound(std::move(flexible), m))), begin_sweep();
   w->partials = std::move(partials);
+}
+
+bool Mechanics::fits(const std::vector<ModalBody>& bodies) const {
+  const auto same = [](const ModalBody& a, const FlexibleBody& b) {
+    return a.joint == b.data.joint && a.modes == b.data.modes && a.nodes.size() == b.data.nodes.size();
+  };
+  return std::equal(bodies.begin(), bodies.end(), w->flexible.begin(), w->flexible.end(), same);
 }
 
 Mechanics::~Mechanics() = default;
 
-std::vector<std::vector<int>> Mechanics::supports() const {
-  std::vector<std::vector<int>> out(joints);
+std::vector<Mechanics::Support> Mechanics::supports() const {
+  std::vector<Support> out(frames);
   for (int j = 1; j < joints; ++j) {
-    out[j] = out[w->model.parents[j]];
-    for (int i = 0; i < w->model.nvs[j]; ++i) out[j].push_back(w->model.idx_vs[j] + i);
+    auto& x = out[j].velocities;
+    x = out[w->model.parents[j]].velocities;
+    for (int i = 0; i < w->model.nvs[j]; ++i) x.push_back(w->model.idx_vs[j] + i);
+    out[j].columns = x;
   }
+  for (const FlexibleBody& body : w->flexible)
+    for (int i = 0, column = body.first_column; i < static_cast<int>(body.data.nodes.size()); ++i) {
+      Support& x = out[body.first_pose + i] = out[body.data.joint];
+      for (int k = 0; k < body.data.modes; ++k)
+        x.velocities.push_back(body.data.iv + k), x.columns.push_back(column++);
+    }
   return out;
+}
+
+const FlexibleBody::Node* Mechanics::node(int frame, const FlexibleBody*& body, int& i) const {
+  if (frame < joints) return nullptr;
+  for (const FlexibleBody& x : w->flexible)
+    if (i = frame - x.first_pose, i < static_cast<int>(x.data.nodes.size())) return body = &x, &x.node(i);
+  return nullptr;
 }
 
 void Mechanics::inertia(const double* q) {
@@ -159,18 +206,22 @@ void Mechanics::inertia(const double* q, const double* v) {
   auto& begun = w->begun;
   poses(q);
   // About a point among the bodies: far from the world's origin, digits would cancel.
-  Eigen::Vector3d amid = Eigen::Vector3d::Zero();
-  for (int j = 1; j < joints; ++j) amid += w->data.oMi[j].translation() / (joints - 1);
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
+  for (int j = 1; j < joints; ++j) centroid += w->data.oMi[j].translation() / (joints - 1);
   for (int j = 1; j < joints; ++j) {
     Body here = body(j);
-    for (int i = 0; i < 3; ++i) here.centre[i] -= amid[i];
+    for (int i = 0; i < 3; ++i) here.centre[i] -= centroid[i];
     w->partials->set(expanded_joints[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
   }
   begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
-  for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), amid.data(), &begun.about(0, k));
+  for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), centroid.data(), &begun.about(0, k));
   begun.q = In(q, nq), begun.v = In(v, nv), begun.M.resize(nv, nv);
   w->partials->begin(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), w->nle.data());
   begun.M.diagonal() += w->model.armature;
+  if (!w->flexible.empty()) {
+    w->sweep->dynamics(q, v, w->poses(), w->J(), w->data.M.data(), w->nle.data());
+    begun.M = w->data.M.selfadjointView<Eigen::Upper>();
+  }
   w->data.M = begun.M;
 }
 
@@ -178,11 +229,13 @@ const double* Mechanics::bias() const { return w->nle.data(); }
 
 void Mechanics::partials(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
   ++pose_stamp_;
-  if (partials_begun(q, v))
+  if (partials_begun(q, v) && w->flexible.empty())
     w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
   else
     inertia(q, v);
   w->partials->complete(a, by_q, by_v, alone);
+  if (!w->flexible.empty())
+    w->sweep->add_partials(expanded_joints.data(), q, v, a, alone, w->poses(), by_q, by_v);
 }
 
 double Mechanics::potential() const {
@@ -191,6 +244,8 @@ double Mechanics::potential() const {
     const auto& body = w->model.inertias[j];
     out -= body.mass() * w->model.gravity.linear().dot(w->data.oMi[j].act(body.lever()));
   }
+  for (const FlexibleBody& x : w->flexible)
+    out += x.potential(w->data.oMi[x.data.joint].rotation().data(), w->model.gravity.linear().data());
   return out;
 }
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "mechanism/flexible_body.hpp"
 #include "mechanism/rnea_partials.hpp"
 #include "math/tolerances.hpp"
 
@@ -13,20 +14,26 @@ namespace mbdae {
 class Mechanics {
  public:
   // model points to a pinocchio::Model that outlives this object.
-  Mechanics(const void* model, const Tolerances& limits);
+  Mechanics(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
   ~Mechanics();
 
+  bool fits(const std::vector<ModalBody>& flexible) const;  // have these as many modes and nodes?
   // Another model of the same joints; all that was computed with the one before is forgotten.
-  void write(const void* model, const Tolerances& limits);
+  void write(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
 
   Tolerances limits;
-  int nq, nv, joints;
+  int nq, nv, joints, frames;               // frames: joints, and nodes of flexible bodies, which follow them
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
   std::vector<int> parents;                 // (joints,)
   std::vector<int> expanded_joints;         // (nv,) of each degree of freedom: its joint in the expanded tree
 
-  std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
+  // Of each joint and node: the degrees of freedom that move it, and their columns of J.
+  struct Support {
+    std::vector<int> velocities, columns;
+  };
+  std::vector<Support> supports() const;
+  const FlexibleBody::Node* node(int frame, const FlexibleBody*& body, int& i) const;  // null: a joint
 
   void inertia(const double* q);                                  // M; J and poses in the world
   void dynamics(const double* q, const double* v);                // the same, and all that `bias` computes
@@ -40,7 +47,7 @@ class Mechanics {
   void bias(const double* q, const double* v);                      // nle(q, v); velocities; for `bias_minus_gravity`
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
-  // model points to the expanded tree (mechanism/expanded_tree.py).
+  // model points to the expanded tree (mechanism/tree/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !expanded_joints.empty(); }
   // Partials of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` if v = 0. M, J and poses
@@ -59,7 +66,7 @@ class Mechanics {
 
   double potential() const;                 // of gravity in J, at the current poses
   const double* M() const;                  // upper triangle by columns, (nv, nv); all of it after `partials`
-  const double* J() const;                  // at the world's origin by columns, (6, nv)
+  const double* J() const;                  // at the world's origin by columns, (6, nv), then the columns of nodes
   const double* rotation(int joint) const;  // by columns
   const double* position(int joint) const;
   void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first

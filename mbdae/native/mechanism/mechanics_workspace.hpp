@@ -16,7 +16,7 @@ using In = Eigen::Map<const VectorXd>;
 using Out = Eigen::Map<VectorXd>;
 
 struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m);
+  Workspace(const pinocchio::Model& m, std::vector<FlexibleBody> flexible);
 
   // R by columns and p of each joint
   double* poses() {
@@ -26,6 +26,7 @@ struct Mechanics::Workspace {
   double* J() { return data.J.data(); }
 
   const pinocchio::Model& model;
+  std::vector<FlexibleBody> flexible;
   std::unique_ptr<TreeSweep> sweep;
   pinocchio::Data data;
   decltype(data.oMi) saved_poses;

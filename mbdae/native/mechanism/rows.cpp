@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
+#include <map>
 
 #include "mechanism/line_rows.hpp"
 #include "mechanism/wrench_partials.hpp"
@@ -39,11 +39,13 @@ void horner(const std::vector<double>& c, double x, double& p, double& first, do
 
 }  // namespace
 
-Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int>>& supports) : a(a_), b(b_) {
-  std::set<int> all(supports[a.joint].begin(), supports[a.joint].end());
-  const std::set<int> of_a = all, of_b(supports[b.joint].begin(), supports[b.joint].end());
-  all.insert(of_b.begin(), of_b.end());
-  for (int i : all) columns.push_back(i), sign.push_back(static_cast<double>(of_b.count(i)) - of_a.count(i));
+Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<Mechanics::Support>& supports) : a(a_), b(b_) {
+  std::map<std::pair<int, int>, double> all;
+  for (const Anchor* x : {&a, &b}) {
+    const auto& [velocities, from] = supports[x->joint];
+    for (size_t k = 0; k < from.size(); ++k) all[{velocities[k], from[k]}] += x == &b ? 1 : -1;
+  }
+  for (const auto& [column, s] : all) columns.push_back(column.first), sources.push_back(column.second), sign.push_back(s);
   const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   for (Anchor* x : {&a, &b}) x->straight = std::equal(one, one + 9, x->R);
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
@@ -79,14 +81,14 @@ const Contact<Dual<1>>& Pair::moving_contact(const Shape& s) const {
 void Pair::relative(const Mechanics& m, const double* v, double* out) const {
   std::fill(out, out + 6, 0.0);
   for (size_t k = 0; k < columns.size(); ++k) {
-    const double f = sign[k] * v[columns[k]], *J = m.J() + 6 * columns[k];
+    const double f = sign[k] * v[columns[k]], *J = m.J() + 6 * sources[k];
     for (int i = 0; i < 6; ++i) out[i] += J[i] * f;
   }
 }
 
 void Pair::torque(const Mechanics& m, const double* w, double factor, double* tau) const {
   for (size_t k = 0; k < columns.size(); ++k) {
-    const double* J = m.J() + 6 * columns[k];
+    const double* J = m.J() + 6 * sources[k];
     tau[columns[k]] += factor * sign[k] * (dot(w, J) + dot(w + 3, J + 3));
   }
 }
@@ -104,7 +106,7 @@ double unit_gap(const Pair& pair, double* n) {
 
 double Row::wrench(const Pair& pair, double* w) const {
   double g = 0;
-  if (kind >= height) {
+  if (along_line()) {
     Wrench<double> line;
     g = line_wrench(*this, frames_of(pair), has_contact(*this) ? &pair.contact(shape) : nullptr, line);
     read(line, w, nullptr);
@@ -132,7 +134,7 @@ double Row::wrench(const Pair& pair, double* w) const {
 double Row::rate(const Pair& pair) const {
   double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, out = 0;
   const Six relative = difference(pair.Va, pair.Vb);
-  if (kind >= height) {  // a common motion of both frames, V_a, changes w by V_a x* w
+  if (along_line()) {  // a common motion of both frames, V_a, changes w by V_a x* w
     Wrench<Dual<1>> line;
     double common[6];
     const auto frames = moving_frames(pair, relative.data());
@@ -171,7 +173,7 @@ double Row::rate(const Pair& pair) const {
 }
 
 void Row::partials(const Pair& pair, WrenchPartials& t) const {
-  if (kind >= height) {
+  if (along_line()) {
     const Frames<Dual<6>> frames = moving_frames(pair);
     Contact<Dual<6>> contact;
     Wrench<Dual<6>> line;

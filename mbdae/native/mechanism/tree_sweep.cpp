@@ -7,10 +7,6 @@ namespace mbdae {
 
 namespace {
 
-inline void rotate_by_columns(const double* R, const double* x, double* out) {
-  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
-}
-
 inline void copy(const double* R, double* out) { std::memcpy(out, R, 9 * sizeof(double)); }
 
 inline void rotate_columns(const double* R, const double* X, double* out) {
@@ -53,8 +49,8 @@ inline void rotate_symmetric(const double* R, const double* S, double* out) {  /
 }  // namespace
 
 TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors,
-                     const double* gravity, const double* armature)
-    : joints_(std::move(joints)), gravity_(gravity), armature_(armature), about_(ancestors.size()) {
+                     const double* gravity, const double* armature, std::vector<FlexibleBody>* flexible)
+    : joints_(std::move(joints)), flexible_(flexible), gravity_(gravity), armature_(armature), about_(ancestors.size()) {
   for (const auto& x : ancestors) {
     first_.push_back(static_cast<int>(ancestors_.size()));
     ancestors_.insert(ancestors_.end(), x.begin(), x.end());
@@ -63,7 +59,10 @@ TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vecto
   for (size_t i = 0; i < joints_.size(); ++i)
     if (joints_[i].joint >= 0) carrier_.push_back(static_cast<int>(i));
   links_.resize(12 * joints_.size());
-  V_.resize(joints_.size()), A_.resize(joints_.size()), arms_.resize(joints_.size()), from_.resize(joints_.size());
+  size_t size = joints_.size();
+  for (const FlexibleBody& body : *flexible_)
+    for (size_t i = 0; i < body.data.nodes.size(); ++i) carrier_.push_back(static_cast<int>(size++));
+  V_.resize(size), A_.resize(size), from_.resize(size), arms_.resize(joints_.size());
   subtrees_.resize(joints_.size());
 }
 
@@ -191,6 +190,37 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
     }
     if (with_inertia || with_wrench) add_body<with_inertia, with_wrench>(j, here);
   }
+  for (FlexibleBody& body : *flexible_) {
+    const int j = carrier_[body.data.joint];
+    const FramePose at = frame_pose(body, poses);
+    if (with_inertia || with_wrench) body.deform(q);
+    body.turn_nodes(q), body.place_nodes(at, poses, J);
+    for (size_t i = 0; with_motion && i < body.data.nodes.size(); ++i) {
+      const int n = carrier_[body.first_pose + i];
+      from_[n] = from_[j];
+      body.move_node(static_cast<int>(i), at, V_[j].data(), A_[j].data(), v + body.data.iv,
+                     a ? a + body.data.iv : nullptr, V_[n].data(), A_[n].data());
+    }
+  }
+}
+
+void TreeSweep::add_flexible(const double* v, const double* a, const double* poses, double* M, double* nle) {
+  for (FlexibleBody& body : *flexible_) {
+    const int j = carrier_[body.data.joint];
+    const FramePose at = frame_pose(body, poses);
+    if (M) body.add_inertia(at, about_.data(), M, about_.size());
+    if (nle)
+      body.add_force(at, about_.data(), V_[j].data(), A_[j].data(), v + body.data.iv,
+                     a ? a + body.data.iv : nullptr, nle);
+  }
+}
+
+void TreeSweep::add_partials(const int* parts, const double* q, const double* v, const double* a, bool alone,
+                             const double* poses, double* by_q, double* by_v) const {
+  Six base{};
+  for (int i = 0; i < 3 && !alone; ++i) base[i] = -gravity_[i];
+  for (const FlexibleBody& body : *flexible_)
+    body.add_partials(frame_pose(body, poses), about_.data(), parts, q, v, a, base, by_q, by_v, about_.size());
 }
 
 template <bool with_inertia, bool with_wrench>
@@ -226,16 +256,19 @@ void TreeSweep::poses(const double* q, double* poses, double* J) {
 
 void TreeSweep::inertia(const double* q, double* poses, double* J, double* M) {
   outward<false, true, false>(q, nullptr, nullptr, poses, J), inward<true, false>(M, nullptr);
+  add_flexible(nullptr, nullptr, poses, M, nullptr);
 }
 
 void TreeSweep::dynamics(const double* q, const double* v, double* poses, double* J, double* M, double* nle) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
   outward<true, true, true>(q, v, nullptr, poses, J), inward<true, true>(M, nle);
+  add_flexible(v, nullptr, poses, M, nle);
 }
 
 void TreeSweep::inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) {
   for (int i = 0; i < 3; ++i) A_[0][i] = -gravity_[i];
   outward<true, false, true>(q, v, a, poses, J), inward<false, true>(nullptr, out);
+  add_flexible(v, a, poses, nullptr, out);
   for (size_t k = 0; a && k < about_.size(); ++k) out[k] += armature_[k] * a[k];
 }
 

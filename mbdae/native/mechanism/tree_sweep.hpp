@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "math/spatial.hpp"
+#include "mechanism/flexible_body.hpp"
 
 namespace mbdae {
 
@@ -33,11 +34,11 @@ struct TreeJoint {
 class TreeSweep {
  public:
   // Parents first, the world before all; ancestors of each degree of freedom, nearest first; gravity (3,), armature
-  // (nv,).
+  // (nv,); flexible bodies, which outlive this object.
   TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors, const double* gravity,
-            const double* armature);
+            const double* armature, std::vector<FlexibleBody>* flexible);
 
-  // Poses (joints, 12), R by columns and p, of which the first is that of the world, and J (6, nv) by columns at the
+  // Poses (joints and nodes, 12), R by columns and p, of which the first is that of the world, and J (6, nv and nodes) by columns at the
   // world's origin.
   void poses(const double* q, double* poses, double* J);
   // The same, and entries of M (nv, nv) by columns, above the diagonal on the branches of the tree.
@@ -48,6 +49,11 @@ class TreeSweep {
   void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out);
   // Velocities and accelerations for v' = a.
   void motions(const double* q, const double* v, const double* a, double* poses, double* J);
+
+  // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`; without
+  // gravity if `alone`.
+  void add_partials(const int* parts, const double* q, const double* v, const double* a, bool alone,
+                    const double* poses, double* by_q, double* by_v) const;
 
   void velocity(int joint, double* out) const { shift(V_, joint, out); }  // spatial, at the world's origin
   void acceleration(int joint, double* out) const { shift(A_, joint, out); }
@@ -68,10 +74,15 @@ class TreeSweep {
   void update_motion(int j, const double* v, const double* a);
   template <bool with_inertia, bool with_wrench>
   void add_body(int j, const double* pose);
+  FramePose frame_pose(const FlexibleBody& x, const double* poses) const {
+    return {poses + 12 * x.data.joint, arms_[carrier_[x.data.joint]].data()};
+  }
+  void add_flexible(const double* v, const double* a, const double* poses, double* M, double* nle);
   void shift(const std::vector<Six>& x, int joint, double* out) const;
 
   const std::vector<TreeJoint> joints_;
-  std::vector<int> carrier_;   // of each joint of the model: its index in joints_
+  std::vector<FlexibleBody>* const flexible_;
+  std::vector<int> carrier_;   // of each joint of the model: its index in joints_; then of nodes: in V_, A_
   std::vector<double> links_;  // (joints, 12) poses of links without mass
   std::vector<int> ancestors_, first_;  // of each degree of freedom, from first_[k] to first_[k + 1]
   const double *gravity_, *armature_;

@@ -72,18 +72,56 @@ PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* 
   columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];
-    if (pair.sign[k] != 0) columns_.push_back({at, m.expanded_joints[at], pair.sign[k], m.J() + 6 * at, {}});
+    if (pair.sign[k] != 0 && pair.sources[k] < m.nv)
+      columns_.push_back({at, m.expanded_joints[at], pair.sign[k], m.J() + 6 * at, {}});
   }
+  add_node(m, pair.a.joint, -1, v), add_node(m, pair.b.joint, 1, v);
   if (!v) return;
   double W[2][6] = {};  // of frames a and b, relative to the parent of the joint
   for (size_t first, end = columns_.size(); end > 0; end = first) {
     const Column& last = columns_[end - 1];
     double* w = W[last.sign > 0];
-    for (first = end; first > 0 && columns_[first - 1].part == last.part; --first)
+    for (first = end; first > 0 && columns_[first - 1].joint == last.joint; --first)
       for (int i = 0; i < 6; ++i) w[i] += columns_[first - 1].J[i] * v[columns_[first - 1].at];
-    for (size_t k = first; k < end; ++k) motion_cross(columns_[k].J, w, columns_[k].dV);
+    for (size_t k = first; k < end; ++k) {
+      double product[6];
+      motion_cross(columns_[k].J, w, product);
+      for (int i = 0; i < 6; ++i) columns_[k].dV[i] += product[i];
+    }
   }
   for (int i = 0; i < 6; ++i) V[i] = W[1][i] - W[0][i];
+}
+
+// A node moves by its modes like by two joints: translations T along axes fixed in the frame, and a rotation vector.
+void PairPartials::add_node(const Mechanics& m, int frame, double sign, const double* v) {
+  const FlexibleBody* body = nullptr;
+  int number = 0;
+  const FlexibleBody::Node* node = m.node(frame, body, number);
+  if (!node) return;
+  const ModalBody& data = body->data;
+  const int modes = data.modes, part = m.nv + 2 * frame;
+  const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[number].Psi.data();
+  split_.emplace_back(12 * modes);
+  double *T = split_.back().data(), *W = T + 6 * modes, s[3] = {};
+  for (int k = 0; k < modes; ++k) {
+    const double* J = m.J() + 6 * (body->first_column + number * modes + k);
+    std::copy(J + 3, J + 6, W + 6 * k + 3), cross(p, J + 3, W + 6 * k);
+    for (int i = 0; i < 3; ++i) T[6 * k + i] = J[i] - W[6 * k + i], s[i] += v ? Psi[3 * k + i] * v[data.iv + k] : 0;
+    columns_.push_back({data.iv + k, part, sign, T + 6 * k, {}});
+  }
+  const auto change = [&](const double* z, int by, double* out) {  // of the rotation z, by mode `by`
+    double local[3];
+    rotation_jacobian_rate(*node, z, Psi + 3 * by, local);
+    rotate_by_columns(R, local, out + 3), cross(p, out + 3, out);
+  };
+  for (int k = 0; k < modes; ++k) {
+    columns_.push_back({data.iv + k, part + 1, sign, W + 6 * k, {}});
+    if (v) change(s, k, columns_.back().dV);
+    for (int by = 0; by < modes; ++by) {
+      turns_.push_back({data.iv + k, data.iv + by, sign, {}});
+      change(Psi + 3 * k, by, turns_.back().change);
+    }
+  }
 }
 
 void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) const {
@@ -97,8 +135,9 @@ void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) cons
     cross(m.J + 3, t.F, within), cross(m.J + 3, t.F + 3, within + 3), cross(m.J, t.F, more);
     for (int i = 0; i < 3; ++i) within[i] = dF[i] - within[i], within[3 + i] = dF[3 + i] - within[3 + i] - more[i];
     for (const Column& k : columns_)
-      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.part <= k.part ? within : dF);
+      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? within : dF);
   }
+  for (const Turn& x : turns_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
 }
 
 void PairPartials::damping(const double* C, double* D, size_t width) const {

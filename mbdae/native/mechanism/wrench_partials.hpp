@@ -1,4 +1,4 @@
-// Partials of wrenches between two frames, and of their power, by q and v (mbdae/mechanism/wrench_partials.py).
+// Partials of wrenches between two frames, and of their power, by q and v (mbdae/mechanism/tree/wrench_partials.py).
 // Matrices (6, 6) by rows.
 #pragma once
 
@@ -39,12 +39,20 @@ class PairPartials {
 
  private:
   struct Column {
-    int at, part;
+    int at, joint;  // of the expanded tree
     double sign;
     const double* J;
     double dV[6];
   };
+  void add_node(const Mechanics& m, int frame, double sign, const double* v);
+
   std::vector<Column> columns_;
+  struct Turn {  // of a node: dW_k/dq_m minus W_m x W_k, of the columns of rotation W of its modes
+    int k, m;
+    double sign, change[6];
+  };
+  std::vector<Turn> turns_;
+  std::vector<std::vector<double>> split_;  // of each node: columns of translation and of rotation
 };
 
 void matrix_of_wrench(const double* F, double* out);  // d -> d x* F

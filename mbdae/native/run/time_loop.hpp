@@ -1,4 +1,4 @@
-// Many steps in a row: mbdae/integrate/loop.py without its special cases.
+// Many steps in a row: mbdae/integrate/run/loop.py without its special cases.
 #pragma once
 
 #include <utility>

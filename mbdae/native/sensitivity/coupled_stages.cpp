@@ -173,46 +173,46 @@ void CoupledStages::forward(int directions, double* moved, const double* dp, con
   all.bottomRows(tail) = dF[n - 1].bottomRows(tail);
 }
 
-void CoupledStages::reverse(double* bar) {
+void CoupledStages::reverse(int costs, double* bars) {
   const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, lead = slip() < 0 ? 0 : nv, tail = ny - nv;
   const int width = ny + (first ? lead + tail : 0), m = stages_.empty() ? 0 : stages_[0]->size();
-  Eigen::Map<Vector<double>> all(bar, width);
-  Vector<double> out = all.head(ny), x = out;
+  Eigen::Map<Matrix> all(bars, width, costs);
+  Matrix out = all.topRows(ny), x = out;
   for (const IntegratePartialsBlock& b : end_) {
-    out.segment(b.at, b.n) = RowsIn(b.A, b.n, b.n).transpose() * all.segment(b.at, b.n);
-    x.segment(b.at, b.n) = RowsIn(b.R, b.n, b.n).transpose() * all.segment(b.at, b.n);
+    out.middleRows(b.at, b.n) = RowsIn(b.A, b.n, b.n).transpose() * all.middleRows(b.at, b.n);
+    x.middleRows(b.at, b.n) = RowsIn(b.R, b.n, b.n).transpose() * all.middleRows(b.at, b.n);
   }
-  std::vector<Vector<double>> F(n);
+  std::vector<Matrix> F(n);
   for (int i = 0; i < n; ++i) F[i] = h_ * a_.b[i] * x;
-  if (first) F[n - 1].tail(tail) += all.tail(tail);
-  const Vector<double> carried = all.segment(first ? ny : 0, first ? lead : 0);
-  const auto back = [&](int i, const Vector<double>& mu) {  // of the equations of a stage, to what they depend on
+  if (first) F[n - 1].bottomRows(tail) += all.bottomRows(tail);
+  const Matrix carried = all.middleRows(first ? ny : 0, first ? lead : 0);
+  const auto back = [&](int i, const Matrix& mu) {  // of the equations of a stage, to what they depend on
     const StageEquations& e = *stages_[i - first];
     out -= e.y.transpose() * mu;
-    stages_[i - first]->add_parameters(mu.data());
+    stages_[i - first]->add_parameters(mu);
     if (a_.coupled) return;
-    const Vector<double> X = e.x.transpose() * mu, Xhat = e.xhat.transpose() * mu;
+    const Matrix X = e.x.transpose() * mu, Xhat = e.xhat.transpose() * mu;
     for (int j = 0; j < i; ++j)
-      F[j] -= h_ * a_.A[i * n + j] * X, F[j].head(2 * nv) -= h_ * a_.Ahat[i * n + j] * Xhat;
+      F[j] -= h_ * a_.A[i * n + j] * X, F[j].topRows(2 * nv) -= h_ * a_.Ahat[i * n + j] * Xhat;
   };
   if (a_.coupled) {
-    Vector<double> right = Vector<double>::Zero(n * m);
-    for (int i = 0; i < n; ++i) right.segment(i * m, ny) = F[i];
-    const Vector<double> mu = systems_[0].solve_transposed(right);
-    for (int i = 0; i < n; ++i) back(i, mu.segment(i * m, m));
+    Matrix right = Matrix::Zero(n * m, costs);
+    for (int i = 0; i < n; ++i) right.middleRows(i * m, ny) = F[i];
+    const Matrix mu = systems_[0].solve_transposed(right);
+    for (int i = 0; i < n; ++i) back(i, mu.middleRows(i * m, m));
   }
   for (int i = n - 1; !a_.coupled && i >= first; --i) {
-    Vector<double> right = Vector<double>::Zero(m);
-    right.head(ny) = F[i];
-    if (i == n - 1 && first && lead) right.segment(slip(), nv) = carried;
+    Matrix right = Matrix::Zero(m, costs);
+    right.topRows(ny) = F[i];
+    if (i == n - 1 && first && lead) right.middleRows(slip(), nv) = carried;
     back(i, systems_[i - first].solve_transposed(right));
   }
   if (first) {
-    out.segment(nv, nv) += F[0].head(nv);
-    if (lead) all.segment(ny, nv) = F[0].head(nv);
-    all.tail(tail) = F[0].tail(tail);
+    out.middleRows(nv, nv) += F[0].topRows(nv);
+    if (lead) all.middleRows(ny, nv) = F[0].topRows(nv);
+    all.bottomRows(tail) = F[0].bottomRows(tail);
   }
-  all.head(ny) = out;
+  all.topRows(ny) = out;
 }
 
 }  // namespace mbdae

@@ -54,7 +54,7 @@ class CoupledStages final : public StepMap {
 
   void repeat(double t, double h, const State& in, State& out) override;
   void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;
-  void reverse(double* bar) override;
+  void reverse(int costs, double* bars) override;
 
  private:
   using Matrix = Eigen::MatrixXd;

@@ -36,7 +36,8 @@ void Parameters::twists(const double* v) {
   }
 }
 
-void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X) {
+void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X,
+                       std::vector<Numbers>& sums) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
@@ -45,7 +46,7 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
       by_a[j] += relative[i] * t.Da[6 * i + j], by_b[j] += relative[i] * t.Db[6 * i + j];
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
-  for (const Moving& m : ends_.at(&pair)) {
+  for (const Moving& m : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[m.component];
     Six g = m.second ? by_b : by_a;
     if (x.kind == ModelComponent::placement) {
@@ -60,15 +61,15 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
         for (int i = 0; i < 6; ++i) g[i] += m.second ? rotated[i] : -rotated[i];
       }
     }
-    add_motion(world_poses_[m.component], g.data(), sums_[m.component].data());
+    add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
   }
 }
 
-void Parameters::shifted(const Pair& pair, const double* F) {
-  for (const Moving& m : ends_.at(&pair)) {
+void Parameters::shifted(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
+  for (const Moving& m : moved_frames_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
-    add_motion(world_poses_[m.component], g.data(), sums_[m.component].data());
+    add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
   }
 }
 
@@ -93,23 +94,23 @@ void Parameters::bodies() {
   }
 }
 
-void Parameters::contract(const LinearisationPoint& point, const double* above) {
+void Parameters::contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums) {
   const Mechanics& m = s_.mechanics;
   const int nv = s_.nv;
   if (kinematic_) {
     twists(above);
     if (!inertial_joints_.empty()) bodies();
     for (const ActingWrench& w : point.wrenches) {
-      if (ends_.at(w.pair).empty()) continue;
+      if (moved_frames_.at(w.pair).empty()) continue;
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
-      moved(*w.pair, w.partials, X_);
+      moved(*w.pair, w.partials, X_, sums);
     }
   }
   for (size_t i = 0; i < components_.size(); ++i) {
     const ModelComponent& x = components_[i];
-    double* to = sums_[i].data();
+    double* to = sums[i].data();
     if (x.kind == ModelComponent::armature)
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
     if (x.kind == ModelComponent::gravity && point.loaded)

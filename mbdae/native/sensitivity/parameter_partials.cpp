@@ -20,7 +20,6 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
       components_(std::move(components)),
       directions_(std::move(directions)),
       changed_(std::move(changed)),
-      changed_sums_(changed_.size()),
       world_poses_(components_.size()),
       gaps_(s.ng) {
   const Mechanics& m = s.mechanics;
@@ -28,7 +27,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   columns_.resize(m.joints), subtree_.resize(m.joints), joint_of_.resize(s.nv);
   has_ancestor_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
-    columns_[j].assign(supports[j].begin() + supports[m.parents[j]].size(), supports[j].end());
+    columns_[j].assign(supports[j].velocities.begin() + supports[m.parents[j]].velocities.size(), supports[j].velocities.end());
     for (int c : columns_[j]) joint_of_[c] = j;
     for (int i = j; i; i = m.parents[i]) has_ancestor_[j][i] = true, subtree_[i].push_back(j);
     subtree_[0].push_back(j);
@@ -40,7 +39,6 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
     for (; j; j = m.parents[j]) used[j] = true;
   };
   for (const ModelComponent& x : components_) {
-    sums_.emplace_back(size_of(x.kind, s.nv), 0.0);
     kinematic_ = kinematic_ || x.kind != ModelComponent::armature;
     placing_ = placing_ || x.kind == ModelComponent::placement;
     moving_ = moving_ || placing_ || x.kind == ModelComponent::frame;
@@ -54,7 +52,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
-      std::vector<Moving>& found = ends_[&pairs[p]];
+      std::vector<Moving>& found = moved_frames_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))
@@ -148,44 +146,51 @@ void Parameters::add_changed_rows(const LinearisationPoint::ConstraintPoint& con
     }
 }
 
-void Parameters::begin() {
-  extra_.assign(count_, 0.0);
-  for (Numbers& x : sums_) std::fill(x.begin(), x.end(), 0.0);
-  std::fill(changed_sums_.begin(), changed_sums_.end(), 0.0);
+void Parameters::begin(size_t costs) {
+  Sums zero{{}, Numbers(count_, 0.0), Numbers(changed_.size(), 0.0)};
+  for (const ModelComponent& x : components_) zero.components.emplace_back(size_of(x.kind, s_.nv), 0.0);
+  sums_.assign(costs, zero);
 }
 
-void Parameters::add(const LinearisationPoint& point, const double* above, const double* nu) {
+void Parameters::add(const LinearisationPoint& point, const Numbers& above, const Numbers& nu) {
   if (!count_) return;
   const IndependentRows& rows = point.rows ? *point.rows : s_.rows;
   const std::vector<int>& position = rows.position();
+  const size_t costs = sums_.size(), n = n_, r = rows.in_use().size();
   pose(point);
-  if (!point.at_rest) evaluate_terms(point), contract(point, above);
+  if (!point.at_rest) evaluate_terms(point);
+  for (size_t c = 0; c < costs && !point.at_rest; ++c) contract(point, &above[c * n], sums_[c].components);
   for_constraint_points(point, point.q, [&](const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair) {
-    WrenchPartials sum;
-    for (const auto& [at, t] : requested_) {
-      const double w = constrained.weight * nu[at];
-      sum.add(w, *t);
+    for (size_t c = 0; c < costs; ++c) {
+      WrenchPartials sum;
+      for (const auto& [at, t] : requested_) sum.add(constrained.weight * nu[c * r + at], *t);
+      if (constrained.kind == LinearisationPoint::ConstraintPoint::g)
+        shifted(pair, sum.F, sums_[c].components);
+      else
+        moved(pair, sum, V_, sums_[c].components);
     }
-    if (constrained.kind == LinearisationPoint::ConstraintPoint::g)
-      shifted(pair, sum.F);
-    else
-      moved(pair, sum, V_);
   });
-  for (size_t i = 0; i < changed_.size(); ++i) {
-    if (!point.at_rest) changed_sums_[i] += dot(&changed_P_[i * n_], above, n_);
-    for (int k : rows.in_use()) changed_sums_[i] += changed_Q_[i * s_.ng + k] * nu[position[k]];
-  }
+  for (size_t c = 0; c < costs; ++c)
+    for (size_t i = 0; i < changed_.size(); ++i) {
+      double& sum = sums_[c].changed[i];
+      if (!point.at_rest) sum += dot(&changed_P_[i * n], &above[c * n], n_);
+      for (int k : rows.in_use()) sum += changed_Q_[i * s_.ng + k] * nu[c * r + position[k]];
+    }
 }
 
-void Parameters::add_columns(const Numbers& P, const double* above) {
-  for (size_t l = 0; l < count_; ++l) extra_[l] += dot(&P[l * n_], above, n_);
+void Parameters::add_columns(const Numbers& P, const Numbers& above) {
+  for (size_t c = 0; c < sums_.size(); ++c)
+    for (size_t l = 0; l < count_; ++l) sums_[c].columns[l] += dot(&P[l * n_], &above[c * n_], n_);
 }
 
 void Parameters::end(double* p) {
-  for (size_t l = 0; l < count_; ++l) p[l] += extra_[l];
-  for (const Direction& d : directions_)
-    p[d.parameter] += dot(d.x.data(), sums_[d.component].data(), static_cast<int>(d.x.size()));
-  for (size_t i = 0; i < changed_.size(); ++i) p[changed_[i].parameter] += changed_sums_[i];
+  for (const Sums& sums : sums_) {
+    for (size_t l = 0; l < count_; ++l) p[l] += sums.columns[l];
+    for (const Direction& d : directions_)
+      p[d.parameter] += dot(d.x.data(), sums.components[d.component].data(), static_cast<int>(d.x.size()));
+    for (size_t i = 0; i < changed_.size(); ++i) p[changed_[i].parameter] += sums.changed[i];
+    p += count_;
+  }
 }
 
 }  // namespace mbdae

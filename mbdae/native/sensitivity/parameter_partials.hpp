@@ -70,10 +70,10 @@ class Parameters {
                                       Numbers& P)>;
   Friction friction;
 
-  void begin();                                                               // of a sum of cotangents
-  void add(const LinearisationPoint& point, const double* above, const double* nu);  // P^T above + Q^T nu, (n,) and (r,)
-  void add_columns(const Numbers& P, const double* above);                    // P (k, n)
-  void end(double* p);                                                        // adds the sum to p (k,)
+  void begin(size_t costs);  // of a sum of cotangents for each cost
+  void add(const LinearisationPoint& point, const Numbers& above, const Numbers& nu);  // P^T above + Q^T nu, (costs, n), (costs, r)
+  void add_columns(const Numbers& P, const Numbers& above);                           // P (k, n)
+  void end(double* p);                                                   // adds the sums to p (costs, k)
   void forces(const LinearisationPoint& point, Numbers& P);                          // P (k, n), J and poses current
   void rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), the same at q
 
@@ -100,12 +100,12 @@ class Parameters {
   template <class F>
   void for_constraint_points(const LinearisationPoint& point, const Numbers& q, const F& each);
 
-  void contract(const LinearisationPoint& point, const double* above);  // into sums_
+  void contract(const LinearisationPoint& point, const double* above, std::vector<Numbers>& sums);
   void twists(const double* v);                                  // U_
   void bodies();                                                 // of U_
   // Partials of F . (X_b - X_a) by motions of placements and frames; velocities V_ for a damped wrench.
-  void moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X);
-  void shifted(const Pair& pair, const double* F);  // of F . d_b - F . d_a
+  void moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X, std::vector<Numbers>& sums);
+  void shifted(const Pair& pair, const double* F, std::vector<Numbers>& sums);  // of F . d_b - F . d_a
 
   void inertia_columns(int component, Numbers& P) const;
   void placement_columns(int component, Numbers& P);
@@ -126,7 +126,7 @@ class Parameters {
   const std::vector<ModelComponent> components_;
   const std::vector<Direction> directions_;
   std::vector<ChangedElement> changed_;
-  std::map<const Pair*, std::vector<Moving>> ends_;  // of all pairs
+  std::map<const Pair*, std::vector<Moving>> moved_frames_;  // of all pairs
   bool moving_ = false, placing_ = false, kinematic_ = false, rows_change_ = false;
   bool rows_move_ = false;                            // with placements and frames
   std::vector<std::vector<int>> columns_;             // of J, of each joint
@@ -135,9 +135,12 @@ class Parameters {
   std::vector<std::vector<int>> subtree_;             // the subtree of each joint; of the world: all joints
   std::vector<std::vector<const Direction*>> along_;  // in each component
   std::vector<int> moving_joints_, inertial_joints_;  // joints whose motions, and whose bodies are needed
-  std::vector<Numbers> sums_;                         // the cotangent of all components
-  Numbers extra_;  // (k,) of further columns
-  Numbers changed_P_, changed_Q_, changed_sums_;  // of changed laws and rows: (changed, n), (changed, ng); (changed,)
+  struct Sums {
+    std::vector<Numbers> components;
+    Numbers columns, changed;  // (k,) of further columns, and of changed laws and rows
+  };
+  std::vector<Sums> sums_;         // the cotangents of each cost
+  Numbers changed_P_, changed_Q_;  // of changed laws and rows: (changed, n), (changed, ng)
 
   std::vector<Six> V_, A_, U_, X_;      // by joint; A minus gravity
   std::vector<Six> F_, H_, C_, h_, W_;  // by joint: of its subtree, except h_ of the body alone
@@ -163,7 +166,7 @@ void Parameters::for_constraint_points(const LinearisationPoint& point, const Nu
     locate();
     for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
       Pair& pair = s_.constraints.pairs[p];
-      if (ends_.at(&pair).empty()) continue;
+      if (moved_frames_.at(&pair).empty()) continue;
       requested_.clear();
       for (int k : s_.constraints.of_pair[p]) {
         if (position[k] < 0) continue;

@@ -120,6 +120,21 @@ void ProjectionSensitivity::solve(const Correction& c, double* above, double* be
   factors_.solve_root_transposed(above);
 }
 
+void ProjectionSensitivity::solve_transposed(const Correction& c, double* above, double* below) const {
+  const int nv = s_.nv;
+  const std::vector<int>& position = s_.rows.position();
+  Numbers l(c.rows.size());
+  factors_.solve_root(above);
+  for (size_t j = 0; j < l.size(); ++j) l[j] = dot(&c.Z[static_cast<size_t>(c.rows[j]) * nv], above, nv);
+  c.lu.solve_transposed(l.data());
+  for (size_t j = 0; j < l.size(); ++j) {
+    const double* z = &c.Z[static_cast<size_t>(c.rows[j]) * nv];
+    below[position[c.rows[j]]] = l[j];
+    for (int e = 0; e < nv; ++e) above[e] -= z[e] * l[j];
+  }
+  factors_.solve_root_transposed(above);
+}
+
 void ProjectionSensitivity::forward(int directions, double* moved, size_t width, const double* dp,
                                     const double* dt) {
   const int nv = s_.nv, ng = s_.ng;
@@ -164,49 +179,45 @@ void ProjectionSensitivity::forward(int directions, double* moved, size_t width,
   }
 }
 
-void ProjectionSensitivity::reverse(double* y) {
-  const int nv = s_.nv;
+void ProjectionSensitivity::reverse(int costs, double* bars, size_t width) {
+  const int nv = s_.nv, n = nv + s_.ns + 1;
   const std::vector<int>& position = s_.rows.position();
-  Numbers mu(s_.nv + s_.ns + 1), nu(s_.rows.in_use().size()), start(nv, 0.0), rotated(nv);
-  double *q = y, *v = y + nv;
+  const size_t r = s_.rows.in_use().size();
+  Numbers mus(costs * static_cast<size_t>(n)), nus(costs * r), start(costs * static_cast<size_t>(nv), 0.0), rotated(nv);
   for (size_t i = count_; i-- > 0;) {
     const Correction& c = *corrections_[i];
-    std::fill(mu.begin(), mu.end(), 0.0), std::fill(nu.begin(), nu.end(), 0.0);
-    if (c.of_v) {
-      for (int e = 0; e < nv; ++e) mu[e] = -v[e];
-    } else {
-      apply(c.integrate_partials, &IntegratePartialsBlock::R, true, true, nv, q, mu.data());
-      for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
-      apply(c.integrate_partials, &IntegratePartialsBlock::A, true, true, nv, q, rotated.data());
-      std::copy(rotated.begin(), rotated.end(), q);
-    }
-    Numbers l(c.rows.size());
-    factors_.solve_root(mu.data());
-    for (size_t j = 0; j < l.size(); ++j) l[j] = dot(&c.Z[static_cast<size_t>(c.rows[j]) * nv], mu.data(), nv);
-    c.lu.solve_transposed(l.data());
-    for (size_t j = 0; j < l.size(); ++j) {
-      const double* z = &c.Z[static_cast<size_t>(c.rows[j]) * nv];
-      nu[position[c.rows[j]]] = l[j];
-      for (int e = 0; e < nv; ++e) mu[e] -= z[e] * l[j];
-    }
-    factors_.solve_root_transposed(mu.data());
-    parameters_.add(c.point, mu.data(), nu.data());
-    for (int row : c.rows) {
-      const double w = nu[position[row]];
-      const double *g = &c.G[static_cast<size_t>(row) * nv], *b = c.moved ? &c.B[static_cast<size_t>(position[row]) * nv] : nullptr;
-      const double* bv = c.of_v ? &c.Bv[static_cast<size_t>(position[row]) * nv] : nullptr;
-      for (int e = 0; e < nv; ++e) {
-        (c.of_v ? v : q)[e] += w * g[e];
-        if (bv) q[e] += w * bv[e];
-        if (b) q[e] -= w * b[e];
+    std::fill(mus.begin(), mus.end(), 0.0), std::fill(nus.begin(), nus.end(), 0.0);
+    for (int d = 0; d < costs; ++d) {
+      double *q = bars + d * width, *v = q + nv, *mu = &mus[d * static_cast<size_t>(n)], *nu = nus.data() + d * r;
+      if (c.of_v) {
+        for (int e = 0; e < nv; ++e) mu[e] = -v[e];
+      } else {
+        apply(c.integrate_partials, &IntegratePartialsBlock::R, true, true, nv, q, mu);
+        for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
+        apply(c.integrate_partials, &IntegratePartialsBlock::A, true, true, nv, q, rotated.data());
+        std::copy(rotated.begin(), rotated.end(), q);
       }
+      solve_transposed(c, mu, nu);
+      for (int row : c.rows) {
+        const double w = nu[position[row]];
+        const double *g = &c.G[static_cast<size_t>(row) * nv], *b = c.moved ? &c.B[static_cast<size_t>(position[row]) * nv] : nullptr;
+        const double* bv = c.of_v ? &c.Bv[static_cast<size_t>(position[row]) * nv] : nullptr;
+        for (int e = 0; e < nv; ++e) {
+          (c.of_v ? v : q)[e] += w * g[e];
+          if (bv) q[e] += w * bv[e];
+          if (b) q[e] -= w * b[e];
+        }
+      }
+      if (!c.moved) continue;
+      add_transposed(c.K, nv, nv, mu, q);
+      std::fill(rotated.begin(), rotated.end(), 0.0);
+      add_transposed(c.T, nv, nv, mu, rotated.data());
+      for (int e = 0; e < nv; ++e) start[d * static_cast<size_t>(nv) + e] -= rotated[e];
     }
-    if (!c.moved) continue;
-    add_transposed(c.K, nv, nv, mu.data(), q);
-    for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
-    add_transposed(c.T, nv, nv, mu.data(), start.data());
+    parameters_.add(c.point, mus, nus);
   }
-  for (int e = 0; e < nv; ++e) q[e] += start[e];
+  for (int d = 0; d < costs; ++d)
+    for (int e = 0; e < nv; ++e) bars[d * width + e] += start[d * static_cast<size_t>(nv) + e];
 }
 
 }  // namespace mbdae

@@ -1,5 +1,5 @@
-// Sensitivity of projections (mbdae/mechanism/formulations/projection.py): states onto the closures, and velocities onto
-// rows newly in use. A correction is the x of least x^T M x with G x = r, so that with multipliers eta
+// Sensitivity of projections (mbdae/mechanism/formulations/steps/projection.py): states onto the closures, and
+// velocities onto rows newly in use. A correction is the x of least x^T M x with G x = r, so that with multipliers eta
 //
 //   M dx - G^T deta = d(G^T eta) dq + (G^T eta - M x)_p dp - dM x dq_0,   G dx = dr - d(G x) dq - (G x)_p dp
 //
@@ -21,7 +21,8 @@ class ProjectionSensitivity {
   // Tangents dy (ny,) become those of that point, for dp (k,) and dt, which may be missing; direction by direction,
   // `width` numbers apart.
   void forward(int directions, double* moved, size_t width, const double* dp, const double* dt);
-  void reverse(double* y);  // cotangents (ny,) of that point become those of the given one
+  // Cotangents (costs, width) of that point become those of the given one.
+  void reverse(int costs, double* bars, size_t width);
 
  private:
   // A correction x of least x^T M x with G x = r, and eta: M x = G^T eta.
@@ -39,6 +40,7 @@ class ProjectionSensitivity {
 
   void correct(Correction& c, double t, const double* q, const double* v, const Numbers& r);
   void solve(const Correction& c, double* above, double* below) const;  // becomes x, eta; (nv,) and (ng,) by row
+  void solve_transposed(const Correction& c, double* above, double* below) const;  // below: 0 before; (r,) after
 
   Index2System& s_;
   Parameters& parameters_;

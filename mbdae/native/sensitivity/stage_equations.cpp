@@ -139,10 +139,10 @@ void StageEquations::friction() {
     by_unknowns(ny - 1, ny + i) -= by_lam(0, nv);
   }
   Numbers K(n * nv), D(n * n);
-  slid_.resize(parameters_.count() * n);
-  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, slid_);
+  friction_columns_.resize(parameters_.count() * n);
+  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, friction_columns_);
   x.block(nv, 0, n_, nv) -= RowsIn(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= RowsIn(D.data(), n_, n_);
-  if (forward_) p.middleRows(nv, n_) -= RowsIn(slid_.data(), p.cols(), n_).transpose();
+  if (forward_) p.middleRows(nv, n_) -= RowsIn(friction_columns_.data(), p.cols(), n_).transpose();
 }
 
 void StageEquations::positions(const StageValues& at) {
@@ -167,17 +167,23 @@ void StageEquations::positions(const StageValues& at) {
   p.middleRows(first, nv) = -RowsIn(P_.data(), p.cols(), n_).leftCols(nv).transpose();
 }
 
-void StageEquations::add_parameters(const double* mu) {
+void StageEquations::add_parameters(const Eigen::MatrixXd& mu) {
   const int nv = s_.nv, ny = s_.ny;
-  Numbers above(mu + nv, mu + ny), below(mu + ny, mu + ny + r_);
-  for (double& w : below) w = -w;
-  parameters_.add(point_, above.data(), below.data());
-  if (!slid_.empty()) parameters_.add_columns(slid_, above.data());
+  Numbers above, below;
+  const auto gather = [&](int at, int size, int rows, int last) {  // mu (m, costs): of equations, and of rows with the other sign
+    above.clear(), below.clear();
+    for (int c = 0; c < mu.cols(); ++c) {
+      const double* column = mu.col(c).data();
+      above.insert(above.end(), column + at, column + at + size), above.resize((c + 1) * n_, 0.0);
+      for (int k = rows; k < last; ++k) below.push_back(-column[k]);
+    }
+  };
+  gather(nv, ny - nv, ny, ny + r_);
+  parameters_.add(point_, above, below);
+  if (!friction_columns_.empty()) parameters_.add_columns(friction_columns_, above);
   if (!position_rows_) return;
-  above.assign(n_, 0.0), std::copy_n(mu + ny + r_, nv, above.begin());
-  below.assign(mu + ny + r_ + nv, mu + m_);
-  for (double& w : below) w = -w;
-  parameters_.add(slip_, above.data(), below.data());
+  gather(ny + r_, nv, ny + r_ + nv, m_);
+  parameters_.add(slip_, above, below);
 }
 
 }  // namespace mbdae

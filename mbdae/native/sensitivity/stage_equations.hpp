@@ -27,7 +27,7 @@ class StageEquations {
   void take(const double* y0, const StageValues& at, const IndependentRows* positions);
   int size() const { return m_; }
   // The cotangents of the parameters, of those of the equations, (m,).
-  void add_parameters(const double* mu);
+  void add_parameters(const Eigen::MatrixXd& mu);
 
   Rows<double> by_unknowns, x, xhat, y;  // (m, m) by the unknowns with x and xhat fixed; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                // (m, k); for tangents
@@ -46,7 +46,7 @@ class StageEquations {
   int m_ = 0, r_ = 0, k_ = 0, n_ = 0;
   LinearisationPoint point_, slip_;  // of lam, and of mu
   EquationPartials at_;
-  Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_, slid_;
+  Numbers Bhat_, G_, by_q_, by_v_, time_, P_, Q_, friction_columns_;
   std::vector<IntegratePartialsBlock> integrate_partials_, integrate_partials_hat_;
 };
 

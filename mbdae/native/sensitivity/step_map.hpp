@@ -13,8 +13,8 @@ class StepMap {
   // Tangents (ny + nc,) of y and of the carry become those at the end of the step, for dp (k,), direction by direction;
   // and for changes dh of the step size and dt of its start, (directions,), which may be missing.
   virtual void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) = 0;
-  // Cotangents (ny + nc,) at the end of the step become those at its start; those of parameters are accumulated.
-  virtual void reverse(double* bar) = 0;
+  // Cotangents (costs, ny + nc) at the end of the step become those at its start; those of parameters are accumulated.
+  virtual void reverse(int costs, double* bar) = 0;
 };
 
 }  // namespace mbdae

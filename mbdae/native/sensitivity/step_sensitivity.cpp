@@ -113,31 +113,48 @@ void StepSensitivity::forward(int directions, double* moved, const double* dp, c
   }
 }
 
-void StepSensitivity::reverse(double* y) {
+void StepSensitivity::reverse(int costs, double* bars) {
   const int n = a_.n, ny = ny_, nc = ny_ - nv_;
-  double* carry = y + ny;
-  Numbers x(y, y + ny), out(y, y + ny);
-  apply(end_, &IntegratePartialsBlock::R, true, true, nv_, y, x.data()), apply(end_, &IntegratePartialsBlock::A, true, true, nv_, y, out.data());
-  dF_.assign(static_cast<size_t>(n) * ny, 0.0);
-  for (int i = 0; i < n; ++i)
-    for (int c = 0; c < ny; ++c) dF_[i * ny + c] = h_ * a_.b[i] * x[c];
-  if (a_.explicit_first)
-    for (int c = 0; c < nc; ++c) dF_[(n - 1) * ny + nv_ + c] += carry[c];
+  const size_t width = ny + (a_.explicit_first ? nc : 0), size = static_cast<size_t>(n) * ny;
+  Numbers x(ny), out(costs * static_cast<size_t>(ny));
+  dF_.assign(costs * size, 0.0);
+  for (int d = 0; d < costs; ++d) {
+    const double *bar = bars + d * width, *carry = bar + ny;
+    double *y = &out[d * ny], *dF = &dF_[d * size];
+    std::copy(bar, carry, y), std::copy(bar, carry, x.begin());
+    apply(end_, &IntegratePartialsBlock::R, true, true, nv_, bar, x.data());
+    apply(end_, &IntegratePartialsBlock::A, true, true, nv_, bar, y);
+    for (int i = 0; i < n; ++i)
+      for (int c = 0; c < ny; ++c) dF[i * ny + c] = h_ * a_.b[i] * x[c];
+    if (a_.explicit_first)
+      for (int c = 0; c < nc; ++c) dF[(n - 1) * ny + nv_ + c] += carry[c];
+  }
   for (int i = n - 1; i >= a_.explicit_first; --i) {
-    x_bar_.assign(ny, 0.0), xhat_bar_.assign(ny, 0.0);
-    stages_[i]->reverse(&dF_[i * ny], x_bar_.data(), xhat_bar_.data(), out.data());
-    if (parameters_) parameters_->add(*stages_[i], stages_[i]->above.data(), stages_[i]->nu.data());
-    for (int j = 0; j < i; ++j) {
-      const double w = h_ * a_.A[i * n + j], what = h_ * a_.Ahat[i * n + j];
-      if (w == 0 && what == 0) continue;
-      for (int c = 0; c < ny; ++c) dF_[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
+    StageSensitivity& stage = *stages_[i];
+    above_.clear(), nu_.clear();
+    for (int d = 0; d < costs; ++d) {
+      double* dF = &dF_[d * size];
+      x_bar_.assign(ny, 0.0), xhat_bar_.assign(ny, 0.0);
+      stage.reverse(dF + i * ny, x_bar_.data(), xhat_bar_.data(), &out[d * ny]);
+      above_.insert(above_.end(), stage.above.begin(), stage.above.end());
+      nu_.insert(nu_.end(), stage.nu.begin(), stage.nu.end());
+      for (int j = 0; j < i; ++j) {
+        const double w = h_ * a_.A[i * n + j], what = h_ * a_.Ahat[i * n + j];
+        if (w == 0 && what == 0) continue;
+        for (int c = 0; c < ny; ++c) dF[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
+      }
     }
+    if (parameters_) parameters_->add(stage, above_, nu_);
   }
-  if (a_.explicit_first) {
-    for (int c = 0; c < nv_; ++c) out[nv_ + c] += dF_[c];
-    std::copy_n(&dF_[nv_], nc, carry);
+  for (int d = 0; d < costs; ++d) {
+    double *bar = bars + d * width, *y = &out[d * ny];
+    const double* dF = &dF_[d * size];
+    if (a_.explicit_first) {
+      for (int c = 0; c < nv_; ++c) y[nv_ + c] += dF[c];
+      std::copy_n(dF + nv_, nc, bar + ny);
+    }
+    std::copy_n(y, ny, bar);
   }
-  std::copy(out.begin(), out.end(), y);
 }
 
 }  // namespace mbdae

@@ -18,7 +18,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   void repeat(double t, double h, const State& in, State& out, bool partials);
   void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
   void forward(int directions, double* moved, const double* dp, const double* dh, const double* dt) override;  // neither dh nor dt
-  void reverse(double* bar) override;
+  void reverse(int costs, double* bar) override;
 
  private:
   void record_stage(int stage, double t, double that, double factor, const double* F);
@@ -31,6 +31,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   std::vector<IntegratePartialsBlock> end_;
   Numbers dF_, dx_end_, x_bar_, xhat_bar_, p_;
   std::vector<Numbers> P_, Q_;  // of stages, for tangents
+  Numbers above_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
 };
 
 }  // namespace mbdae

@@ -57,10 +57,10 @@ class Interval {
     if (g_.project) end_.forward(d, moved, width, dp, dh);
   }
 
-  void reverse(double* bar) {
-    if (g_.project) end_.reverse(bar);
-    if (g_.halved) second_->reverse(bar);
-    first_->reverse(bar);
+  void reverse(int costs, double* bars, size_t width) {
+    if (g_.project) end_.reverse(costs, bars, width);
+    if (g_.halved) second_->reverse(costs, bars);
+    first_->reverse(costs, bars);
   }
 
  private:
@@ -131,16 +131,16 @@ void recompute(Index2System& s, const TrajectorySegment& g, const RepeatToleranc
   out.end = now.y;
 }
 
-void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries,
-             const double* extra, double* bar, double* p) {
+void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries, int costs,
+             const double* extra, double* bars, double* p) {
   Interval interval(s, parameters, g, false);
-  const size_t width = s.ny + carry_size(s, g);
-  parameters.begin();
+  const size_t width = s.ny + carry_size(s, g), size = costs * width;
+  parameters.begin(costs);
   for (size_t i = g.steps; i-- > 0;) {
     interval.take(carries, i);
     if (i + 1 < g.steps)
-      for (size_t c = 0; c < width; ++c) bar[c] += extra[(i + 1) * width + c];
-    interval.reverse(bar);
+      for (size_t c = 0; c < size; ++c) bars[c] += extra[(i + 1) * size + c];
+    interval.reverse(costs, bars, width);
   }
   parameters.end(p);
 }

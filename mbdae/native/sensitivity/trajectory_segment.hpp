@@ -1,4 +1,4 @@
-// Recompute many steps of a run: carries, tangents and adjoints (mbdae/integrate/trajectory.py).
+// Recompute many steps of a run: carries, tangents and adjoints (mbdae/integrate/trajectory/trajectory.py).
 #pragma once
 
 #include "sensitivity/projection_sensitivity.hpp"
@@ -34,10 +34,10 @@ struct Recomputed {
 };
 
 void recompute(Index2System& s, const TrajectorySegment& segment, const RepeatTolerances& tolerances, Recomputed& out);
-// Cotangents (ny + nc,) at the last node become those at the first; `extra` (m + 1, ny + nc) are added at the inner
-// nodes, and those of parameters (k,) are accumulated.
-void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries,
-             const double* extra, double* bar, double* p);
+// Cotangents (costs, ny + nc) at the last node become those at the first; `extra` (m + 1, costs, ny + nc) are added at
+// the inner nodes, and those of parameters (costs, k) are accumulated.
+void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& segment, const double* carries, int costs,
+             const double* extra, double* bars, double* p);
 size_t carry_size(const Index2System& s, const TrajectorySegment& segment);
 // Tangents (d, ny + nc) at the first node lead to those at all of them, (m + 1, d, ny + nc); dh (d,) are those of the
 // size of each step, or missing.

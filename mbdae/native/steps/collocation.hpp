@@ -1,4 +1,4 @@
-// Steps of collocation methods (mbdae/methods/collocation.py, mbdae/mechanism/formulations/implicit_stage.py).
+// Steps of collocation methods (mbdae/methods/collocation.py, mbdae/mechanism/formulations/steps/implicit_stage.py).
 #pragma once
 
 #include <complex>

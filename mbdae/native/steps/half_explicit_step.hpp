@@ -1,4 +1,5 @@
-// Half-explicit Runge-Kutta steps (mbdae/methods/half_explicit_step.py, mbdae/mechanism/formulations/index2_step.py).
+// Half-explicit Runge-Kutta steps (mbdae/methods/half_explicit_step.py,
+// mbdae/mechanism/formulations/steps/index2_step.py).
 #pragma once
 
 #include "math/fields.hpp"

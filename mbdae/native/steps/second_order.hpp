@@ -1,4 +1,4 @@
-// Steps of Newmark-type methods (mbdae/methods/alpha.py, mbdae/mechanism/formulations/second_order.py).
+// Steps of Newmark-type methods (mbdae/methods/alpha.py, mbdae/mechanism/formulations/steps/second_order.py).
 #pragma once
 
 #include <vector>

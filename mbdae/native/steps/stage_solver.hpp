@@ -1,4 +1,4 @@
-// Linear systems of a stage of a collocation method, one for each mode (mbdae/mechanism/formulations/implicit_stage.py).
+// Linear systems of a stage of a collocation method, one for each mode (mbdae/mechanism/formulations/steps/implicit_stage.py).
 #pragma once
 
 #include "steps/collocation.hpp"

@@ -9,7 +9,7 @@
 namespace mbdae {
 
 Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
-    : mechanics(model, limits),
+    : mechanics(model, limits, std::move(d.flexible)),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
       manifold(mechanics, d.flat, std::move(d.group_joints), std::move(d.angular), std::move(d.angles)),
       rows(constraints, std::move(d.order), mechanics.nv, mechanics.limits),
@@ -38,7 +38,7 @@ Index2System::Index2System(const void* model, const Tolerances& limits, Descript
 }
 
 void Index2System::set_laws(std::vector<Law> laws, const std::vector<std::pair<Anchor, Anchor>>& pairs) {
-  const std::vector<std::vector<int>> supports = mechanics.supports();
+  const auto supports = mechanics.supports();
   laws_ = std::move(laws), law_pairs_.clear();
   law_pairs_.reserve(pairs.size());
   for (auto& p : pairs) law_pairs_.emplace_back(p.first, p.second, supports);
@@ -53,11 +53,12 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
     if (d.laws[k].kind != laws_[k].kind || d.laws[k].pair != laws_[k].pair || d.laws[k].state != laws_[k].state ||
         d.laws[k].states != laws_[k].states)
       return false;
+  if (!mechanics.fits(d.flexible)) return false;
   Constraints others(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers));
-  if (!constraints.fits(others)) return false;
+  if (!constraints.has_structure_of(others)) return false;
   constraints.write(std::move(others));
   set_laws(std::move(d.laws), d.law_pairs);
-  mechanics.write(model, limits), reset();
+  mechanics.write(model, limits, std::move(d.flexible)), reset();
   return true;
 }
 

@@ -53,9 +53,10 @@ struct Description {
   std::vector<Angle> angles;
   std::vector<int> order;    // (ng,) position of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
+  std::vector<ModalBody> flexible;
 
   FIELDS(formulation, alpha, beta, flat, ns, pairs, rows, drivers, law_pairs, laws, group_joints, angular, angles,
-         order, probe)
+         order, probe, flexible)
 };
 
 class Index2System {

@@ -1,4 +1,5 @@
-// Projection of a state onto its closures, optional at the ends of steps (mbdae/mechanism/formulations/projection.py).
+// Projection of a state onto its closures, optional at the ends of steps
+// (mbdae/mechanism/formulations/steps/projection.py).
 #pragma once
 
 #include "system/index2.hpp"

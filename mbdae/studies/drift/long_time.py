@@ -4,7 +4,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...integrate.solve import solve
-from ...mechanism.momentum import Momenta, momenta
+from ...mechanism.signals.momentum import Momenta, momenta
 from ...solution.signals import units
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
@@ -19,9 +19,9 @@ def momentum_changes(sol: Solution) -> dict[str, float]:
     """Return the largest change of each conserved momentum, relative to the largest sum of the sizes of its terms.
 
     A momentum is conserved if its rate by the equations of motion, at states of the run, is rounding. Candidates are
-    those of `mbdae.mechanism.momentum.Momenta`: by name ``momentum.x``, ``angular_momentum.origin.x`` (about the origin
-    of the world), and for ``v.joint`` the component ``p.joint`` of M v, conserved for a cyclic coordinate. Those whose
-    terms are all zero are omitted.
+    those of `mbdae.mechanism.signals.momentum.Momenta`: by name ``momentum.x``, ``angular_momentum.origin.x`` (about
+    the origin of the world), and for ``v.joint`` the component ``p.joint`` of M v, conserved for a cyclic coordinate.
+    Those whose terms are all zero are omitted.
     """
     mech = sol.mechanism
     at = np.unique(np.linspace(0, len(sol.t) - 1, SAMPLES).astype(int))

@@ -9,12 +9,12 @@ import numpy as np
 
 from ... import backend
 from ...data_types import JsonObject
-from ...integrate.settings import complete_settings
+from ...integrate.options.settings import complete_settings
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.frames import find_joint, fixed_links
-from ...mechanism.joints import file_kind
-from ...mechanism.reactions import mass_scaled_jacobian, rank
+from ...mechanism.signals.reactions import mass_scaled_jacobian, rank
+from ...mechanism.tree.frames import find_joint, fixed_links
+from ...mechanism.tree.joints import file_kind
 from ...solution.signal_value import signal_values, value
 from ...system import Array
 from ...tabular import Tabular

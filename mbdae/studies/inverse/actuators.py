@@ -7,11 +7,11 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Driver, Mechanism
-from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
-from ...mechanism.frames import find_joint
+from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
+from ...mechanism.tree.frames import find_joint
 from ...system import Array
 
 REPLACED_FORCES = (JointPID, JointTorque, DCMotor)  # by actuators

@@ -10,9 +10,9 @@ from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.closures.brake import Brake
 from ...mechanism.closures.independent_rows import minimum_norm
-from ...mechanism.frames import find_joint
 from ...mechanism.hybrid.switches import Mode
-from ...mechanism.joint_wrenches import joint_wrenches
+from ...mechanism.signals.joint_wrenches import joint_wrenches
+from ...mechanism.tree.frames import find_joint
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import HALF_DIGITS, NEGLIGIBLE, RANK

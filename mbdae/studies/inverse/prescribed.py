@@ -10,9 +10,9 @@ from scipy.interpolate import make_interp_spline
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
+from ...mechanism.assembly.position_search import close_position
 from ...mechanism.closures.closure_error import largest_error
-from ...mechanism.frames import find_joint
-from ...mechanism.position_search import close_position
+from ...mechanism.tree.frames import find_joint
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COARSE, RANK, SEARCH_TOLERANCE

@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from ...data_types import JsonObject
 from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
-from ...mechanism.coordinate_units import coordinate_units, effort_unit
+from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import LOCAL_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular, rounded_zero

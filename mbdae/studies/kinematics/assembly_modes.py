@@ -14,8 +14,8 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import COORDINATE_NAMES
-from ...mechanism.frames import find_joints
+from ...mechanism.tree.coordinate_units import COORDINATE_NAMES
+from ...mechanism.tree.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular

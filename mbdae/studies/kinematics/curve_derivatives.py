@@ -23,7 +23,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError
 from ...mechanism.discrete_sensitivity.frame_partials import frame_partials
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.frames import WORLD, frame_names, frame_paths
+from ...mechanism.tree.frames import WORLD, frame_names, frame_paths
 from ...solution.columns import coordinates
 from ...solution.signal_value import signal_values
 from ...system import Array

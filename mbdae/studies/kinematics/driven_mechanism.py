@@ -11,10 +11,10 @@ from scipy.linalg import qr
 
 from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Driver, Mechanism
+from ...mechanism.assembly.position_search import close_position
 from ...mechanism.forces import stiction_joints
 from ...mechanism.forces.coulomb_friction import CoulombFriction
-from ...mechanism.frames import find_joint
-from ...mechanism.position_search import close_position
+from ...mechanism.tree.frames import find_joint
 from ...system import Array
 from ...tolerances import RANK, VISIBLE
 

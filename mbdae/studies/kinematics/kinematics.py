@@ -8,8 +8,8 @@ import numpy as np
 
 from ...errors import AssemblyError, InputError, StepError, is_number
 from ...mechanism import Mechanism
-from ...mechanism.joints import angle_components
-from ...mechanism.position_search import close_position
+from ...mechanism.assembly.position_search import close_position
+from ...mechanism.tree.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import SMALLEST_PART

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...mechanism import Mechanism
-from ...mechanism.characteristic_length import linkage_lengths
-from ...mechanism.frames import find_joint
-from ...mechanism.joints import angle_components, translation_components
-from ...mechanism.position_search import gauss_newton, is_closed
+from ...mechanism.assembly.position_search import gauss_newton, is_closed
+from ...mechanism.equations.characteristic_length import linkage_lengths
+from ...mechanism.tree.frames import find_joint
+from ...mechanism.tree.joints import angle_components, translation_components
 from ...system import Array
 from ...tolerances import RANK, SAME_POSE
 from .circuits import circuit

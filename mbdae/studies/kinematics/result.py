@@ -11,8 +11,8 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
-from ...mechanism.frames import WORLD, frame_motions, frame_names
+from ...mechanism.tree.coordinate_units import coordinate_units
+from ...mechanism.tree.frames import WORLD, frame_motions, frame_names
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array

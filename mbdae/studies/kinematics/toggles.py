@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...mechanism import Mechanism
-from ...mechanism.frames import find_joint
+from ...mechanism.tree.frames import find_joint
 from ...system import Array
 from ...tabular import rounded_zero
 from ...tolerances import SAME_POSE, ZERO_SPEED

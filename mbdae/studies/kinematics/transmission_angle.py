@@ -11,8 +11,8 @@ from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.closures.independent_rows import minimum_norm
 from ...mechanism.formulations.index2 import Index2System
-from ...mechanism.frames import find_joint, support
-from ...mechanism.joint_wrenches import joint_wrenches
+from ...mechanism.signals.joint_wrenches import joint_wrenches
+from ...mechanism.tree.frames import find_joint, support
 from ...system import Array
 from ...tolerances import SOLUTION_ROUNDING, ZERO_SPEED
 

@@ -9,8 +9,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...errors import InputError, MbdaeError
-from ...integrate.options import require_positive
-from ...integrate.simulator import Simulator
+from ...integrate.options.options import require_positive
+from ...integrate.simulator.simulator import Simulator
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import INPUT_DIGITS

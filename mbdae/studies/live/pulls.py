@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ...integrate.simulator import Simulator
+from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.forces.joint_torque import JointTorque
-from ...mechanism.frames import find_frame, find_joint, frame_names
-from ...mechanism.input_functions import Input
 from ...mechanism.inputs import Inputs
 from ...mechanism.pulled_point import PulledPoint, joint_inertias
+from ...mechanism.time_functions.input_functions import Input
+from ...mechanism.tree.coordinate_units import coordinate_units
+from ...mechanism.tree.frames import find_frame, find_joint, frame_names
 from ...mechanism.variant import variant
 from ...system import Array
 from ..view.sliders import MAX_SLIDERS, independent, limits_of, value_of

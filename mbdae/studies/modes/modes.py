@@ -11,9 +11,9 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import StepError
 from ...mechanism import Mechanism
-from ...mechanism.formulations.linearization import LinearMotion
-from ...mechanism.formulations.null_space import close_loops
-from ...mechanism.formulations.spectrum import CERTAIN, Spectrum, spectrum
+from ...mechanism.equilibrium.linearization import LinearMotion
+from ...mechanism.equilibrium.null_space import close_loops
+from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum, spectrum
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array

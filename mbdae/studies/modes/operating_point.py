@@ -7,8 +7,8 @@ import numpy as np
 
 from ...errors import InputError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.linearization import LinearMotion, linearize_at, require_steady
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, require_steady
 from ...system import Array
 from ..statics.equilibrium import balanced, complete_arguments, velocities, velocity_labels
 from ..statics.stability import loses_rank

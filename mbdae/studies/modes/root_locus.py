@@ -12,7 +12,7 @@ from scipy.optimize import brentq, linear_sum_assignment
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
-from ...mechanism.formulations.spectrum import CERTAIN, Spectrum
+from ...mechanism.equilibrium.spectrum import CERTAIN, Spectrum
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import ITERATION_ROUNDING, ROUNDING

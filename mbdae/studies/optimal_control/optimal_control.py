@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, is_number
-from ...integrate.simulator import Simulator
+from ...integrate.simulator.simulator import Simulator
 from ...mechanism import Mechanism
 from ...system import Array
 from ..optimize.optimize import Problem

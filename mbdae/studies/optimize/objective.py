@@ -1,7 +1,7 @@
 """Evaluation of a cost and its gradient: from a run, or a curve of poses, of a mechanism with given parameters."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -20,7 +20,7 @@ from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
-from ..sensitivity.gradient import adjoint_gradient, run_cost
+from ..sensitivity.gradient import RunCost, adjoint_gradients, run_cost
 from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sweep.sweep_run import check_settings
 
@@ -69,17 +69,21 @@ class _CostOfParameters(NamedCost):
 
 @dataclass(frozen=True)
 class RunMotion:
-    """A run; gradients come from its adjoint.
+    """A run; the gradients of all its costs come from one adjoint sweep.
 
     Attributes:
         result: the run.
         parameters: of the mechanism, for all runs.
         values: their values in this run.
+        costs: those that were evaluated.
+        gradients: of the first of them, by the parameters.
     """
 
     result: Solution
     parameters: VaryingParameters
     values: dict[str, float]
+    costs: list[RunCost] = field(default_factory=list)
+    gradients: list[Array] = field(default_factory=list)
 
     @property
     def bound(self) -> int:
@@ -89,13 +93,15 @@ class RunMotion:
     def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
         """Evaluate a cost and its gradient; ``what`` is its name in messages."""
         function = _CostOfParameters(cost, self.values, what)
-        found = run_cost(self.parameters.trajectory(self.result, self.values), function)
+        found, i = run_cost(self.parameters.trajectory(self.result, self.values), function), len(self.costs)
+        self.costs.append(found)  # gradients are computed at points where the search requests them
+        return CostEvaluation(found.value, lambda: function.explicit + self._gradient(i))
 
-        def derivatives() -> Array:  # of the points where the search asks for them
-            trace = self.parameters.trajectory(self.result, self.values)
-            return function.explicit + np.array(list(adjoint_gradient(trace, found).values()))
-
-        return CostEvaluation(found.value, derivatives)
+    def _gradient(self, i: int) -> Array:
+        if i >= len(self.gradients):
+            trace, others = self.parameters.trajectory(self.result, self.values), self.costs[len(self.gradients) :]
+            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trace, others))
+        return self.gradients[i]
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, as_list
 from ...finite_differences import STENCIL, central_difference
-from ...integrate.binding import common_backend
-from ...integrate.differentiable_runs import DIFFERENTIABLE
+from ...integrate.options.span import checked_span
+from ...integrate.run.binding import common_backend
 from ...integrate.solve import solve
-from ...integrate.span import checked_span
+from ...integrate.trajectory.differentiable_runs import DIFFERENTIABLE
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.perturbed_mechanisms import feasible_stencil
 from ...methods import METHODS, Method

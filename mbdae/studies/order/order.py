@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, as_list
-from ...integrate.binding import common_backend
-from ...integrate.span import checked_span
+from ...integrate.options.span import checked_span
+from ...integrate.run.binding import common_backend
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism
 from ...methods import METHODS, Method, obstacle

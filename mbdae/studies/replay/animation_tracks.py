@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, as_list
-from ...mechanism.contacts import contact_path, rolling_closures
-from ...mechanism.frames import frame_paths, joint_paths
 from ...mechanism.scene.drawables import Drawable, Motion, Track, aligned_quaternions, drawables, motions, primitive
+from ...mechanism.signals.contacts import contact_path, rolling_closures
+from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import COINCIDENT, TINY
 from ..figures import COLOURS
@@ -60,7 +60,7 @@ def bodies(scene: "Scene", model: Any) -> dict[str, int]:
     weight = {name: model.inertias[i].mass for i, name in enumerate(model.names) if i}
     out: dict[str, int] = {}
     for k, (shape, carriers) in enumerate(zip(scene.shapes, scene.carriers, strict=True)):
-        if len(carriers) == 1 and carriers[0] and shape.role in ("visual", "link", "joint"):
+        if len(carriers) == 1 and 0 < carriers[0] < model.njoints and shape.role in ("visual", "link", "joint"):
             out.setdefault(model.names[carriers[0]], k)
     return {n: out[n] for n in sorted(out, key=lambda n: -weight[n])}
 

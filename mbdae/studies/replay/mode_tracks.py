@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...mechanism.contacts import contact_path, rolling_closures
-from ...mechanism.frames import frame_paths, joint_paths
 from ...mechanism.scene.drawables import Drawable, Track, primitive
+from ...mechanism.signals.contacts import contact_path, rolling_closures
+from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from .animation_tracks import Moving, rgba_of

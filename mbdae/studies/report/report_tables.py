@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 from ...mechanism import Mechanism
-from ...mechanism.joints import file_kind
+from ...mechanism.tree.joints import file_kind
 from ..comparison.comparison import SHOWN
 from ..comparison.ranking import RankingEntry
 from .templates import elements

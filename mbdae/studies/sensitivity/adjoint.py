@@ -1,109 +1,111 @@
-"""Adjoint sweep along a run: cotangents of its nodes from a cost of signals."""
+"""Adjoint sweep along a run: cotangents of its nodes from costs of signals."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...integrate.native_trajectory import NodeRange
-from ...integrate.trajectory import Trajectory, TrajectoryPart
+from ...integrate.trajectory.native_trajectory import NodeRange
+from ...integrate.trajectory.signal_jacobian import SignalJacobian
+from ...integrate.trajectory.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
-from .signal_jacobian import SignalJacobian
 from .terminal_event import EventTimeDerivative
 
-Cotangents = tuple[Array, Array, float]  # of (y, carry), (ny + nc,), of the parameters, (k,), and of time
+Cotangents = tuple[Array, Array, Array]  # of (y, carry), (costs, ny + nc), parameters, (costs, k), and time, (costs,)
 
 
 class NodeCotangents:
-    """Cotangents of the nodes of a run from a cost of signals.
+    """Cotangents of the nodes of a run from costs of signals.
 
     Args:
         trace: the run.
         t: its times, (n,).
         points: the points at these times, (n, ...).
-        weights: derivatives of the cost with respect to signals by name, (n,) each.
+        weights: for each cost its derivatives with respect to signals by name, (n,) each.
     """
 
-    def __init__(self, trace: Trajectory, t: Array, points: Array, weights: Mapping[str, Array]) -> None:
+    def __init__(self, trace: Trajectory, t: Array, points: Array, weights: Sequence[Mapping[str, Array]]) -> None:
         self.trace, self.t, self.points = trace, t, points
-        self.signals = SignalJacobian(trace, list(weights))
-        self.weights = np.array(list(weights.values())).reshape(len(weights), len(t))
+        names = list(dict.fromkeys(name for cost in weights for name in cost))
+        self.signals, zero = SignalJacobian(trace, names), np.zeros(len(t))
+        given = [[cost.get(name, zero) for name in names] for cost in weights]
+        self.weights = np.array(given).reshape(len(weights), len(names), len(t))
         nodes = trace.sol.before(t) if trace.sol.steps else np.arange(len(t))
-        self.fixed: Array | None = None  # weighted rows of signals with constant derivatives
-        if weights and len(t) and self.signals.fixed:
-            self.fixed = self.weights.T @ self.signals.rows(0, float(t[0]), points[0])
         self.bounds = np.searchsorted(nodes, np.arange(len(trace.ts) + 1))
+        self.used = np.asarray(self.weights.any(axis=(0, 1)))
 
     def at(self, i: int) -> Cotangents:
         """Return the cotangents of node i, including those from times between it and the next node."""
-        trace, ny = self.trace, self.trace.sensitivity.ny
-        out, p, bar_t = np.zeros(ny + trace.n_carry), np.zeros(trace.sensitivity.k), 0.0
-        for m in range(self.bounds[i], self.bounds[i + 1]):
-            w, t = self.weights[:, m], float(self.t[m])
-            if not w.any():
-                continue
-            row = w @ self.signals.rows(i, t, self.points[m]) if self.fixed is None else self.fixed[m]
-            p += row[ny:-1]
+        trace, ny, costs = self.trace, self.trace.sensitivity.ny, len(self.weights)
+        out, p, bar_t = np.zeros((costs, ny + trace.n_carry)), np.zeros((costs, trace.sensitivity.k)), np.zeros(costs)
+        for m in np.flatnonzero(self.used[self.bounds[i] : self.bounds[i + 1]]) + self.bounds[i]:
+            t = float(self.t[m])
+            rows = self.weights[:, :, m] @ self.signals.rows(i, t, self.points[m])
+            p += rows[:, ny:-1]
             if t == trace.ts[i]:
-                out[:ny] += row[:ny]
-                bar_t += float(row[-1])
+                out[:, :ny] += rows[:, :ny]
+                bar_t += rows[:, -1]
             else:
-                bar, by_p = self._from_short_step(i, t, np.concatenate([row[:ny], np.zeros(trace.n_carry)]))
-                out, p = out + bar, p + by_p
+                bars = np.hstack([rows[:, :ny], np.zeros((costs, trace.n_carry))])
+                at, by_p = trace.core.adjoint(trace.core.shortened_step(i, t), np.zeros((2, *bars.shape)), bars)
+                out, p = out + at, p + by_p
         return out, p, bar_t
 
-    def _from_short_step(self, i: int, t: float, bar: Array) -> tuple[Array, Array]:
-        """Return cotangents of node i and of the parameters from those at time t, by a shortened step."""
-        core = self.trace.core
-        return core.adjoint(core.shortened_step(i, t), np.zeros((2, len(bar))), bar)
+    def between(self, i: int, j: int) -> tuple[Array, Array]:
+        """Return the cotangents of nodes i, ..., j - 1, (j - i, costs, ny + nc), and of the parameters, (costs, k)."""
+        width = self.trace.sensitivity.ny + self.trace.n_carry
+        out, p = np.zeros((j - i, len(self.weights), width)), np.zeros((len(self.weights), self.trace.sensitivity.k))
+        times = np.flatnonzero(self.used[self.bounds[i] : self.bounds[j]]) + self.bounds[i]
+        for m in np.unique(np.searchsorted(self.bounds, times, side="right") - 1):
+            out[m - i], by_p, _ = self.at(m)
+            p += by_p
+        return out, p
 
 
 def adjoint_sweep(
-    trace: Trajectory, node_cotangents: NodeCotangents, end: EventTimeDerivative | None, k: int
+    trace: Trajectory, node_cotangents: NodeCotangents, end: EventTimeDerivative | None
 ) -> tuple[Array, Array]:
-    """Return the cotangents of the start y, (ny,), and of the parameters, (k,).
+    """Return the cotangents of the start y, (costs, ny), and of the parameters, (costs, k).
 
     Args:
         trace: a run.
-        node_cotangents: of its nodes from the cost.
+        node_cotangents: of its nodes from the costs.
         end: the last step, if the run ended in a terminal event.
-        k: number of parameters.
     """
     ny, i = trace.sensitivity.ny, len(trace.ts) - 1
-    if not node_cotangents.weights.any():  # of a cost that does not depend on the motion
-        return np.zeros(ny), np.zeros(k)
-    bar, p, bar_t = node_cotangents.at(i)
+    bars, p, bar_t = node_cotangents.at(i)
+    if not node_cotangents.used.any():  # the costs do not depend on the motion
+        return bars[:, :ny], p
     while i > 0:
         last = end if i + 1 == len(trace.ts) else None
         if not last and (j := trace.core.segment_start(i)) < i:
-            at_i, by_p = _reverse_parts(list(trace.carry_restart_parts(i)), bar, ny, k)
-            bar, more = _reverse_steps(trace, node_cotangents, trace.core.nodes(j, i), at_i)
-            i, p = j, p + by_p + more
+            bars, by_p = _reverse_parts(list(trace.carry_restart_parts(i)), bars, ny)
+            at, more = _reverse_steps(trace, node_cotangents, trace.core.nodes(j, i), bars)
+            bars, i, p = at, j, p + by_p + more
             continue
         if last:
-            fixed, by_p = last.of_fixed_step(bar[:ny, None], bar[ny:, None], bar_t)
-            bar[:ny], p = fixed[:, 0], p + by_p
-        bar, by_p = _reverse_parts(last.parts if last else list(trace.step_parts(i - 1)), bar, ny, k)
+            fixed, by_p = last.of_fixed_step(bars[:, :ny].T, bars[:, ny:].T, bar_t)
+            bars[:, :ny], p = fixed.T, p + by_p.T
+        bars, by_p = _reverse_parts(last.parts if last else list(trace.step_parts(i - 1)), bars, ny)
         i -= 1
-        bar_i, more, _ = node_cotangents.at(i)
-        bar, p = bar + bar_i, p + by_p + more
-    bar, by_p = _reverse_parts(list(trace.start_parts()), bar, ny, k)
-    return bar[:ny], p + by_p
+        at, more, _ = node_cotangents.at(i)
+        bars, p = bars + at, p + by_p + more
+    bars, by_p = _reverse_parts(list(trace.start_parts()), bars, ny)
+    return bars[:, :ny], p + by_p
 
 
 def _reverse_steps(
-    trace: Trajectory, node_cotangents: NodeCotangents, nodes: NodeRange, bar: Array
+    trace: Trajectory, node_cotangents: NodeCotangents, nodes: NodeRange, bars: Array
 ) -> tuple[Array, Array]:
     """Return the cotangents after a range of compiled steps."""
-    cotangents = [node_cotangents.at(i) for i in nodes.steps]
-    extra = np.array([*(x[0] for x in cotangents), np.zeros_like(bar)])
-    at, by_p = trace.core.adjoint(nodes, extra, bar)
-    return at + cotangents[0][0], by_p + sum(x[1] for x in cotangents)
+    at, p = node_cotangents.between(nodes.steps.start, nodes.steps.stop)
+    bars, by_p = trace.core.adjoint(nodes, np.concatenate([at, np.zeros_like(bars)[None]]), bars)
+    return bars + at[0], p + by_p
 
 
-def _reverse_parts(parts: list[TrajectoryPart], bar: Array, ny: int, k: int) -> tuple[Array, Array]:
+def _reverse_parts(parts: list[TrajectoryPart], bars: Array, ny: int) -> tuple[Array, Array]:
     """Return the cotangents of (y, carry) before parts of a run, and of the parameters."""
-    p = np.zeros(k)
+    p: Array | float = 0.0
     for part in reversed(parts):
-        y, carry, by_p = part.reverse(bar[:ny, None], bar[ny:, None])
-        bar, p = np.concatenate([y[:, 0], carry[:, 0]]), p + by_p[:, 0]
-    return bar, p
+        y, carry, by_p = part.reverse(bars[:, :ny].T, bars[:, ny:].T)
+        bars, p = np.vstack([y, carry]).T, p + by_p.T
+    return bars, np.asarray(p)

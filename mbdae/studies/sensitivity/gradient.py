@@ -1,6 +1,6 @@
 """Gradient of a cost of a run by its discrete adjoint, for any number of parameters."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import require
 from ...integrate.events.event import Event
-from ...integrate.trajectory import Trajectory
+from ...integrate.trajectory.trajectory import Trajectory
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -82,7 +82,7 @@ def gradient(
     require(start, bool, "start is True or False")
     trace = Trajectory(sol, bind_parameters(sol, parameters, model))
     found = run_cost(trace, cost)
-    return Gradient(found.value, adjoint_gradient(trace, found, start, event))
+    return Gradient(found.value, adjoint_gradients(trace, [found], start, event)[0])
 
 
 class RunCost(NamedTuple):
@@ -110,13 +110,17 @@ def run_cost(trace: Trajectory, cost: Cost) -> RunCost:
     return RunCost(value, weights, points)
 
 
-def adjoint_gradient(
-    trace: Trajectory, cost: RunCost, start: bool = False, event: Event | Callable[..., float] | str | None = None
-) -> dict[str, float]:
-    """Return the derivatives of a cost by the parameters, and by the start if requested: a sweep backward."""
-    values, end = trace.core.varied.values, terminal_event(trace, event)
-    bar, p = adjoint_sweep(trace, NodeCotangents(trace, trace.sol.t, cost.points, cost.weights), end, len(values))
-    both = start_tangent(trace, np.eye(len(values), len(values) + (trace.sensitivity.ny - 1) * start), start).T @ bar
-    total = both + np.concatenate([p, np.zeros(len(both) - len(p))])
-    names = [*values, *(start_columns(trace) if start else ())]
-    return dict(zip(names, total.tolist(), strict=True))
+def adjoint_gradients(
+    trace: Trajectory,
+    costs: Sequence[RunCost],
+    start: bool = False,
+    event: Event | Callable[..., float] | str | None = None,
+) -> list[dict[str, float]]:
+    """Return the derivatives of costs by the parameters, and by the start if requested: one sweep backward."""
+    k, ny, end = trace.sensitivity.k, trace.sensitivity.ny, terminal_event(trace, event)
+    cotangents = NodeCotangents(trace, trace.sol.t, costs[0].points, [cost.weights for cost in costs])
+    bars, p = adjoint_sweep(trace, cotangents, end)
+    found = bars @ start_tangent(trace, np.eye(k, k + (ny - 1) * start), start)
+    found[:, :k] += p
+    names = [*trace.core.varied.values, *(start_columns(trace) if start else ())]
+    return [dict(zip(names, row, strict=True)) for row in found.tolist()]

@@ -9,12 +9,12 @@ from ...errors import InputError
 from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...integrate.events.event import Event, event_value
 from ...integrate.events.level_crossing import TWO_PI, parse_level_crossing
-from ...integrate.trajectory import LinearMap, Trajectory, TrajectoryPart
+from ...integrate.trajectory.signal_jacobian import SignalJacobian
+from ...integrate.trajectory.trajectory import LinearMap, Trajectory, TrajectoryPart
 from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
-from .signal_jacobian import SignalJacobian
 
 WIDTH = 1e-3  # of difference quotients of the user's event functions
 
@@ -53,11 +53,11 @@ class EventTimeDerivative:
         fixed = self.forward(dy, carry, dp, np.zeros(dy.shape[1]))[0]
         return -(self.by_y @ fixed + self.by_p @ dp) / total_rate
 
-    def of_fixed_step(self, y: Array, carry: Array, bar_t: float) -> tuple[Array, Array]:
-        """Return cotangents of y after the step of fixed size, and of p, from those of y (ny, 1) and of t_e."""
+    def of_fixed_step(self, y: Array, carry: Array, bar_t: Array) -> tuple[Array, Array]:
+        """Return cotangents of y after the step of fixed size, and of p, from those of y and of t_e; (..., costs)."""
         by_size = self.by_size(y, carry)[:, 0]
-        by_e = -(float(y[:, 0] @ by_size) + bar_t) / (self.by_t + self.by_y @ by_size)
-        return y + by_e * self.by_y[:, None], by_e * self.by_p
+        by_e = -(by_size @ y + bar_t) / (self.by_t + self.by_y @ by_size)
+        return y + np.outer(self.by_y, by_e), np.outer(self.by_p, by_e)
 
 
 def terminal_event(trace: Trajectory, event: Any) -> EventTimeDerivative | None:

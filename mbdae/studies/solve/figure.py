@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.signals import find, signals, units
 from ...solution.solution import Solution
 from ..figures import (

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 from ...errors import AssemblyError, InputError, StepError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.joints import angle_components
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.tree.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tolerances import RANK, SAME_STATE, TINY

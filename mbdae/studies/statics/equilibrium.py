@@ -11,11 +11,11 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import EquilibriumError, StepError, UnknownNameError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units, effort_unit
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.linearization import require_steady
-from ...mechanism.frames import find_joint
-from ...mechanism.reactions import Reaction, reaction
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.linearization import require_steady
+from ...mechanism.signals.reactions import Reaction, reaction
+from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
+from ...mechanism.tree.frames import find_joint
 from ...solution.columns import coordinates
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
-from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout, legend_right
 from .load_path import LoadPath
 

@@ -10,9 +10,9 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
-from ...mechanism.formulations.equilibrium_equations import Statics
-from ...mechanism.formulations.spectrum import curvature
+from ...mechanism.equilibrium.equilibrium_equations import Statics
+from ...mechanism.equilibrium.spectrum import curvature
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution

@@ -6,9 +6,9 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...errors import StepError
-from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
-from ...mechanism.formulations.linearization import LinearMotion, linearize_at
-from ...mechanism.formulations.spectrum import curvature, null_space, spectrum
+from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at
+from ...mechanism.equilibrium.spectrum import curvature, null_space, spectrum
 from ...system import Array
 from ...tolerances import COARSE
 from .trust_region import symmetric, symmetric_part
@@ -47,7 +47,7 @@ class Verdict:
 
     def __str__(self) -> str:
         k = len(self.squares)
-        dof = f"{k} degree{'s' if k != 1 else ''} of freedom"
+        dof = "1 degree of freedom" if k == 1 else f"{k} degrees of freedom"
         return {
             "rigid": "no degree of freedom",
             "singular": f"no verdict, the closures lose rank here ({dof} in this pose)",

@@ -15,12 +15,12 @@ import numpy as np
 
 from ... import tolerances as tol
 from ...errors import StepError
-from ...mechanism.formulations.spectrum import CERTAIN, curvature, scale_of, spectrum
-from ...mechanism.joints import translation_components
+from ...mechanism.equilibrium.spectrum import CERTAIN, curvature, scale_of, spectrum
+from ...mechanism.tree.joints import translation_components
 from ...system import Array
 
 if TYPE_CHECKING:
-    from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
+    from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 
 START, MAX_RADIUS, MIN_RADIUS = 0.3, 1.5, tol.SOLUTION_ROUNDING  # rad or slides: trust radius
 SLIDES = 5.0  # characteristic lengths per unit: forces are more nonlinear in rotations than in displacements

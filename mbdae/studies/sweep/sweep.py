@@ -14,8 +14,8 @@ import numpy as np
 
 from ...backend import checked_backend, select_core
 from ...errors import InputError, MbdaeError, UnknownNameError
-from ...integrate.defaults import DEFAULTS
-from ...integrate.span import checked_span
+from ...integrate.options.defaults import DEFAULTS
+from ...integrate.options.span import checked_span
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name

@@ -14,7 +14,7 @@ from ... import backend
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.frames import joint_names
+from ...mechanism.tree.frames import joint_names
 from ...mechanism.variant import variant
 from ...system import Array
 from ...tolerances import RANK

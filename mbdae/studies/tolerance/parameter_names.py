@@ -6,7 +6,7 @@ from itertools import product
 
 from ...errors import UnknownNameError
 from ...mechanism.formats.template import Template
-from ...mechanism.frames import joint_names
+from ...mechanism.tree.frames import joint_names
 
 WILD = "*?["
 ENTRIES = ("xyz", "rpy")

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...data_types import JsonObject
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.tree.coordinate_units import coordinate_units
 from ...tabular import Columns, Tabular, align_columns, rounded_zero
 from ...tolerances import NEGLIGIBLE
 from ..kinematics.curve_derivatives import HOLDING

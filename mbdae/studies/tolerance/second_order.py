@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...mechanism.assembly.position_search import gauss_newton, is_closed
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.position_search import gauss_newton, is_closed
 from ...system import Array
 from ...tolerances import RANK
 from ..kinematics.curve_derivatives import CurveSignals

@@ -7,12 +7,12 @@ import numpy as np
 
 from ...errors import InputError, NotCompiled
 from ...mechanism import Mechanism
-from ...mechanism.expanded_tree import expand, factor_joints
 from ...mechanism.formulations.core_description import constraints_of
-from ...mechanism.frames import find_joint
-from ...mechanism.joints import joint_transform, subspace
 from ...mechanism.scene.drawables import drawables
 from ...mechanism.scene.scene import Scene
+from ...mechanism.tree.expanded_tree import expand, factor_joints
+from ...mechanism.tree.frames import find_joint
+from ...mechanism.tree.joints import joint_transform, subspace
 from ...system import Array
 from ..replay.threejs import node, typed
 from .sliders import Slider, limits_of, value_of

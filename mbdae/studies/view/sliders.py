@@ -8,9 +8,9 @@ import numpy as np
 
 from ...errors import MbdaeError
 from ...mechanism import Mechanism
-from ...mechanism.coordinate_units import coordinate_units
-from ...mechanism.frames import find_joint
-from ...mechanism.position_search import close_position
+from ...mechanism.assembly.position_search import close_position
+from ...mechanism.tree.coordinate_units import coordinate_units
+from ...mechanism.tree.frames import find_joint
 from ...system import Array
 from ...tolerances import HALF_DIGITS, INPUT_DIGITS, RANK, VISIBLE
 from ..kinematics.kinematics import kinematics

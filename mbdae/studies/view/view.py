@@ -9,8 +9,8 @@ import numpy as np
 from ...data_types import JsonObject
 from ...file_io import write_page
 from ...mechanism import Mechanism
-from ...mechanism.frames import find_joint
 from ...mechanism.scene.drawables import drawables, motions
+from ...mechanism.tree.frames import find_joint
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..replay import animation_tracks as tracks

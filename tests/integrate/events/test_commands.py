@@ -8,7 +8,7 @@ from bouncing import carried, empty
 import mbdae
 from mbdae import Clutch, Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError
-from mbdae.mechanism.time_functions import Steps
+from mbdae.mechanism.time_functions.time_functions import Steps
 from mbdae.solution.signals import units
 
 pytestmark = pytest.mark.usefixtures("back_end")

@@ -7,7 +7,7 @@ from integrate.events.test_rubbing import GRIPS, SLIDES, R, block
 
 import mbdae
 from mbdae import JointTorque
-from mbdae.mechanism.time_functions import Harmonic
+from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 MU, MASS = 0.3, 2.0
 

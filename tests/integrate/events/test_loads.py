@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import mbdae
 from mbdae import Driver, JointFriction, JointTorque, Mechanism, Stop
-from mbdae.mechanism.time_functions import Harmonic, TimeTable
+from mbdae.mechanism.time_functions.time_functions import Harmonic, TimeTable
 
 MASS = 2.0
 STEPS = [{"rtol": 1e-6}, {"step": 0.5}, {"step": 3.0}]

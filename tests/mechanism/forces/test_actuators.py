@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import mbdae
 from mbdae import Actuator, DCMotor, Function, JointPID, Sampled
 from mbdae.errors import InputError
-from mbdae.mechanism.time_functions import Harmonic
+from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 R, L, K, N = 2.0, 0.05, 0.1, 5.0  # ohm, H, N m/A, gear
 

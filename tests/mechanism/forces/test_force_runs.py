@@ -17,7 +17,7 @@ from mbdae import (
     Wrench,
 )
 from mbdae.errors import InputError, StepError, UnknownNameError
-from mbdae.mechanism.time_functions import Harmonic, Steps, TimeTable
+from mbdae.mechanism.time_functions.time_functions import Harmonic, Steps, TimeTable
 
 TABLE = ((-2.0, -9.0), (-0.5, -1.0), (0.0, 0.0), (0.5, 0.2), (2.0, 7.0))
 SIX = (40.0, 90.0, 20.0, 3.0, 0.7, 5.0)

@@ -9,7 +9,7 @@ from mbdae import DCMotor, JointDamping, JointPID, JointSpring, JointTorque, Mec
 from mbdae.errors import NotCompiled
 from mbdae.mechanism.forces.force import ForceElement
 from mbdae.mechanism.formulations.core_description import laws_of
-from mbdae.mechanism.time_functions import Harmonic, Steps
+from mbdae.mechanism.time_functions.time_functions import Harmonic, Steps
 
 MODEL = tree(["free", "prismatic", "spherical", "revolute", "continuous"], [0, 1, 2, 3, 2])
 A, B, TURN = (n for n in MODEL.names if n.startswith(("prismatic", "revolute", "continuous")))

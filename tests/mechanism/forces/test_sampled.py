@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 import mbdae
 from mbdae import DCMotor, JointPID, Sampled
 from mbdae.errors import InputError
-from mbdae.mechanism.time_functions import Steps
+from mbdae.mechanism.time_functions.time_functions import Steps
 from mbdae.studies.comparison.reference_motion import ReferenceMotion
 from mbdae.studies.order.measurement import Measurement
 

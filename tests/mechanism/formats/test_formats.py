@@ -10,7 +10,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism import describe, restore
-from mbdae.mechanism.joints import is_depth_first, subspace
+from mbdae.mechanism.tree.joints import is_depth_first, subspace
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # joint limits, which have separate tests
 

@@ -10,7 +10,7 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import depth_first
 from mbdae.mechanism.formats.joint_tree import Tree
-from mbdae.mechanism.joints import PER_COORDINATE, PER_VELOCITY, is_depth_first
+from mbdae.mechanism.tree.joints import PER_COORDINATE, PER_VELOCITY, is_depth_first
 
 
 def mass_matrix(model, q):

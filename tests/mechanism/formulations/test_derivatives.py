@@ -13,7 +13,7 @@ from mbdae.mechanism.closures import KINDS
 from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.closures.rows import FrameRows
 from mbdae.mechanism.formulations.equation_partials import equation_partials, gamma_partials
-from mbdae.mechanism.frames import wrench_matrix
+from mbdae.mechanism.tree.frames import wrench_matrix
 
 PAIRS = [("tip_3", "tip_5"), ("tip_5", "tip_3"), ("tip_2", "tip_5"), ("ground", "tip_5"), ("tip_0", "tip_3")]
 KINDS_ALONE = {name: kind.closure for name, kind in closure_kinds.KINDS.items()}

@@ -7,8 +7,8 @@ from chains import JOINTS, close, random_q, tree
 
 from mbdae import finite_differences
 from mbdae.errors import InputError
-from mbdae.mechanism.expanded_tree import expand, factor_joints
 from mbdae.mechanism.formulations import inertial_forces
+from mbdae.mechanism.tree.expanded_tree import expand, factor_joints
 
 
 @pytest.mark.parametrize("kind", JOINTS)

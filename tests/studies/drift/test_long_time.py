@@ -7,7 +7,7 @@ from commands import call
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.momentum import momenta
+from mbdae.mechanism.signals.momentum import momenta
 
 FREE = {f"momentum.{x}" for x in "xyz"} | {f"angular_momentum.origin.{x}" for x in "xyz"}
 MOMENTS = [0.003, 0.004, 0.006, 0.0, 0.0, 0.0]

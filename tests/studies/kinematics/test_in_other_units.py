@@ -6,7 +6,7 @@ from unit_systems import UNIT_SYSTEMS, UnitSystem
 
 import mbdae
 from mbdae import Mechanism, Stop
-from mbdae.mechanism.joints import angle_components
+from mbdae.mechanism.tree.joints import angle_components
 
 LEGS = [f"piston_{i}" for i in range(2, 7)]
 DRIVES = {  # input, locked joints, a range without dead points

@@ -12,8 +12,8 @@ import mbdae
 from mbdae import Closure, Driver, Mechanism, kinematics
 from mbdae.errors import AssemblyError, InputError, StepError
 from mbdae.mechanism.closures.constraints import Constraints
-from mbdae.mechanism.frames import frame_paths
-from mbdae.mechanism.joints import angle_components
+from mbdae.mechanism.tree.frames import frame_paths
+from mbdae.mechanism.tree.joints import angle_components
 from mbdae.studies.kinematics.driven_mechanism import driven_mechanism
 from mbdae.studies.kinematics.pose_curve import PoseCurve
 

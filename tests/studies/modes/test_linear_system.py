@@ -12,7 +12,7 @@ from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
 from mbdae.__main__ import cli
 from mbdae.errors import UnknownNameError
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.time_functions import Harmonic
+from mbdae.mechanism.time_functions.time_functions import Harmonic
 
 
 def test_a_mass_on_a_spring_is_scipys():

@@ -101,7 +101,7 @@ def test_the_optimum_of_a_four_bar(hold):
 def test_derivatives_are_quotients_of_motions():
     """Of costs and constraints that depend on inputs, states and accelerations, with a free duration."""
     from mbdae.finite_differences import numerical_jacobian
-    from mbdae.integrate.simulator import Simulator
+    from mbdae.integrate.simulator.simulator import Simulator
     from mbdae.studies.optimal_control.controlled_motion import Grid, Shooting
     from mbdae.studies.optimal_control.cost import Integral, SignalAtPoint, integrand
 

@@ -162,7 +162,7 @@ def test_default_plots_are_coordinates_energies_and_drift(sol, tmp_path):
         ("angles (rad), within π", False), ("q.slider (m)", False),
         ("energies (J), potential from its start", False), ("|g| (m, rad)", True),
     ]  # fmt: skip
-    mech, at = sol.mechanism, mbdae.mechanism.frames.find_joint(sol.mechanism.model, "slider").idx_q
+    mech, at = sol.mechanism, mbdae.mechanism.tree.frames.find_joint(sol.mechanism.model, "slider").idx_q
     t, y = curves(data, "q.slider (m)")["slider", -1]
     np.testing.assert_allclose(y[::100], [sol(x).q[at] for x in t[::100]], atol=1e-6)
     t, g = curves(data, "|g| (m, rad)")["|g|", -1]
@@ -175,7 +175,7 @@ def test_default_plots_are_coordinates_energies_and_drift(sol, tmp_path):
     assert len(t) > 1000, "a curve has no corners at the steps"
     t, y = curves(data, "angles (rad), within π")["crank", -1]
     few = np.flatnonzero(~np.isnan(y))[::20]
-    at = mbdae.mechanism.frames.find_joint(mech.model, "crank").idx_q
+    at = mbdae.mechanism.tree.frames.find_joint(mech.model, "crank").idx_q
     np.testing.assert_allclose(np.exp(1j * y[few]), np.exp(1j * np.array([sol(x).q[at] for x in t[few]])), atol=1e-5)
     assert np.nanmax(np.abs(y)) <= np.pi + 1e-6
     assert np.isnan(y).any(), "broken where it jumps"

@@ -11,7 +11,7 @@ from smooth import SMOOTH
 import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
-from mbdae.integrate import trajectory
+from mbdae.integrate.trajectory import trajectory
 from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
 from mbdae.mechanism.formats.loaded_model import parameter_value
 from mbdae.mechanism.formats.template import Template

@@ -7,8 +7,8 @@ from mechanism.forces.test_law_partials import MIXED, PARENTS, kinds_of_forces
 
 import mbdae
 from mbdae import Driver, Function, JointTorque, Mechanism, finite_differences
-from mbdae.integrate.native_trajectory import NativeStep
-from mbdae.integrate.trajectory import Trajectory
+from mbdae.integrate.trajectory.native_trajectory import NativeStep
+from mbdae.integrate.trajectory.trajectory import Trajectory
 from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
 
 WIDTH = 0.05  # of the step

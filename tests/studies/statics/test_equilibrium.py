@@ -14,8 +14,8 @@ import mbdae
 from mbdae import JointSpring, JointTorque, Sampled
 from mbdae.__main__ import cli
 from mbdae.errors import EquilibriumError, InputError, UnknownNameError
+from mbdae.mechanism.equilibrium.equilibrium_equations import Statics
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.formulations.equilibrium_equations import Statics
 
 COMMANDS = (
     "equilibrium double_pendulum",

@@ -10,7 +10,7 @@ from mbdae import kinematics, tolerance
 from mbdae.finite_differences import numerical_derivative
 from mbdae.mechanism.formats.loaded_model import parameter_value
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.frames import frame_paths
+from mbdae.mechanism.tree.frames import frame_paths
 from mbdae.solution.signal_value import signal_values
 
 COMMANDS = (

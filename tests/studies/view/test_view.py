@@ -10,8 +10,8 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
-from mbdae.mechanism.frames import find_joint
-from mbdae.mechanism.position_search import close_position
+from mbdae.mechanism.assembly.position_search import close_position
+from mbdae.mechanism.tree.frames import find_joint
 
 COMMANDS = ("view four_bar -o out.html",)
 

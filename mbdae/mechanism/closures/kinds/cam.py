@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from ....system import Array
 from ....tolerances import THREE_DIGITS
-from ...frames import Pair
+from ...tree.frames import Pair
 from ..closure import Axis, BetweenFrames
 from ..profile_rows import FlatFace, Roller
 from ..profiles import AnyProfile, Profile

@@ -12,7 +12,7 @@ from ....data_types import CoreData
 from ....errors import InputError
 from ....system import Array
 from ....tolerances import COINCIDENT
-from ...time_functions import Harmonic
+from ...time_functions.time_functions import Harmonic
 from ..closure import BetweenJoints
 from ..joint_rows import BoundCoordinateRow, BoundJointRow, Coordinate, JointRow, common_period, coordinate
 from ..motion_laws import Law, LawTable, law_derivatives, period_of

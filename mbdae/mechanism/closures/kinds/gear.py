@@ -9,7 +9,7 @@ from ....data_types import CoreData
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import THREE_DIGITS
-from ...frames import Pair, cross
+from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines, unit

@@ -4,7 +4,7 @@ from typing import Literal
 
 from ....data_types import CoreData
 from ....system import Array
-from ...frames import Pair
+from ...tree.frames import Pair
 from ..closure import Axis, BetweenFrames
 from ..line_rows import LineRows, Lines
 from ..rows import displaced, rotated, unit_axis

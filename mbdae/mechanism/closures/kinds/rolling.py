@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from ....errors import StepError
 from ....system import Array
 from ....tolerances import THREE_DIGITS
-from ...frames import Pair
+from ...tree.frames import Pair
 from ..closure import Axis, UnilateralClosure, Vector
 from ..contact import ContactHeightRow, ConvexBody, NoSlipRows
 from ..rows import unit_axis

@@ -7,7 +7,7 @@ from pydantic import field_validator
 
 from ....data_types import CoreData
 from ....system import Array
-from ...frames import Pair
+from ...tree.frames import Pair
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
 from ..line_rows import LineRows, Lines

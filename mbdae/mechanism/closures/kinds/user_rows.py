@@ -16,7 +16,7 @@ from ....finite_differences import numerical_derivative
 from ....system import Array
 from ....tolerances import INTERPOLATION
 from ...callbacks import call_with_views, checked_value, function_name
-from ...frames import find_joint
+from ...tree.frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow
 

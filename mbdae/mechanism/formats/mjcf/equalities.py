@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ...closures.closure import Closure
 from ...closures.driver import Driver
-from ...time_functions import Constant
+from ...time_functions.time_functions import Constant
 
 if TYPE_CHECKING:
     from .compiled_model import MjcfModel

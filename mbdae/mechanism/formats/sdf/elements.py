@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ....errors import InputError
 from ...checked_table import HUGE
-from ...frames import WORLD
+from ...tree.frames import WORLD
 from ..recorded import Recorded
 
 MODEL, MODEL_LABEL = "__model__", "the model"

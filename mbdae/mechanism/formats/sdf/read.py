@@ -23,9 +23,9 @@ from ...allowed_paths import AllowedPaths
 from ...checked_table import Table
 from ...closures.closure import Closure
 from ...forces.joint_spring import JointSpring
-from ...frames import WORLD
 from ...imported_model import EFFORTS, FRICTION, LIMITS, MIMICRY, ImportedModel, Mimic, name_list
-from ...joints import subspace
+from ...tree.frames import WORLD
+from ...tree.joints import subspace
 from ..reader import KEY, Reader
 from ..recorded import Recorded, unread_phrases
 from ..schema import Source

@@ -1,0 +1,1 @@
+"""Options of a run: defaults, settings of files, validation, time span."""

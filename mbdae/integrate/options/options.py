@@ -1,0 +1,129 @@
+"""Validated options of a run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+from ...errors import InputError, UnknownNameError
+from ...mechanism import Mechanism
+from ...methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
+from ...solution.solution import Problem
+from ...system import Array
+from ..events.event import Event, Events, as_events
+from ..steppers.library_solver import LibrarySolver
+from ..steppers.solvers import find_method
+from .defaults import DEFAULTS
+from .settings import complete_settings
+from .span import checked_span, checked_times, end_of_tables
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run, see the arguments of `mbdae.solve`.
+
+    Attributes:
+        method: a method, or a solver of another library, whose stepper uses nothing of the interface of methods.
+        t1: end of the span.
+        t_eval: output times; None for the nodes of the run.
+        end: end of the run: t1, or the end of the table of a driver that is not extrapolated.
+        project: whether positions are projected after each step.
+    """
+
+    method: Any
+    formulation: str
+    project: bool
+    baumgarte: tuple[float, float] | None
+    t0: float
+    t1: float
+    end: float
+    step: float | None
+    rtol: Any
+    atol: float | Array | None
+    first_step: float | None
+    max_step: float
+    max_steps: int | None
+    jumps: Sequence[float]
+    events: tuple[Event, ...]
+    backend: str
+    t_eval: Array | None
+
+    @classmethod
+    def from_arguments(
+        cls,
+        problem: Problem,
+        t_span: Sequence[float] | None,
+        t_eval: Array | None,
+        jumps: Sequence[float],
+        events: Events,
+        backend: str,
+        **given: Any,
+    ) -> "RunOptions":
+        """Return the options for the arguments of a run, by the names of `DEFAULTS`; None means not given.
+
+        Raises:
+            InputError: for invalid arguments.
+            UnknownNameError: for an unknown method or option.
+        """
+        for name in given:
+            if name not in DEFAULTS:
+                raise UnknownNameError("option", name, DEFAULTS)
+        require_positive(**{name: given.get(name) for name in ("step", "first_step", "max_step", "max_steps")})
+        c = complete_settings(problem, given)
+        method = find_method(c["formulation"], c["method"])
+        c |= {
+            "method": method,
+            "project": projects_positions(problem, c["project"], c["formulation"], method, c["step"]),
+        }
+        t0, t1 = checked_span((0.0, problem.duration) if t_span is None else t_span, pair=True)
+        end = end_of_tables(problem.drivers, t0, t1)
+        times = None if t_eval is None else checked_times(t_eval, t0, end)
+        c |= {"jumps": jumps, "events": as_events(events), "backend": backend, "t_eval": times}
+        return cls(**c, t0=t0, t1=t1, end=end)
+
+    @property
+    def sign(self) -> float:
+        """Direction of time, 1 or -1."""
+        return 1.0 if self.t1 >= self.t0 else -1.0
+
+    def record(self) -> dict[str, Any]:
+        """Return the options that are stored with the solution."""
+        custom = isinstance(self.method, Tableau) and METHODS.get(self.method.name) is not self.method
+        return {
+            "method": self.method.name,
+            "formulation": self.formulation,
+            "project": self.project,
+            "baumgarte": self.baumgarte,
+            "t_span": [self.t0, self.t1],
+        } | ({"tableau": self.method.to_dict()} if custom else {})
+
+
+def require_positive(**values: float | None) -> None:
+    """Reject values that are not positive numbers; None means not given.
+
+    Raises:
+        InputError: naming the argument.
+    """
+    for name, value in values.items():
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
+            raise InputError(f"{name} must be a positive number, got {value!r}")
+
+
+def projects_positions(
+    problem: Problem, project: bool | str, formulation: str, method: Any, step: float | None
+) -> bool:
+    """Return whether positions are projected after each step."""
+    if project not in (True, False, "auto"):
+        raise InputError(f"project is True, False or 'auto', got {project!r}")
+    one_step = formulation == "index2" and not isinstance(method, LibrarySolver)
+    if project == "auto":
+        return isinstance(problem, Mechanism) and one_step and step is None and problem.ng > 0
+    if project and not isinstance(problem, Mechanism):
+        raise InputError("project=True is for mechanisms: the method itself satisfies 0 = g of a textbook problem")
+    if project and not one_step and not isinstance(method, ExplicitMethod):
+        others = f"{', '.join(EXPLICIT)} of 'index1'"
+        valid = f"project=True is for one-step methods of formulation 'index2', and for {others}"
+        raise InputError(f"{valid}; got {method.name!r} of {formulation!r}")
+    return bool(project)

@@ -1,0 +1,68 @@
+"""The time span of a run."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism import Driver
+from ...system import Array
+
+
+def checked_span(t_span: Any, *, pair: bool = False, end: bool = False) -> tuple[float, float]:
+    """Return start and end of a run in s; the end may lie before the start.
+
+    Args:
+        t_span: start and end, or only the end of a span from 0.
+        pair: require start and end, which may coincide.
+        end: require only an end, which must be positive.
+
+    Raises:
+        InputError: for an invalid time span.
+    """
+    try:
+        alone = end or (np.ndim(t_span) == 0 and not pair)
+        t0, t1 = (0.0, float(t_span)) if alone else (float(t) for t in t_span)
+    except (TypeError, ValueError):
+        expected = "a pair of times" if pair else "an end, or a start and an end in s"
+        raise InputError(f"t_span is {expected}, got {t_span!r:.60}") from None
+    if end and not t1 > 0:
+        raise InputError(f"the end time must be positive, got {t_span}")
+    if not np.isfinite([t0, t1]).all() or (t0 == t1 and not pair):
+        raise InputError(f"t_span must be finite{'' if pair else ' and not empty'}, got {t_span!r:.60}")
+    return t0, t1
+
+
+def end_of_tables(drivers: Sequence[Driver], t0: float, t1: float) -> float:
+    """Return the end of a run: t1, or the end of the table of a driver without ``beyond``.
+
+    Raises:
+        InputError: if the run begins outside the table, or at its end.
+    """
+    reached = t1
+    for d in drivers:
+        words = d.outside(t1)
+        end = (d.span[1] if t1 > t0 else d.span[0]) if words else t1
+        if d.outside(t0) or (end - t0) * (t1 - t0) <= 0 < abs(t1 - t0):
+            raise InputError(f"{d.outside(t0) or words}; the run begins at t = {t0:g} s")
+        reached = min(reached, end) if t1 > t0 else max(reached, end)
+    return reached
+
+
+def checked_times(t_eval: Array, t0: float, t1: float) -> Array:
+    """Return output times as an array.
+
+    Raises:
+        InputError: unless the times are ordered, in the direction of the span, and lie between t0 and t1.
+    """
+    try:
+        times = np.asarray(t_eval, float)
+    except (TypeError, ValueError):
+        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
+    sign = 1.0 if t1 >= t0 else -1.0
+    inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
+    inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
+    if not inside or (np.diff(times) * sign <= 0).any():
+        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
+    return times

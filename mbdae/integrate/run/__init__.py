@@ -1,0 +1,1 @@
+"""A run: setup, time loop, state, diagnostics, result."""

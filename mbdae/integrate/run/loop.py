@@ -1,0 +1,107 @@
+"""Time loop of both back ends: step, accept or reject, record, detect events.
+
+Until the end of the span:
+
+1. the stepper advances: one step in Python, or many in the compiled core, which returns when Python is needed (a
+singular configuration, an event function, a progress report); alternatively, a source of events replaces the step, to
+cross a singular configuration;
+2. each source of events returns its first event in the last step (`mbdae.integrate.events.source`);
+3. the earliest one acts: the run ends, or continues in another mode or after a jump.
+
+On both back ends, a step is proposed and taken, its error is compared with the tolerance, its end is projected onto the
+closures if the run projects, and the step is accepted or rejected; then the rows of the next step are selected
+(`mbdae.system.System.update_independent_rows`).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...errors import STATUS, InputError, StepError
+from ...system import State
+from ..events.source import EventError, EventSource
+from .run_state import RunState
+from .step_map import StepMap
+
+Progress = Callable[[float], None]
+
+
+def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) -> tuple[str, str]:
+    """Run to the end of the span or as far as possible; return status and message.
+
+    Raises:
+        InputError: for a force that fails at the start.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is reported by its status
+            run.begin()
+            stopped = time_loop(run, max_steps, progress)
+            for source in run.sources:
+                source.finish(run)
+    except StepError as e:
+        if isinstance(e, EventError):
+            run.drop_nodes_after(e.node)
+        if e.status == "force" and len(run.ts) == 1:  # no step was taken: an error in the law
+            raise InputError(str(e)) from e
+        for source in run.sources:
+            e = source.explain(run, e)
+        return e.status, str(e)
+    except KeyboardInterrupt:
+        return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
+    if stopped:
+        return "event", f"{STATUS['event']} at t = {run.t:.17g}"
+    t1 = run.options.t1
+    undefined = "" if run.t == t1 else next((x for d in run.problem.drivers if (x := d.outside(t1))), "")
+    return ("driver", undefined) if undefined else ("finished", STATUS["finished"])
+
+
+def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
+    """Step to the end of the span; return True if an event stopped the run before."""
+    total = run.time_left()
+    while run.time_left() > 0:
+        before = len(run.ts)
+        start = _advance(run, max_steps)
+        if len(run.ts) == before:
+            continue
+        step = StepMap(run, start)
+        if start and any(source.rejects(step) for source in run.sources):  # too long to detect its events
+            run.reject_step(start)
+            continue
+        if _stopped_by_event(run, step, before):
+            return True
+        if progress:
+            progress(1 - run.time_left() / total)
+    return False
+
+
+def _advance(run: RunState, max_steps: int | None) -> State | None:
+    """Try one or several steps; return the state at the start of the last one, None if a source replaced the step.
+
+    Raises:
+        StepError: if the largest number of steps is reached.
+    """
+    left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
+    if left is not None and left <= 0:
+        raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
+    start = run.state
+    if any(source.replace_step(run) for source in run.sources):
+        return None
+    run.stepper.advance(run, 1 if any(source.each_step for source in run.sources) else left)
+    return start
+
+
+def _stopped_by_event(run: RunState, step: StepMap, before: int) -> bool:
+    """Let the source of the earliest event in the last step act; return whether that ends the run."""
+    acting = list[EventSource]()
+    for source in run.sources:
+        event = source.first_event(step)
+        if event is None:
+            continue
+        if event.end is not None or event.t != step.t1:  # earlier than the previous events
+            run.truncate(step, event)
+            acting.clear()
+        acting.append(source)
+        if len(run.ts) == before:  # at the start of the step
+            break
+        step = step.ended_by_event()
+    return any(source.act(run) for source in acting)

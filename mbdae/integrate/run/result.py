@@ -1,0 +1,113 @@
+"""The solution of a run, with its statistics and warnings."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.formulations.index2 import Index2System
+from ...solution.solution import Solution
+from ...system import Array
+from .run_diagnostics import accuracy_warnings
+from .run_state import CarryRecord, RunState
+
+
+def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
+    """Return the solution of a run at the requested times; the accuracy of a finished run is checked."""
+    stats = _statistics(run, seconds)
+    message = "; ".join([message, *(words for source in run.sources if (words := source.warning()))])
+    settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
+    n = len(run.ts)
+    t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
+    found = _results(run)
+    full = Solution(run.problem, t, y, z, status, message, stats, settings, **found)
+    out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
+    if out.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
+        out.status, out.message = "doubtful", words
+    return out
+
+
+def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
+    stats: dict[str, Any] = {"steps": run.steps, "rejected": run.rejected, **run.system.counts.to_dict()}
+    stats |= {"seconds": seconds, "backend": run.stepper.backend}
+    if run.fallback:
+        stats["fallback"] = run.fallback
+    for source in run.sources:
+        stats |= source.statistics(run)
+    return stats
+
+
+def _results(run: RunState) -> dict[str, Any]:
+    """Return rows in use and carries up to the last node, and the results of the sources of events."""
+    n = len(run.ts)
+    found = {"in_use": [(i, rows) for i, rows in run.in_use if i < n], "carried": _carries(run.carries, n)}
+    for source in run.sources:
+        found |= source.results(run)
+    return found
+
+
+def _carries(record: CarryRecord, n: int) -> tuple[Array, list[int]] | None:
+    """Return the carries at nodes 0 to n - 2, (n - 1, nc), and the restarted nodes; None if one is not stored."""
+    sizes = {len(record.rows.get(i, ())) for i in range(n - 1)}
+    if len(sizes) != 1 or 0 in sizes:
+        return None
+    return np.array([record.rows[i] for i in range(n - 1)]), sorted(i for i in record.restarted if i < n)
+
+
+def _at_times(full: Solution, times: Array, sign: float, found: dict[str, Any]) -> Solution:
+    """Interpolate a solution at those of the times that the run reached."""
+    t, y, z = full.nodes
+    status, message, computed = full.status, full.message, list[Array]()
+    reached = times[(times - t[-1]) * sign <= 0]
+    try:
+        for point in full.points(reached):
+            computed.append(point)
+    except StepError as e:  # forces may fail at the end of a step of a method without a stage there
+        if full.success:
+            status, message = e.status, f"the solution cannot be evaluated at t_eval: {e}"
+    reached, points = reached[: len(computed)], np.array(computed).reshape(len(computed), y.shape[1])
+    columns = [np.interp(sign * reached, sign * t, column) for column in z.T]
+    own = np.array(columns).T.reshape(len(reached), z.shape[1])
+    return Solution(full.problem, reached, points, own, status, message, full.stats, full.settings, (t, y, z), **found)
+
+
+def joined(parts: Sequence[Solution]) -> Solution:
+    """Return successive parts of one run, each beginning at the last node of the one before, as one solution."""
+    last = parts[-1]
+    if len(parts) == 1:
+        return last
+    first = np.cumsum([0, *(len(part.t) - 1 for part in parts)]).tolist()
+    tables: dict[str, Any] = {name: _nodes([getattr(part, name) for part in parts]) for name in ("t", "y", "z_own")}
+    tables |= {name: [x for part in parts for x in getattr(part, name)] for name in ("impacts", "singular")}
+    tables |= {name: _changes(first, [getattr(part, name) for part in parts]) for name in ("in_use", "modes")}
+    tables["resets"] = [(k + i, name) for k, part in zip(first, parts, strict=False) for i, name in part.resets]
+    tables["events"] = [_zeros(hits) for hits in zip(*(part.events for part in parts), strict=True)]
+    stats = last.stats | _sums([part.stats for part in parts])
+    return replace(last, settings=parts[0].settings, stats=stats, carried=None, **tables)
+
+
+def _sums(parts: Sequence[dict[str, Any]]) -> dict[str, int]:
+    """Return the sums of the counts in statistics."""
+    return {name: sum(part[name] for part in parts) for name, x in parts[0].items() if type(x) is int}
+
+
+def _zeros(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return times and points of the zeros of an event, from those of successive parts."""
+    times, points = zip(*parts, strict=True)
+    return np.concatenate(times), np.concatenate(points)
+
+
+def _nodes(parts: Sequence[Array]) -> Array:
+    """Return the rows of successive arrays, whose first row is the last one of the array before."""
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+
+
+def _changes(first: Sequence[int], parts: Sequence[Sequence[tuple[int, Any]]]) -> list[tuple[int, Any]]:
+    """Return nodes, and values from there on, of parts that begin at the nodes ``first``, without repetitions."""
+    out: list[tuple[int, Any]] = []
+    for k, part in zip(first, parts, strict=False):
+        seam = bool(out and part and out[-1][1] == part[0][1])
+        out += [(k + at, x) for at, x in part[seam:]]
+    return out

@@ -1,0 +1,90 @@
+"""Setup of a run: workspace, stepper and initial point."""
+
+from numbers import Real
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...methods import obstacle
+from ...methods.variational import NewtonMethod
+from ...solution.solution import Problem
+from ...system import Array, System
+from ...tolerances import INPUT_DIGITS, NEGLIGIBLE
+from ..options.options import RunOptions
+from ..steppers.adaptive import Adaptive
+from ..steppers.fixed import Fixed
+from ..steppers.library_solver import LibrarySolver
+from ..steppers.native import NativeStepper
+from ..steppers.stepper import PythonStepper, Stepper
+from .backward_steps import BackwardStepper
+from .binding import bind
+from .run_state import RunState
+
+NEWTON_TOLERANCE = NEGLIGIBLE  # of rtol, or sqrt(rtol) if smaller: tolerance of implicit stages, as in RADAU5
+START_DRIFT = 100.0  # times rtol: largest constraint violation at the start, as after a run with drift
+
+
+def prepare(problem: Problem, options: RunOptions, start: tuple[Array | None, Array | None, Array | None]) -> RunState:
+    """Return a run that can begin from (q, v, s); None means the start of the mechanism.
+
+    Raises:
+        InputError: for options that do not suit the problem, or an inconsistent start.
+    """
+    y = _start(problem, start, options.t0, None if options.step else options.rtol)
+    return prepare_at(problem, options, y)
+
+
+def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
+    """Return a run that can begin at y (n,), which is not checked.
+
+    Raises:
+        InputError: for options that do not suit the problem.
+    """
+    system, fallback = bind(problem, options.formulation, options.baumgarte, options.backend)
+    if reason := obstacle(options.method, system):
+        raise InputError(reason)
+    stepper = _stepper(system, options)
+    if stepper.control and options.formulation != "ggl":  # ggl satisfies 0 = g and 0 = G v to rounding
+        rtol = float(stepper.control.rtol)
+        system.accuracy = min(NEWTON_TOLERANCE, rtol**0.5) * rtol
+    run = RunState(problem, options, system, stepper, y)
+    run.fallback = fallback or ("" if options.method.in_core else f"method {options.method.name!r}")
+    if isinstance(problem, Mechanism):  # before controllers, modes and projections change the start
+        q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
+        run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
+    if run.singularity_monitor and run.control:
+        run.backward_stepper = BackwardStepper.from_run(run, float(run.control.rtol))
+    return run
+
+
+def _stepper(system: System, o: RunOptions) -> Stepper:
+    inner = _python_stepper(system, o)
+    if not system.native or isinstance(o.method, LibrarySolver) or not o.method.in_core:
+        return inner
+    if inner.control and isinstance(o.method, NewtonMethod):  # Python controls the sizes of steps of the core
+        inner.backend = "native"
+        return inner
+    return NativeStepper(inner, system, o.method, o.project)
+
+
+def _python_stepper(system: System, o: RunOptions) -> PythonStepper:
+    control = o.rtol, o.atol, o.first_step, o.max_step
+    if isinstance(o.method, LibrarySolver):
+        if o.step:
+            raise InputError(f"method {o.method.name!r} controls the step size: set rtol and atol instead of a step")
+        return o.method.stepper(system, *control)
+    if o.step:
+        return Fixed(o.step, o.t0, o.t1)
+    if not o.method.error_power:
+        raise InputError(f"method {o.method.name!r} takes fixed steps: give a step")
+    return Adaptive(o.method.error_power, *control, o.method.control, o.method.steady(system.ny))
+
+
+def _start(
+    problem: Problem, start: tuple[Array | None, Array | None, Array | None], t: float, rtol: float | None
+) -> Array:
+    """Return the initial point; with step-size control, closures may be violated as after a run with drift."""
+    q, v, s = start
+    drifted = START_DRIFT * float(rtol) if isinstance(rtol, Real) else 0.0
+    return problem.point(q, v, t, s, max(INPUT_DIGITS, drifted))

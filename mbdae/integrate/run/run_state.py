@@ -1,0 +1,292 @@
+"""State of a run, and its record of nodes."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism import Mechanism
+from ...mechanism.formulations.index2 import Index2System
+from ...solution.solution import Problem, Solution
+from ...system import Array, State, Step, System
+from ..events.driver_checks import DriverChecks
+from ..events.hybrid import ModeChanges
+from ..events.jumps import Jumps
+from ..events.resets import Resets
+from ..events.singularity import SingularityMonitor
+from ..events.source import EventSource, Occurrence
+from ..events.user_events import UserEvents
+from ..options.options import RunOptions
+from ..trajectory.checkpoints import MAX_STORED
+from .growing_array import GrowingArray
+from .stiffness_detection import StiffnessDetector
+
+if TYPE_CHECKING:
+    from ..steppers.adaptive import Adaptive
+    from ..steppers.stepper import Stepper
+    from .backward_steps import BackwardStepper
+    from .step_map import StepMap
+
+
+SOURCES: tuple[type[EventSource], ...] = (
+    DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
+)  # fmt: skip
+"""Sources of events, in the order in which they check a step."""
+Source = TypeVar("Source", bound=EventSource)
+
+
+class CarryRecord:
+    """The carry at each node, and the nodes at which it was restarted."""
+
+    def __init__(self) -> None:
+        self.rows: dict[int, Array] = {}
+        self.restarted: set[int] = set()
+
+    def capacity_left(self, n: int) -> int:
+        """Return for how many nodes after the first n carries can be stored."""
+        return max(MAX_STORED - n, 0)
+
+    def store(self, i: int, carry: Any, restarted: bool = False) -> None:
+        """Store the carry at node i."""
+        if i < MAX_STORED and isinstance(carry, np.ndarray):
+            self.extend(i, carry[None], [0] if restarted else [])
+
+    def extend(self, first: int, carries: Array, restarted: list[int]) -> None:
+        """Store the carries of several nodes, (k, nc), some of them restarted."""
+        nodes = range(first, first + len(carries))
+        self.rows.update(zip(nodes, carries, strict=True))
+        self.restarted -= set(nodes)
+        self.restarted |= {first + i for i in restarted}
+
+
+class RunState:
+    """State and record of a run.
+
+    A smooth interval lies between two discontinuities of the right-hand side or of the state: jumps, impacts and mode
+    changes. Each discontinuity adds a second node at the same time, up to rounding.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: RunOptions,
+        system: System,
+        stepper: "Stepper",
+        start: Array,
+        kinds: Sequence[type[EventSource]] = SOURCES,
+    ) -> None:
+        self.problem, self.options, self.tableau, self.project = problem, options, options.method, options.project
+        self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
+        self.continues = False  # beyond its end, see `continue_to`
+        self.system, self.stepper, self.state = system, stepper, State(start)
+        self.rejected: int | None = 0
+        self.undone_motion: Array | None = (
+            None  # motion since a step was undone, and its undone part, see `projected_step`
+        )
+        self.restarted = False  # whether the carry was recomputed after the projection of the last step
+        self.ts, self.ys, self.zs = [self.t], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
+        self.in_use: list[tuple[int, tuple[int, ...]]] = []  # first node of each set of rows in use
+        self.carries = CarryRecord()
+        self.backward_stepper: BackwardStepper | None = None
+        self.settings = options.record()  # recorded with the solution
+        self.fallback = ""  # why the run cannot use the compiled core
+        self._record: Solution | None = None
+        self.sources = tuple(source for kind in kinds if (source := kind.from_run(self)))
+        self.mode_changes, self.singularity_monitor = self._source(ModeChanges), self._source(SingularityMonitor)
+        self.user_events, self.jumps = self._source(UserEvents), self._source(Jumps)
+
+    def _source(self, kind: type[Source]) -> Source:
+        """Return the source of a kind; None if the run has none."""
+        return next((source for source in self.sources if isinstance(source, kind)), None)  # type: ignore[return-value]
+
+    @property
+    def control(self) -> "Adaptive | None":
+        """The step-size control; None for the index-1 baseline."""
+        return None if self.options.formulation == "index1" else self.stepper.control
+
+    def begin(self) -> None:
+        """Begin a smooth interval at the last node: adjust the point, and compute its derivative and the carry."""
+        y = self.ys[-1].copy()
+        for source in reversed(self.sources):  # states jump before mode selection
+            y = source.adjust_point(self, y)
+        if self.in_use:
+            self._start_at(y)
+        else:
+            self._set_start(*self.system.start(self.t, y, self.project))
+        self.interval = self.jumps.interval(self.t)
+        for source in self.sources:
+            source.begin_interval(self)
+
+    def _start_at(self, y: Array, restarted: bool = False) -> None:
+        y = self.system.update_independent_rows(self.t, State(y)).y
+        self._set_start(y, *self.system.derivative(self.t, y), restarted)
+
+    def _set_start(self, y: Array, F: Array, z: Array, restarted: bool = False) -> None:
+        self.record_rows(restarted)
+        self.ys[-1], self.zs[-1], self.F = y, z, F
+        self.state = State(y, self.system.carry(F, z))
+        self.carries.store(len(self.ts) - 1, self.state.carry)
+
+    def record_rows(self, restarted: bool = False) -> None:
+        """Record the rows in use from the last node on, if they have changed."""
+        rows = self.system.in_use
+        if restarted or not self.in_use or self.in_use[-1][1] != rows:
+            self.in_use.append((len(self.ts) - 1, rows))
+
+    def restart_after_jump(self, t: float) -> None:
+        """Begin the next smooth interval after a jump, at time t: a second node, just after the previous one."""
+        self.end_interval()
+        self.zs.append(self.zs[-1])
+        self.ys.append(self.ys[-1])
+        self.ts.append(t)
+        self.t = t
+        self.begin()
+        self.stepper.restart()
+        self.notify_discontinuity()
+
+    def switch_mode(self, y: Array) -> None:
+        """Begin a smooth interval in another mode at y: a second node at the same time."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(y)
+        self.ts.append(self.t)
+        self._start_at(y, restarted=True)
+        self.stepper.restart()
+        self.notify_discontinuity(mode_changed=True)
+
+    def continue_to(self, t1: float) -> None:
+        """Move the end of the run, which has reached its former one."""
+        self.t1 = t1
+        self.jumps.extend(self, t1)
+        self.interval = self.jumps.interval(self.t)
+
+    def end_interval(self) -> None:
+        """End a smooth interval at the last node."""
+        for source in self.sources:
+            source.end_interval(self)
+
+    def notify_discontinuity(self, mode_changed: bool = False) -> None:
+        """Notify the sources of events of a discontinuity just before the last node: a jump, or a mode change."""
+        self.discontinuities += 1
+        for source in self.sources:
+            source.after_discontinuity(self, mode_changed)
+
+    @property
+    def dense_order(self) -> int:
+        """Order of the dense output: one below the order of the method."""
+        return max(1, self.system.order_of(self.tableau) - 1)
+
+    @property
+    def steps(self) -> int:
+        """Number of accepted steps."""
+        return len(self.ts) - 1 - self.discontinuities
+
+    def time_to_interval_end(self) -> float:
+        """Time to the end of the smooth interval, positive."""
+        return abs(self.interval.stop - self.t)
+
+    def time_left(self) -> float:
+        """Time to the end of the run, positive."""
+        return abs(self.t1 - self.t)
+
+    def accept(self, t: float, step: Step) -> None:
+        """Record a step; its time is recorded last, so an interrupt leaves the record consistent."""
+        self.zs.append(step.z)
+        self.ys.append(step.state.y)
+        self.ts.append(t)
+        try:
+            self.state = self.system.update_independent_rows(t, step.state)
+        except StepError:  # a singular configuration, where no step can begin
+            del self.ts[-1:], self.ys[-1:], self.zs[-1:]
+            raise
+        self.t, self.ys[-1] = t, self.state.y
+        self.carries.store(len(self.ts) - 1, self.state.carry, self.restarted)
+        self.record_rows()
+
+    def append_node(self, t: float, y: Array, last: bool) -> None:
+        """Append a node that is not the end of a step; the last node may be singular, since no step begins there."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(y)
+        self.ts.append(t)
+        self.t = t
+        if last:
+            self.state = State(y)
+        else:
+            self._start_at(y)
+
+    def projected(self, t: float, state: State, tight: bool = False) -> State:
+        """Return the state projected onto the closures, with a new carry if the projection exceeds the tolerance."""
+        y = self.system.restore(t, state.y, tight)
+        move = self.system.difference(state.y, y)
+        self.restarted = not (state.carry is None or self.stepper.tolerates(self, y, move))
+        if not self.restarted:
+            return State(y, state.carry)
+        return State(y, self.system.carry(*self.system.derivative(t, y)))
+
+    def project_last_node(self) -> None:
+        """Project the last node onto the closures, until |g| stops falling."""
+        with suppress(StepError):
+            self.state = self.projected(self.t, self.state, tight=True)
+            self.ys[-1] = self.state.y
+            self.record().rates.pop(len(self.ts) - 1, None)
+
+    def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
+        """Record several steps and the state after the last of them."""
+        if ts:
+            self.zs.extend(zs)
+            self.ys.extend(ys)
+            self.ts.extend(ts)
+            self.t, self.state = ts[-1], state
+
+    def rows_at(self, i: int) -> tuple[int, ...]:
+        """Return the rows in use at node i."""
+        return next((rows for first, rows in reversed(self.in_use) if first <= i), ())
+
+    def undo_step(self, state: State) -> None:
+        """Remove the last step, which started from the given state."""
+        del self.ts[-1:], self.ys[-1:], self.zs[-1:]
+        self.t, self.state = self.ts[-1], state
+        self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
+        self.system.use_rows(self.in_use[-1][1])
+
+    def reject_step(self, state: State) -> None:
+        """Undo the last step, which started from the given state, to repeat it with a smaller size."""
+        self.stepper.undo_step()
+        self.undo_step(state)
+        self.rejected = (self.rejected or 0) + 1
+
+    def truncate(self, step: "StepMap", event: Occurrence) -> None:
+        """Shorten the last step so that it ends at an event."""
+        self.stepper.undo_step()
+        self.undo_step(step.start or State(step.y))
+        if event.end is not None and event.t != step.t:
+            if event.singular:
+                self.append_node(event.t, event.end.state.y, last=True)
+            else:
+                self.accept(event.t, event.end)
+        for source in self.sources:
+            source.discard_beyond_end(self)
+
+    def drop_nodes_after(self, node: int) -> None:
+        """Remove the nodes after a given one."""
+        del self.ts[node + 1 :], self.ys[node + 1 :], self.zs[node + 1 :]
+        self.t = self.ts[-1]
+
+    def release(self) -> None:
+        """Release the workspaces of the run."""
+        if isinstance(self.problem, Mechanism) and isinstance(self.system, Index2System):
+            for source in self.sources:
+                source.release()
+            self.problem.workspaces.release(self.system)
+
+    def record(self) -> Solution:
+        """Return the run so far as a solution that shares its lists; its dense output is used by event detection."""
+        if self._record is None:
+            settings = {"dense_order": self.dense_order}
+            stats = {"backend": self.stepper.backend}
+            tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
+            tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
+            tables["modes"] = self.mode_changes.modes if self.mode_changes else []
+            self._record = Solution(self.problem, **tables)
+        return self._record

@@ -1,0 +1,1 @@
+"""Simulation in advances, with inputs, snapshots and derivatives of an advance."""

@@ -1,0 +1,208 @@
+"""Discrete tangent and adjoint of one advance of a simulator: derivatives of the steps that were taken."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ... import backend
+from ...errors import InputError, UnknownNameError
+from ...mechanism import Mechanism
+from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...mechanism.equations.local_ode import UNIT
+from ...mechanism.formats.loaded_model import LoadedModel, parameter_value
+from ...mechanism.formulations.core_description import samplers_of
+from ...mechanism.inputs import Inputs
+from ...mechanism.time_functions.input_variation import AdvanceSpan, VariedInput
+from ...solution.solution import Solution
+from ...system import Array
+from ..run.run_state import RunState
+from ..trajectory.native_trajectory import NativeStep
+from ..trajectory.trajectory import Trajectory, TrajectoryPart
+
+BEFORE = "before "  # prefix of columns: the value of an input at the start of an advance
+
+
+class LastAdvance(NamedTuple):
+    """An advance: the node before, its time, its length in s, and whether a carry was restarted there."""
+
+    node: int
+    t: float
+    restarted: bool = True
+    dt: float = 0.0
+
+
+class AdvanceParameters:
+    """Inputs and parameters of a simulator as parameters of its advances, bound once.
+
+    Args:
+        inputs: the inputs.
+        names: dotted names of parameters, as of `mbdae.sensitivity`.
+        at: a point (t, q, v, s) where the derivatives must be accurate.
+        mode: of the mechanism there.
+
+    Attributes:
+        names: those of the parameters.
+        linear: names of the inputs that are linear over an advance.
+        span: of the last advance.
+        bound: the inputs, their values before, and the parameters.
+        columns: their names.
+
+    Raises:
+        UnknownNameError: for an unknown name.
+        InputError: for a parameter without a derivative.
+    """
+
+    def __init__(self, inputs: Inputs, names: Sequence[str], at: Any, mode: tuple[int, ...]) -> None:
+        if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+            raise InputError(f"parameters are given by dotted names, got {names!r:.60}")
+        self.inputs, self.names, self.span = inputs, tuple(names), AdvanceSpan()
+        self.linear = [name for name, cell in inputs.cells.items() if cell.hold == "first"]
+        values = dict.fromkeys([*inputs.cells, *(BEFORE + name for name in self.linear)], UNIT)
+        if names:
+            if not inputs.original.source:
+                raise InputError("derivatives by parameters need a mechanism that was read from a file")
+            self.template = LoadedModel(inputs.original)
+            values |= {name: parameter_value(self.template, name) for name in names}
+        self.columns = list(values)
+        self.bound = Parameters(self._make, values, backend.load(), own=True, along=[(*at, mode)])
+
+    def _make(self, values: Mapping[str, float]) -> Mechanism:
+        """Return the mechanism with a changed input or parameter."""
+        if not values:
+            return self.inputs.mechanism
+        if changed := {name: x for name, x in values.items() if name in self.names}:
+            return self.inputs.replaced(self.inputs.cells, self.template.make(changed))
+        offsets = {name: x - UNIT for name, x in values.items()}
+        varied = {
+            name: VariedInput.of(cell, self.span, offsets.get(BEFORE + name, 0.0), offsets.get(name, 0.0))
+            for name, cell in self.inputs.cells.items()
+        }
+        return self.inputs.replaced(varied)
+
+    def column(self, kind: str, name: str) -> int:
+        """Return the column of an "input", of an "input of first order" before the advance, or of a "parameter".
+
+        Raises:
+            UnknownNameError: lists the valid names.
+        """
+        known = {"input": self.inputs.cells, "input of first order": self.linear, "parameter": self.names}[kind]
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+        return self.columns.index(BEFORE + name if known is self.linear else name)
+
+
+class AdvanceSensitivity:
+    """An advance, differentiated.
+
+    Args:
+        run: the run.
+        last: its last advance.
+        parameters: inputs and parameters.
+
+    Attributes:
+        sol: the nodes, from the one before the advance on; the inputs are those of the simulator.
+        trace: the same, recomputed on demand.
+
+    Raises:
+        InputError: for steps without a derivative; the message names the reason.
+    """
+
+    def __init__(self, run: RunState, last: LastAdvance, parameters: AdvanceParameters) -> None:
+        self.parameters, self.sol = parameters, _nodes_from(run, last.node)
+        self.trace = Trajectory(self.sol, parameters.bound)
+        if self.trace.n_carry and not last.restarted:
+            raise InputError(
+                f"method {self.trace.tableau.name!r} carries v' from the advance before: for derivatives of advances"
+                " create the simulator with restart=True"
+            )
+        self.trace.restarted[0] = not self.trace.jumped[0]
+
+    def _steps(self) -> list[list[TrajectoryPart]]:
+        """Return the maps of each step."""
+        first, *others = [list(self.trace.step_parts(i)) for i in range(len(self.trace.ts) - 1)]
+        return [[*self.trace.carry_restart_parts(0), *first], *others]
+
+    def tangents(self, dy: Array, dp: Array, dt: Array) -> Array:
+        """Return the variations of y at the nodes, (n, ny, m), from those of y, (ny, m), of columns, (k, m), and dt."""
+        carry, out = np.zeros((self.trace.n_carry, dy.shape[1])), [dy]
+        if scaled := bool(np.any(dt)):
+            self._require_autonomous()
+        for (t0, t1), parts in zip(pairwise(self.trace.ts.tolist()), self._steps(), strict=True):
+            shifted = dp + self._scaled_inputs(t0, dt) if scaled else dp
+            dh = (dt * (t1 - t0) / self.parameters.span.length,) if scaled else ()
+            for part in parts:
+                dy, carry = part.forward(dy, carry, shifted, *(dh if isinstance(part, NativeStep) else ()))
+            out.append(dy)
+        return np.array(out)
+
+    def fixed_inputs(self, dt: Array) -> Array:
+        """Return variations (k, m) that keep the inputs at a time that itself varies by dt (m,)."""
+        p = self.parameters
+        out = np.zeros((len(p.columns), len(dt)))
+        for name in p.linear:
+            change = -p.inputs.cells[name].setting.rate * dt
+            out[[p.columns.index(name), p.columns.index(BEFORE + name)]] = change
+        return out
+
+    def _scaled_inputs(self, t: float, dt: Array) -> Array:
+        """Return variations (k, m) that keep the inputs of a step from t on, while its time scales with the advance.
+
+        Its derivative by its size takes t as constant; the rest is -u' (t' - t) dt/length at t'.
+        """
+        p, span = self.parameters, self.parameters.span
+        out = np.zeros((len(p.columns), len(dt)))
+        for name in p.linear:
+            change = p.inputs.cells[name].setting.rate * dt / span.length
+            out[p.columns.index(BEFORE + name)] = change * (t - span.start)
+            out[p.columns.index(name)] = -change * (span.start + span.length - t)
+        return out
+
+    def adjoint(self, bar: Array) -> tuple[Array, Array]:
+        """Return the cotangents of y before, (ny,), and of the columns, (k,), from those of y at the end, (ny,)."""
+        y, carry, p = bar[:, None], np.zeros((self.trace.n_carry, 1)), np.zeros(len(self.parameters.columns))
+        for parts in reversed(self._steps()):
+            for part in reversed(parts):
+                y, carry, by_p = part.reverse(y, carry)
+                p += by_p[:, 0]
+        return y[:, 0], p
+
+    def _require_autonomous(self) -> None:
+        """Require equations that depend on time by inputs alone: then steps scale with the advance.
+
+        Raises:
+            InputError: for others.
+        """
+        m, trace, cells = self.sol.mechanism, self.trace, list(self.parameters.inputs.cells.values())
+        if samplers_of(trace.system.laws) or any(trace.jumped[1:]):
+            raise InputError("the advance has instants that do not scale with its length: no derivative by dt")
+        settings = [cell.setting for cell in cells]
+        try:
+            for cell in cells:
+                cell.set(cell.setting._replace(rate=0.0))
+            for t, y in zip(trace.ts[[0, -1]].tolist(), trace.ys[[0, -1]], strict=True):
+                q, v, s, _ = np.split(y, np.cumsum([m.nq, m.nv, len(m.states)]))
+                at = m.at(t, q, v, s, mode=trace.mode)
+                by_time = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
+                if any(x.any() for x in by_time):
+                    raise InputError("forces or drivers depend on time: the advance has no derivative by dt")
+        finally:
+            for cell, setting in zip(cells, settings, strict=True):
+                cell.set(setting)
+
+
+def _nodes_from(run: RunState, first: int) -> Solution:
+    """Return the nodes of a run from one on."""
+    n, found = len(run.ts), dict[str, Any]()
+    for source in run.sources:
+        found |= source.results(run)
+    changes: dict[str, Any] = {
+        name: [(0, x) for i, x in given if i <= first][-1:] + [(i - first, x) for i, x in given if first < i < n]
+        for name, given in (("in_use", run.in_use), ("modes", found.get("modes", [])))
+    }
+    changes |= {name: [x for x in found.get(name, ()) if x.t > run.ts[first]] for name in ("impacts", "singular")}
+    changes["resets"] = [(i - first, name) for i, name in found.get("resets", ()) if i > first]
+    t, y, z = np.array(run.ts[first:]), run.ys[first:n].copy(), run.zs[first:n].copy()
+    settings, stats = {**run.settings, **run.stepper.settings()}, {"backend": run.stepper.backend}
+    return Solution(run.problem, t, y, z, "finished", "", stats, settings, **changes)

@@ -1,0 +1,93 @@
+"""Snapshots: the numbers from which a run, or a simulator, continues bit by bit."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...mechanism.time_functions.input_functions import InputSetting
+from ...system import Array, State
+from ..run.run_state import RunState
+from ..steppers.stepper import StepperState
+
+
+class RunSnapshot(NamedTuple):
+    """The numbers from which a run continues.
+
+    Attributes:
+        t: time in s.
+        y: the point (n,).
+        carry: the method's carry; None if it is computed again.
+        compensation: see `mbdae.system.State`.
+        rows: the rows in use; None if all are independent.
+        rank_threshold: pivot ratio below which the rank has fallen.
+        mode: of the mechanism.
+        stepper: of the step-size control.
+    """
+
+    t: float
+    y: Array
+    carry: Array | None
+    compensation: Array | None
+    rows: tuple[int, ...] | None
+    rank_threshold: float
+    mode: tuple[int, ...]
+    stepper: StepperState
+
+
+@dataclass(frozen=True)
+class SimulatorState:
+    """The numbers from which a simulator continues; may be pickled.
+
+    Attributes:
+        run: time, state, rows in use, mode and step-size control.
+        inputs: the setting of each input, by name.
+        wanted: inputs that were set, by name, since the last advance.
+        start: time in s from which fixed steps are counted.
+    """
+
+    run: RunSnapshot
+    inputs: dict[str, InputSetting]
+    wanted: dict[str, float]
+    start: float
+
+    def require_for(self, mechanism: Mechanism, inputs: Collection[str]) -> None:
+        """Require that the state is one of this mechanism.
+
+        Raises:
+            InputError: if it is not.
+        """
+        n = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
+        if self.run.y.shape != (n,) or set(self.inputs) != set(inputs) or len(self.run.mode) != len(mechanism.switches):
+            raise InputError(f"the state was saved by a simulator of another mechanism, not of {mechanism.title}")
+
+
+def snapshot(run: RunState) -> RunSnapshot:
+    """Return the snapshot of a run of a mechanism at its last node."""
+    s: Any = run.system
+    carry = run.state.carry if isinstance(run.state.carry, np.ndarray) else None
+    rows = None if s.rows is None else tuple(s.rows.tolist())
+    y, compensation = run.ys[-1].copy(), run.state.compensation
+    return RunSnapshot(run.t, y, carry, compensation, rows, s.rank_threshold, s.mode, run.stepper.snapshot())
+
+
+def resume(run: RunState, start: RunSnapshot) -> None:
+    """Begin a new run at a snapshot, in place of `RunState.begin`."""
+    s: Any = run.system
+    t, y, carry, compensation, rows, s.rank_threshold, mode, stepper = start
+    run.ys[-1] = y
+    if run.mode_changes:
+        run.mode_changes.resume(run, mode)
+    if rows is not None:
+        s.use_rows(rows)
+    run.record_rows()
+    run.F, run.zs[-1] = s.derivative(t, y)
+    run.state = State(y, s.carry(run.F, run.zs[-1]) if carry is None else carry, compensation)
+    run.carries.store(0, run.state.carry)
+    run.interval = run.jumps.interval(t)
+    run.stepper.resume(stepper)
+    for source in run.sources:
+        source.begin_interval(run)

@@ -1,0 +1,293 @@
+"""Simulation in advances: a controller, a user interface or another program acts between them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ...errors import STATUS, InputError, StepError, is_number, require
+from ...mechanism import Mechanism
+from ...mechanism.inputs import Inputs
+from ...solution.problem import problem_of
+from ...solution.signal_value import find_signal, value
+from ...solution.solution import Solution
+from ...system import Array
+from ...tolerances import COINCIDENT
+from ..options.options import RunOptions, require_positive
+from ..options.span import end_of_tables
+from ..run.loop import time_loop
+from ..run.result import joined, make_solution
+from ..run.run_setup import prepare, prepare_at
+from ..run.run_state import RunState
+from ..steppers.fixed import Fixed
+from .advance_sensitivity import LastAdvance
+from .differentiable_advance import DifferentiableAdvance
+from .input_settings import InputSettings
+from .run_snapshot import SimulatorState, resume, snapshot
+
+ENDLESS = 2**31 - 1  # fixed steps
+MAX_NODES = 4096  # of a simulator without a record, which then begins a new run
+
+
+class Simulator(DifferentiableAdvance):
+    """A mechanism that is advanced step by step, with inputs that may change between the steps.
+
+        q' = v,   M(q) v' = f(t, q, v, s, u) + G(q)^T lam,   0 = G(q) v + g_t,   u(t) = u_k or u_k + u_k' (t - t_k)
+
+    With constant inputs and fixed steps the states are those of `mbdae.solve`, bit by bit. Where an input jumps, the
+    method restarts, as at jumps of functions of time. Not to be shared between threads.
+
+    Args:
+        model: a mechanism, or the name or path of one.
+        t: start time in s.
+        q: consistent start configuration (nq,); the model's start if omitted.
+        v: consistent start velocity (nv,); the model's start if omitted.
+        s: start values (ns,) of states of actuators and controllers; their defaults if omitted.
+        record: whether to keep all steps for `solution`; otherwise memory does not grow.
+        restart: whether each advance restarts a method that carries v' between steps, as after a jump. Then its end
+            depends on the state before, inputs and parameters alone, for `tangent` and `adjoint`.
+        **options: as of `mbdae.solve`: method, formulation, project, baumgarte, step (fixed; controlled if omitted),
+            rtol, atol, first_step, max_step, jumps, events, backend.
+
+    Attributes:
+        mechanism: a copy whose inputs belong to this simulator.
+        status: ``"running"``; ``"event"`` after an advance that a terminal event ended; otherwise why it has stopped.
+        message: the same in words.
+
+    Raises:
+        InputError: for wrong arguments, or an inconsistent start.
+        UnknownNameError: for an unknown method.
+
+    Example:
+        >>> simulator = mbdae.Simulator("slider_crank", step=1e-3)
+        >>> simulator.advance(0.1)
+        'running'
+    """
+
+    def __init__(
+        self,
+        model: Mechanism | str | Path,
+        t: float = 0.0,
+        q: Array | None = None,
+        v: Array | None = None,
+        s: Array | None = None,
+        *,
+        record: bool = True,
+        restart: bool = False,
+        jumps: Sequence[float] = (),
+        events: Any = None,
+        backend: str = "auto",
+        **options: Any,
+    ) -> None:
+        problem = problem_of(model, "Simulator")
+        if not isinstance(problem, Mechanism):
+            raise InputError("a simulator needs a mechanism; textbook problems run by mbdae.solve")
+        if of_runs := options.keys() & {"t_span", "t_eval", "max_steps", "progress"}:
+            raise InputError(f"a simulator has no {min(of_runs)}: it starts at t, and goes on by advance")
+        if not is_number(t):
+            raise InputError(f"t must be a finite number, got {t!r:.60}")
+        self.inputs = Inputs(problem)
+        self.mechanism = mechanism = self.inputs.mechanism
+        span = t, np.nextafter(t, np.inf) + 1.0
+        self.options = RunOptions.from_arguments(mechanism, span, None, jumps, events, backend, **options)
+        self.recorded, self.restart, self.start, self.seconds = record, restart, float(t), 0.0
+        self.status, self.message = "running", STATUS["finished"]
+        self._settings = InputSettings(self.inputs)
+        self._earlier: list[Solution] = []  # recorded before the last save
+        self._fresh = True  # no step yet since a start at which the carry was computed
+        self._continue(prepare(mechanism, self.options, (q, v, s)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._run.begin()
+
+    def _continue(self, run: RunState) -> None:
+        """Continue with a run, whose fixed steps are counted from the start of the simulator."""
+        self._current, run.continues = run, True
+        if isinstance(fixed := getattr(run.stepper, "inner", run.stepper), Fixed):
+            fixed.n, fixed.t0 = ENDLESS, self.start
+
+    @property
+    def _run(self) -> RunState:
+        """The run, all its steps recorded."""
+        self._current.stepper.record(self._current)
+        return self._current
+
+    @property
+    def _y(self) -> Array:
+        """The point (n,) now."""
+        return self._current.stepper.point(self._current)
+
+    def __repr__(self) -> str:
+        return f"<Simulator of {self.mechanism.title} at t = {self.t:.9g} s: {self.status}>"
+
+    @property
+    def t(self) -> float:
+        """Time in s."""
+        return self._current.stepper.time(self._current)
+
+    @property
+    def q(self) -> Array:
+        """Configuration (nq,)."""
+        return self._y[: self.mechanism.nq].copy()
+
+    @property
+    def v(self) -> Array:
+        """Velocity (nv,)."""
+        nq = self.mechanism.nq
+        return self._y[nq : nq + self.mechanism.nv].copy()
+
+    @property
+    def s(self) -> Array:
+        """States of actuators and controllers (ns,)."""
+        return self._y[self.mechanism.nq + self.mechanism.nv : -1].copy()
+
+    @property
+    def mode(self) -> tuple[int, ...]:
+        """The state of each switch of ``mechanism.switches``."""
+        return self._current.system.mode  # type: ignore[attr-defined]
+
+    def signals(self, *names: str) -> Array:
+        """Return signals now, (len(names),), by the names of `mbdae.Solution.signals`.
+
+        Raises:
+            UnknownNameError: for an unknown name.
+        """
+        system: Any = self._current.system
+        t, y = self.t, self._y
+        return np.array([value(system, find_signal(self.mechanism, name), t, y) for name in names])
+
+    def __getitem__(self, name: str) -> float:
+        """Return an input now.
+
+        Raises:
+            UnknownNameError: lists the inputs.
+        """
+        return self._settings.value(name, self.t)
+
+    def __setitem__(self, name: str, value: float) -> None:
+        """Set an input: from now on, or, with ``hold = "first"``, at the end of the next advance.
+
+        Raises:
+            UnknownNameError: lists the inputs.
+            InputError: for a value that is not a finite number.
+        """
+        self._require_running()
+        self._settings.want(name, value)
+
+    def advance(self, dt: float) -> str:
+        """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance before.
+
+        Raises:
+            InputError: for a dt that is not positive, or a simulator that has stopped.
+            StepError: if the steps fail; everything up to there remains, and the simulator has stopped.
+        """
+        self._require_running()
+        require_positive(dt=dt)
+        if not isfinite(dt):
+            raise InputError(f"dt must be finite, got {dt}")
+        if not self.recorded and self._current.stepper.nodes(self._current) > MAX_NODES:
+            self.save()
+        self._last = self._differentiated = None
+        started, begin, node = perf_counter(), self.t, self._current.stepper.nodes(self._current) - 1
+        target = self._on_grid(begin + dt)
+        end = end_of_tables(self.mechanism.drivers, begin, target)
+        try:
+            restarts, stopped = self._restarts(dt), False
+            if restarts or not self._current.stepper.continue_unrecorded(self._current, end):
+                with np.errstate(over="ignore", invalid="ignore"):
+                    restarts, stopped = self._loop(end, restarts)
+        except StepError as e:
+            for source in self._current.sources:
+                e = source.explain(self._current, e)
+            self.status, self.message = e.status, str(e)
+            raise e from None
+        finally:
+            self.seconds += perf_counter() - started
+        if end < target:
+            self.status = "driver"
+            self.message = next(text for d in self.mechanism.drivers if (text := d.outside(target)))
+            raise StepError(self.status, self.message)
+        self._last = LastAdvance(node, begin, restarts or self._fresh, self.t - begin)
+        self.status, self._fresh = "event" if stopped else "running", False
+        return self.status
+
+    def _restarts(self, dt: float) -> bool:
+        """Let the inputs follow what was set, over dt; return whether the method restarts."""
+        carries = getattr(self._current.tableau, "carries", False)
+        return self._settings.apply(self.t, dt) | (self.restart and carries and not self._fresh)
+
+    def _loop(self, end: float, restarts: bool) -> tuple[bool, bool]:
+        """Step to the end in the time loop; return whether the method restarted, and whether an event stopped it."""
+        run = self._run
+        restarts |= run.interval.stop != run.interval.end  # a jump just after the last node
+        if restarts:
+            run.restart_after_jump(run.t)
+        run.continue_to(end)
+        return restarts, time_loop(run)
+
+    def _on_grid(self, t: float) -> float:
+        """Return the time, that of a fixed step if they differ by rounding only."""
+        if not (h := self.options.step):
+            return t
+        on_grid = self.start + round((t - self.start) / h) * h
+        return on_grid if abs(on_grid - t) <= COINCIDENT * h else t
+
+    def _require_running(self) -> None:
+        if self.status not in ("running", "event"):
+            raise InputError(f"the simulator stopped at t = {self.t:.9g} s ({self.status}): {self.message}")
+
+    # -- saving and results --------------------------------------------------------------------------------------
+
+    def save(self) -> SimulatorState:
+        """Return the state, from which `restore` continues bit by bit as this simulator does from now on.
+
+        Starting values of Newton's iteration are not saved: both begin without them. A simulator without a record
+        forgets the steps so far.
+
+        Raises:
+            InputError: for a simulator that has stopped.
+        """
+        self._require_running()
+        settings = self._settings
+        state = SimulatorState(snapshot(self._run), self.inputs.values, dict(settings.wanted), self.start)
+        earlier = [*self._earlier, self._made()] if self.recorded else []
+        self.restore(state)
+        if self.recorded:
+            self._earlier, self._settings = earlier, settings
+        return state
+
+    def restore(self, state: SimulatorState) -> None:
+        """Continue from a saved state, of this simulator or of another one with the same mechanism and options.
+
+        The record begins again.
+
+        Raises:
+            InputError: for anything but such a state.
+        """
+        require(state, SimulatorState, "restore takes a state from save")
+        state.require_for(self.mechanism, self.inputs.cells)
+        for name, setting in state.inputs.items():
+            self.inputs.cell(name).set(setting)
+        self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
+        self.status, self.message = "running", STATUS["finished"]
+        self._last, self._differentiated, self._fresh = None, None, False
+        self._run.release()
+        t = state.run.t
+        options = replace(self.options, t0=t, t1=t + 1, end=t + 1)
+        self._continue(prepare_at(self.mechanism, options, state.run.y))
+        resume(self._run, state.run)
+
+    def _made(self) -> Solution:
+        status = "finished" if self.status in ("running", "event") else self.status
+        return make_solution(self._run, status, self.message, self.seconds)
+
+    def solution(self) -> Solution:
+        """Return the recorded steps as a solution; inputs have become functions of time with their history.
+
+        Its checks, statistics and signals are those of `mbdae.solve`.
+        """
+        out = joined([*self._earlier, self._made()])
+        return replace(out, problem=self.inputs.recorded(self._settings.history)) if self.inputs.named else out

@@ -1,0 +1,55 @@
+"""Projection of the end of a step onto the closures, and a check that the projection does not undo the step."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.closures.closure_error import largest_error
+from ...mechanism.formulations.index2 import Index2System
+from ...system import Array, State
+
+if TYPE_CHECKING:
+    from ..run.run_state import RunState
+
+MAX_UNDONE = 0.25  # share of the motion of a step, in position or velocity, that a projection may undo
+
+
+def project_end(run: "RunState", t: float, state: State) -> State:
+    """Project the end of a step onto the closures.
+
+    Rows that are redundant at the start of a run are not solved for. Where they become independent, a projection onto
+    all rows undoes each step: the run would creep or stall for any step size. A projection within the tolerance is
+    always accepted; after a step that was undone, the steps are assessed together until the motion progresses again.
+    (Gauss-Newton iterations towards a contact of order p leave a share 1 - 1/p of the distance.)
+
+    Raises:
+        StepError: if the projection undoes more than `MAX_UNDONE` of the step.
+    """
+    end, system = run.projected(t, state), run.system
+    if end.y is state.y or not isinstance(system, Index2System):
+        return end
+    motions = _motions(run, system, t, state.y, end.y)
+    if run.undone_motion is not None:
+        motions += run.undone_motion
+    motion, *undone = (run.stepper.tolerance_norm(run, state.y, x) for x in motions)
+    largest = max(undone)
+    if largest > max(1.0, MAX_UNDONE * motion):
+        if run.undone_motion is None:
+            run.undone_motion = np.zeros_like(motions)
+        level = undone.index(largest)
+        gap = largest_error(system.mechanism, system.residual(t, *system.split(state.y))[level], ("", "/s")[level])
+        share = f"{largest / max(motion, largest):.0%} of the motion"
+        undoes = f"its projection undoes {share}: the rows cannot all be satisfied"
+        raise StepError("rank", f"{gap.message('opens')} in a step from t = {run.t:.17g}, and {undoes}")
+    if run.undone_motion is not None:
+        run.undone_motion = None if MAX_UNDONE * motion > 1 else motions
+    return end
+
+
+def _motions(run: "RunState", system: Index2System, t: float, y: Array, end: Array) -> Array:
+    """Return the motion of a step to y, and the displacements of its projection in position and velocity, (3, ny)."""
+    step, move, nv = system.difference(run.state.y, y), system.difference(y, end), system.nv
+    out = np.zeros((3, len(move)))
+    out[:, :nv] = step[:nv], move[:nv], (t - run.t) * move[nv : 2 * nv]
+    return out

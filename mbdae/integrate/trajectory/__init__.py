@@ -1,0 +1,1 @@
+"""Trajectory of a run: checkpoints, and steps recomputed for discrete tangents and adjoints."""

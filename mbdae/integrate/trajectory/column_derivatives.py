@@ -1,0 +1,110 @@
+"""Derivatives of columns of bodies and forces, by family; see `mbdae.solution.signals`."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ...mechanism import Mechanism
+from ...mechanism.signal_derivatives import (
+    MotionTangent,
+    contact_derivatives,
+    driver_power_derivatives,
+    effort_derivatives,
+    frame_motion_derivatives,
+    momentum_derivatives,
+    path_derivatives,
+    reaction_derivatives,
+    shaking_derivatives,
+)
+from ...mechanism.signals.contacts import rolling_closures
+from ...mechanism.signals.effort_signals import effort_units
+from ...mechanism.signals.momentum import MOMENTUM, SHAKING
+from ...solution.columns import CONTACT, frame_units, moving_frames, reaction_units
+from ...system import Array
+from ...tolerances import ITERATION_ROUNDING
+
+
+class DerivativeFamily(NamedTuple):
+    """Columns whose derivatives are computed together.
+
+    Attributes:
+        names: of the columns.
+        rows: their partial derivatives, (n, m).
+        rated: whether they depend on accelerations or multipliers.
+    """
+
+    names: Callable[[Mechanism], Mapping[str, str] | list[str]]
+    rows: Callable[[MotionTangent], Array]
+    rated: bool
+
+
+def _contact_names(mech: Mechanism) -> list[str]:
+    return [f"{kind}.{c.name}" for c in rolling_closures(mech) for kind in CONTACT]
+
+
+def _flattened(rows: Array) -> Array:
+    return rows.reshape(-1, rows.shape[-1])
+
+
+def _loads(motion: MotionTangent) -> Array:
+    values, derivatives = reaction_derivatives(motion)
+    world, local = derivatives
+    size = magnitude_derivatives(values[0], world)
+    return _flattened(np.concatenate([size[:, :, None], world, local], axis=2))
+
+
+def _speeds(motion: MotionTangent) -> Array:
+    """Return derivatives of positions, and of velocities after their magnitudes."""
+    values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
+    return np.concatenate([_flattened(derivatives[0]), _with_magnitude(values[1], derivatives[1])])
+
+
+def _accelerations(motion: MotionTangent) -> Array:
+    values, derivatives = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
+    return _with_magnitude(values[2], derivatives[2])
+
+
+def _with_magnitude(x: Array, derivatives: Array) -> Array:
+    return _flattened(np.concatenate([magnitude_derivatives(x, derivatives)[:, None], derivatives], axis=1))
+
+
+def magnitude_derivatives(x: Array, derivatives: Array) -> Array:
+    """Return derivatives of the magnitudes of n vectors x (n, ..., 3), from those of their components (n, ..., 3, m).
+
+    They are 0 for vectors that vanish relative to the largest one, whose direction is rounding.
+    """
+    size = np.linalg.norm(x, axis=-1, keepdims=True)
+    nonzero = size > ITERATION_ROUNDING * size.max(axis=0, initial=0.0)
+    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=nonzero), derivatives)
+
+
+def _frame_columns(mech: Mechanism, rated: bool) -> list[str]:
+    return [name for name in frame_units(mech) if name.startswith("acceleration.") == rated]
+
+
+FAMILIES = (
+    DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling_closures(mech) for x in "xyz"],
+           lambda motion: _flattened(path_derivatives(motion)), False),
+    DerivativeFamily(_contact_names, lambda motion: _flattened(contact_derivatives(motion)), True),
+    DerivativeFamily(reaction_units, _loads, True),
+    DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
+    DerivativeFamily(effort_units, effort_derivatives, False),
+    DerivativeFamily(lambda mech: _frame_columns(mech, False), _speeds, False),
+    DerivativeFamily(lambda mech: _frame_columns(mech, True), _accelerations, True),
+    DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
+    DerivativeFamily(lambda mech: SHAKING, lambda motion: _with_magnitude(*shaking_derivatives(motion)), True),
+)  # fmt: skip
+
+
+Derivatives = dict[str, tuple[DerivativeFamily, int]]
+_DERIVATIVES: WeakKeyDictionary[Mechanism, Derivatives] = WeakKeyDictionary()  # mechanisms are immutable
+
+
+def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
+    """Return the family of a column, and its index in it; None if it has no derivatives."""
+    if mech not in _DERIVATIVES:  # the first family that has the name counts
+        found = [(name, (family, i)) for family in FAMILIES for i, name in enumerate(family.names(mech))]
+        _DERIVATIVES[mech] = dict(reversed(found))
+    return _DERIVATIVES[mech].get(name)

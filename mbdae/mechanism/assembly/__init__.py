@@ -1,0 +1,1 @@
+"""Assembly analysis: configurations and velocities that satisfy the constraints."""

@@ -1,0 +1,105 @@
+"""Consistent states: g(t, q) = 0 near an initial estimate, then G v + g_t = 0 in the mass metric.
+
+All thresholds are in rad and in characteristic lengths of the mechanism.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf
+
+from ...errors import InputError
+from ...system import Array
+from ...tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
+from ..closures.closure_error import largest_error
+from ..closures.preconditions import require_preconditions
+from ..model_settings import normalized
+from ..tree.pinocchio_data import make_data
+from ..tree.tree_terms import update_inertia
+from .position_search import assembly_error, close_position
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
+
+
+def assemble(
+    mech: "Mechanism", q: Any, v: Any, guess: Any, guess_v: Mapping[str, Any] | None = None, t: float = 0.0
+) -> tuple[Array, Array]:
+    """See `mbdae.Mechanism.assemble`; ``guess_v`` are initial estimates of velocities that are not fixed."""
+    fixed_q, fixed_v = (np.array([], int),) * 2
+    for driver in mech.drivers:
+        driver.check(t)
+    if isinstance(q, np.ndarray | list | tuple):
+        q0 = normalized(mech.model, mech.vector("q", q, mech.nq))
+        if q0 is None:
+            raise InputError("q is not on the manifold: a quaternion, or cosine and sine of an angle, vanish")
+    else:
+        table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
+        q0 = mech.coordinates(table)[0]
+        fixed_q = mech.coordinates(q or {})[1]
+    if isinstance(v, np.ndarray | list | tuple):
+        v0 = mech.vector("v", v, mech.nv)
+    else:
+        v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
+        fixed_v = mech.coordinates(v or {}, of_v=True)[1]
+    with mech.workspaces.borrowed() as system:
+        q1 = close_position(system, q0, fixed_q, t)
+        require_preconditions(mech, q1)
+        return q1, close_velocity(system, q1, v0, fixed_v, t)
+
+
+def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: float) -> Array:
+    """Return the velocity closest to v in the mass metric with G v + g_t = 0; some coordinates are fixed.
+
+    Raises:
+        AssemblyError: if the fixed velocities contradict the closures.
+        InputError: if a massless body makes the mass metric singular.
+    """
+    mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
+    G, g_t = system.closures(q)[1], system.g_t(t)
+    if not (G @ v + g_t).any():
+        return v
+    U, info = dpotrf(_mass(mech, q)[np.ix_(free, free)], lower=0)
+    if info:
+        joint = mech.coordinate_joint(int(free[abs(info) - 1]))
+        raise InputError(f"the mass matrix is singular at joint {joint!r}: a body without inertia")
+    rows = mech.row_scales
+    speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
+    scaled = np.linalg.solve(U.T, (G[:, free] / rows[:, None]).T).T  # G M^{-1/2}
+    for _ in range(2):  # the second pass removes rounding
+        v = v.copy()
+        v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, (G @ v + g_t) / rows, rcond=TRUNCATION)[0])
+    if not np.linalg.norm((G @ v + g_t) / rows) <= AGREEMENT * speeds:
+        raise assembly_error(mech, largest_error(mech, G @ v + g_t, "/s"), fixed, "velocity")
+    return v
+
+
+def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, tolerance: float = INPUT_DIGITS) -> None:
+    """Reject a start at time t that violates a closure or a driver by more than a tolerance, 1e-6 by default.
+
+    The limit for g is in rad and characteristic lengths; for G v + g_t relative to the characteristic rate and the
+    largest velocity.
+
+    Raises:
+        InputError: names the closure with the largest violation, and its size; or a violated precondition.
+    """
+    if not mech.ng:
+        return
+    g, Gv = mech.residual(q, v, t)
+    speed = np.abs(v / mech.coordinate_scales).max()
+    for residual, per, size in ((g, "", 1.0), (Gv, "/s", speed)):
+        gap = largest_error(mech, residual, per)
+        rate = mech.characteristic_rate if per and gap.relative > tolerance * size else 0.0
+        if gap.relative > tolerance * (rate + size):
+            raise InputError(
+                f"the start is not consistent: {gap.message()}; "
+                f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
+            )
+    require_preconditions(mech, q)
+
+
+def _mass(mech: "Mechanism", q: Array) -> Array:
+    M = update_inertia(mech.model, make_data(mech.model), q)
+    return np.triu(M) + np.triu(M, 1).T

@@ -1,0 +1,54 @@
+"""Flipped frames: wrong assembly branches on which g vanishes, and additional rows that lead away from them."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...system import Array
+from ..closures.rows import DotProduct1
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+
+Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
+
+
+def scaled_residuals(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
+    """Return g and G of the position rows; lengths of rows and coordinates are in characteristic lengths."""
+    g, G = system.closures(q, t)
+    rows, columns = system.mechanism.row_scales, system.mechanism.coordinate_scales
+    positional = system.constraints.positional
+    return (g / rows)[positional], (G * columns / rows[:, None])[positional]
+
+
+def residuals_with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
+    """Return g and G with additional rows cos - 1 for axes that should coincide.
+
+    Where all loops are closed, these rows and their gradients vanish. Where a frame is flipped they do not, and the sum
+    of squares has no minimum there.
+    """
+    g, G = scaled_residuals(system, q, t)
+    values, partials = [g], [G]
+    for closure in system.mechanism.closures:
+        bound = system.constraints.frame_rows.get(closure.name)
+        if bound is None:
+            continue
+        cosines, W = DotProduct1(*closure.coinciding_axes()).value(bound.pair)
+        values.append(cosines - 1)
+        by_q = np.array([bound.pair.torque(w) for w in W.T]).reshape(-1, system.nv)
+        partials.append(by_q * system.mechanism.coordinate_scales)
+    return np.concatenate(values), np.vstack(partials)
+
+
+def flipped_closure(system: "Index2System") -> str:
+    """Return the name of a closure whose rows vanish although a frame is flipped; empty if none.
+
+    Kinematics must be current.
+    """
+    data = system.workspace
+    for closure, (a, b) in system.mechanism.closure_anchors:
+        relative = (data.oMi[a.joint].rotation @ a.R).T @ (data.oMi[b.joint].rotation @ b.R)
+        if closure.flipped(relative):
+            return closure.name
+    return ""

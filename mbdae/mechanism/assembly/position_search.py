@@ -1,0 +1,230 @@
+"""Assembly analysis: the configuration near an initial estimate with g(t, q) = 0, by damped Gauss-Newton steps.
+
+All thresholds are in rad and in characteristic lengths of the mechanism.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import AssemblyError, InputError, StepError
+from ...system import Array
+from ...tolerances import AGREEMENT, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION
+from ..closures.closure_error import ClosureError, largest_error
+from ..closures.independent_rows import MANY_ROWS
+from .flipped_frames import Residuals, flipped_closure, residuals_with_directions, scaled_residuals
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
+
+ITERATIONS = 100
+WIDTHS = (0.1, 0.4, 1.5, 3.0)  # of random displacements of the initial estimate
+STARTS = 6  # for each width
+NEAR = 0.05  # change of a coordinate: a configuration this close to the estimate is always accepted
+APPROACHES = 10  # steps along the null space towards the estimate
+DAMPING = 0.1  # of |g|, at the start
+SLOW = 0.5  # of |g|: a step shorter than NEAR that leaves more of it is damped too much
+DAMPING_REDUCTION = 0.1  # after such a step
+MIN_DAMPING = SOLUTION_ROUNDING  # of the largest diagonal entry of G G^T, which dependent rows make singular
+
+
+def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> Array:
+    """Return the configuration near q that closes all loops; coordinates with tangent indices ``fixed`` do not change.
+
+    Gauss-Newton steps start from q; if they fail, or end far from q, also from displacements of q, first small and then
+    larger ones, which are the same in each call. The nearest solution is moved towards q along its null space.
+
+    Raises:
+        AssemblyError: if no start leads to |g| below 1e-10; names the closure with the largest violation for the start
+            that comes closest.
+        InputError: if a frame or axis is flipped in all solutions, or numbers are not finite.
+    """
+    mech, free = system.mechanism, np.delete(np.arange(system.nv), fixed)
+    if not mech.ng:
+        return q
+    _require_finite(system, q, t)
+    g, G = scaled_residuals(system, q, t)
+    if not len(g):
+        return q
+    search = _PositionSearch(system, q, free, t, [], [])
+    search.start_from((q,))
+    if search.closed and search.largest_change(search.closed[0]) < NEAR:
+        return search.closed[0]
+    damping = DAMPING * float(np.abs(g).max() / (np.linalg.norm(g) or 1.0))  # independent of the number of loops
+    search.widen(reach=1.2 * float(np.abs(_damped_step(G, g, free, damping)).max()) + NEAR)
+    if not search.closed:
+        search.flip_back()
+    if search.closed:
+        return search.approach(min(search.closed, key=search.distance))
+    raise search.failure(fixed)
+
+
+def _require_finite(system: "Index2System", q: Array, t: float) -> None:
+    try:
+        g, G = system.closures(q, t)
+    except StepError as e:
+        raise InputError(f"the initial estimate cannot be assembled: {e}") from e
+    if not (np.isfinite(g).all() and np.isfinite(G).all()):
+        worst = system.mechanism.row_names[int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1)))]
+        raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")
+
+
+@dataclass
+class _PositionSearch:
+    """Results of Gauss-Newton steps from several starts: all of them, and those in which all loops are closed."""
+
+    system: "Index2System"
+    guess: Array
+    free: Array
+    t: float
+    found: list[Array]
+    closed: list[Array]
+
+    def distance(self, q: Array) -> float:
+        """Return how far a configuration is from the initial estimate."""
+        mech = self.system.mechanism
+        return float(np.linalg.norm(mech.manifold.difference(self.guess, q) / mech.coordinate_scales))
+
+    def largest_change(self, q: Array) -> float:
+        """Return the largest change of a coordinate: unlike the norm, it does not grow with the number of loops."""
+        mech = self.system.mechanism
+        return float(np.abs(mech.manifold.difference(self.guess, q) / mech.coordinate_scales).max())
+
+    def start_from(self, starts: Iterable[Array]) -> None:
+        """Search from some configurations."""
+        results = [gauss_newton(self.system, start, self.free, self.t) for start in starts]
+        self.found += results
+        self.closed += [x for x in results if is_closed(self.system, x, self.t)]
+
+    def widen(self, reach: float) -> None:
+        """Search from larger and larger displacements until a closed configuration is within reach.
+
+        Large displacements are tried only if no closed configuration is known.
+        """
+        for width in WIDTHS:
+            if any(self.largest_change(x) <= reach for x in self.closed) or (self.closed and width > WIDTHS[1]):
+                return
+            self.start_from(self.displaced(width))
+
+    def displaced(self, *widths: float) -> Iterator[Array]:
+        """Yield random displacements of the initial estimate, the same in each call, by at most a width."""
+        mech = self.system.mechanism
+        for width in widths:
+            rng = np.random.default_rng(0)
+            for _ in range(STARTS):
+                x = np.zeros(mech.nv)
+                x[self.free] = width * rng.uniform(-1, 1, len(self.free))
+                yield mech.manifold.integrate(self.guess, mech.coordinate_scales * x)
+
+    def flip_back(self) -> None:
+        """If loops close with a flipped frame, align directions first, and search from there."""
+        if not any(_residual_norm(self.system, x, self.t) <= AGREEMENT for x in self.found):
+            return
+        for start in (self.guess, *self.displaced(*WIDTHS[1:3])):
+            aligned = gauss_newton(self.system, start, self.free, self.t, residuals_with_directions)
+            q = gauss_newton(self.system, aligned, self.free, self.t)
+            if is_closed(self.system, q, self.t):
+                self.closed = [q]
+                return
+
+    def approach(self, q: Array) -> Array:
+        """Move a closed configuration along its null space towards the initial estimate."""
+        system, mech, free = self.system, self.system.mechanism, self.free
+        for _ in range(APPROACHES):
+            d = (mech.manifold.difference(q, self.guess) / mech.coordinate_scales)[free]
+            G = scaled_residuals(system, q, self.t)[1][:, free]
+            tangential = d - _damped_step(G, -G @ d, np.arange(len(free)), 0.0)
+            if np.linalg.norm(d) < NEAR or np.linalg.norm(tangential) < 0.1 * np.linalg.norm(d):
+                break
+            x = np.zeros(mech.nv)
+            x[free] = tangential / max(1.0, 2 * np.abs(tangential).max())
+            new = gauss_newton(system, mech.manifold.integrate(q, mech.coordinate_scales * x), free, self.t)
+            if not is_closed(system, new, self.t) or self.distance(new) >= self.distance(q):
+                break
+            q = new
+        return q
+
+    def failure(self, fixed: Array) -> InputError | AssemblyError:
+        """Return the error that explains the result with the smallest residual."""
+        best = min(self.found, key=lambda x: _residual_norm(self.system, x, self.t))
+        if _residual_norm(self.system, best, self.t) <= AGREEMENT:
+            name = flipped_closure(self.system)
+            return InputError(f"closure {name!r} closes with its second frame flipped: change the initial estimate")
+        gap = largest_error(self.system.mechanism, self.system.closures(best, self.t)[0])
+        return assembly_error(self.system.mechanism, gap, fixed, "configuration")
+
+
+def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = scaled_residuals) -> Array:
+    """Return the last configuration of damped Gauss-Newton steps with line search.
+
+    Steps are at most one radian or characteristic length long, to stay on the branch. The damping mu of `_damped_step`
+    is |g|/10 at first. With many rows its ratio to |g| is reduced after each short step that does not halve |g|: in
+    long chains the smallest singular value of G is far below sqrt(mu). With few rows such steps indicate a singular
+    configuration, and remain short.
+    """
+    m, scales = system.manifold, system.mechanism.coordinate_scales
+    g, G = rows(system, q, t)
+    closed, damping = False, DAMPING
+    for _ in range(ITERATIONS):
+        if closed or not np.isfinite(G).all():
+            break
+        closed = bool(np.linalg.norm(g) <= SOLUTION_ROUNDING)  # one more step reduces g to rounding
+        x = _damped_step(G, g, free, damping)
+        x /= max(1.0, np.abs(x).max())
+        for fraction in 0.5 ** np.arange(12):
+            q_new = m.integrate(q, scales * fraction * x)
+            g_new, G_new = rows(system, q_new, t)
+            if np.linalg.norm(g_new) < np.linalg.norm(g):
+                break
+        else:
+            break
+        slow = np.abs(fraction * x).max() < NEAR and np.linalg.norm(g_new) > SLOW * np.linalg.norm(g)
+        if slow and len(g) > MANY_ROWS:
+            damping *= DAMPING_REDUCTION
+        q, g, G = q_new, g_new, G_new
+    return q
+
+
+def _damped_step(G: Array, g: Array, free: Array, damping: float) -> Array:
+    """Return the x that minimises |G x + g|^2 + mu |x|^2, mu = damping |g|: it is short where G is nearly singular."""
+    x, mu = np.zeros(G.shape[1]), damping * float(np.linalg.norm(g))
+    if len(g) > MANY_ROWS:
+        x[free] = -_sparse_least_squares(G[:, free], g, mu)
+        return x
+    n = len(free)
+    damped = np.vstack([G[:, free], np.sqrt(mu) * np.eye(n)])
+    x[free] = -np.linalg.lstsq(damped, np.concatenate([g, np.zeros(n)]), rcond=TRUNCATION)[0]
+    return x
+
+
+def _sparse_least_squares(G: Array, g: Array, mu: float) -> Array:
+    """Return the x that minimises |G x - g|^2 + mu |x|^2, from a sparse LU of G G^T + mu 1: rows have few nonzeros."""
+    from scipy.sparse import csc_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    rows = csc_array(G)
+    S = rows @ rows.T
+    mu = max(mu, MIN_DAMPING * float(S.diagonal().max()))
+    return rows.T @ splu((S + mu * eye_array(len(g))).tocsc()).solve(g)
+
+
+def _residual_norm(system: "Index2System", q: Array, t: float) -> float:
+    residual = float(np.linalg.norm(scaled_residuals(system, q, t)[0]))
+    return residual if np.isfinite(residual) else np.inf
+
+
+def is_closed(system: "Index2System", q: Array, t: float) -> bool:
+    """Return whether all loops are closed and no frame is flipped."""
+    return _residual_norm(system, q, t) <= AGREEMENT and not flipped_closure(system)
+
+
+def assembly_error(mech: "Mechanism", gap: ClosureError, fixed: Array, what: str) -> AssemblyError:
+    """Return the error that names the closure with the largest violation, its size, and the fixed joints."""
+    joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in fixed)) or "nothing"
+    text = f"no consistent {what}: {gap.message('stays open')} (fixed: {joints})"
+    if gap.relative < THREE_DIGITS:
+        text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
+    return AssemblyError(text, gap.name, gap.size)

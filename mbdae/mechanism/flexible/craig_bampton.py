@@ -1,0 +1,134 @@
+"""Modal bodies from finite elements: Craig and Bampton's reduction, orthogonalised.
+
+    u = [1 0; -Kii^-1 Kib, Phi] [u_b; eta],   Kii Phi = Mii Phi w^2
+
+with interface displacements u_b and normal modes Phi of the body with fixed interfaces; the modes of the body are the
+eigenvectors of the reduced pencil. Deflections under loads at interfaces are exact for any number of normal modes.
+
+Source: R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import eigh
+from scipy.sparse import csc_array, csr_array, diags_array, hstack, issparse
+from scipy.sparse.linalg import eigsh, splu
+
+from ...errors import InputError, UnknownNameError
+from ...system import Array
+from ...tolerances import HALF_DIGITS, SOLUTION_ROUNDING
+from .modal_body import ModalBody, Node
+
+RIGID_MOTIONS = 6
+
+
+def modal_body(
+    points: Any,
+    masses: Any,
+    K: Any,
+    *,
+    interface: Mapping[str, Sequence[int]],
+    modes: int,
+    clamped: str = "",
+    damping: float | Sequence[float] = 0.0,
+) -> ModalBody:
+    """Return a body of lumped masses and a stiffness matrix as a modal body, by Craig and Bampton's reduction.
+
+    Args:
+        points: positions of n points in the frame of the body, (n, 3), in m.
+        masses: of the points, (n,), in kg.
+        K: stiffness by displacements x, y, z of the points in turn, (3n, 3n), dense or sparse, in N/m.
+        interface: nodes by name, each rigid and made of some points (by index), at their centroid; a node of a single
+            point does not turn with the modes.
+        modes: number of normal modes with fixed interfaces, in addition to the static modes of the interfaces.
+        clamped: the interface that the frame of the body follows; without it the frame floats with the free body.
+        damping: ratio of each mode, or one for all.
+
+    Raises:
+        InputError: for wrong shapes, a K that is not symmetric or has other than six motions without force, masses
+            that are not positive, or more normal modes than there are.
+        UnknownNameError: for an unknown clamped interface.
+    """
+    r, m = np.asarray(points, float), np.asarray(masses, float)
+    stiffness = _checked(r, m, K, interface)
+    if clamped and clamped not in interface:
+        raise UnknownNameError("interface", clamped, interface)
+    T, boundary, inner = _coordinates(r, interface, clamped)
+    Kr, Mr = csc_array(T.T @ stiffness @ T), csc_array(T.T @ diags_array(np.repeat(m, 3)) @ T)
+    if not 0 <= modes < max(len(inner), 1):
+        raise InputError(f"modal_body: {len(inner)} displacements between the interfaces, got modes = {modes}")
+    basis = _basis(Kr, Mr, boundary, inner, modes)
+    squares, shapes = eigh(basis.T @ (Kr @ basis), basis.T @ (Mr @ basis))
+    elastic = squares > HALF_DIGITS * squares[-1]
+    expected = 0 if clamped else RIGID_MOTIONS
+    if (rigid := int(np.count_nonzero(~elastic))) != expected:
+        what = f"{rigid} motions without elastic force, expected {expected}"
+        raise InputError(f"modal_body: {what}: is K that of this body?")
+    U = T @ (basis @ shapes[:, elastic])
+    Phi = U.reshape(len(m), 3, -1)
+    nodes = {name: _node(r, Phi, np.asarray(at, int)) for name, at in interface.items()}
+    return ModalBody.of_points(r, m, Phi, squares[elastic], damping, nodes)
+
+
+def _checked(r: Array, m: Array, K: Any, interface: Mapping[str, Sequence[int]]) -> csr_array:
+    n = len(m)
+    if r.shape != (n, 3) or K.shape != (3 * n, 3 * n):
+        needed = f"points ({n}, 3) and K ({3 * n}, {3 * n})"
+        raise InputError(f"modal_body: {n} masses need {needed}, got {r.shape}, {K.shape}")
+    if not (m > 0).all():
+        raise InputError(f"modal_body: masses are positive, got {m.min():g} kg of point {int(m.argmin())}")
+    out = csr_array(K if issparse(K) else np.asarray(K, float))
+    size = abs(out).max()
+    if not np.isfinite(size) or abs(out - out.T).max() > SOLUTION_ROUNDING * size:
+        raise InputError("modal_body: K is not symmetric and finite")
+    used = [i for at in interface.values() for i in at]
+    if not all(0 <= i < n for i in used) or len(set(used)) < len(used) or not all(len(at) for at in interface.values()):
+        raise InputError(f"modal_body: interfaces are different points 0 to {n - 1}, one or more each")
+    return out
+
+
+def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str) -> tuple[csr_array, Array, Array]:
+    """Return displacements (3n, c) by coordinates: of rigid interfaces first, then of points; and their indices."""
+    columns: list[Array] = []
+    free = np.ones(len(r), bool)
+    for name, at in interface.items():
+        free[list(at)] = False
+        if name == clamped:
+            continue
+        block = np.zeros((3 * len(r), 3 if len(at) == 1 else 6))
+        centre = r[list(at)].mean(axis=0)
+        for i in at:
+            motion = np.hstack([np.eye(3), -pin.skew(r[i] - centre)])
+            block[3 * i : 3 * i + 3] = motion[:, : block.shape[1]]
+        columns.append(block)
+    at, number = np.flatnonzero(np.repeat(free, 3)), sum(block.shape[1] for block in columns)
+    points = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), (3 * len(r), len(at)))
+    whole = csr_array(hstack([*(csr_array(block) for block in columns), points]))
+    return whole, np.arange(number), np.arange(number, number + len(at))
+
+
+def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int) -> Array:
+    """Return static modes of the interfaces, and normal modes with fixed interfaces, (c, b + modes)."""
+    Kii = csc_array(K[inner][:, inner])
+    out = np.zeros((K.shape[0], len(boundary) + modes))
+    if len(boundary):
+        out[boundary, : len(boundary)] = np.eye(len(boundary))
+        if len(inner):
+            out[inner, : len(boundary)] = -splu(Kii).solve(K[inner][:, boundary].toarray())
+    if modes:
+        shapes = eigsh(Kii, modes, csc_array(M[inner][:, inner]), 0.0)[1]
+        out[np.ix_(inner, range(len(boundary), out.shape[1]))] = shapes
+    return out
+
+
+def _node(r: Array, Phi: Array, at: Array) -> Node:
+    """Return the node of a rigid interface: displacement of its centroid, and its rotation."""
+    centre = r[at].mean(axis=0)
+    A = np.concatenate([np.hstack([np.eye(3), -pin.skew(r[i] - centre)]) for i in at])
+    if len(at) == 1:
+        return Node(centre, Phi[at[0]], np.zeros_like(Phi[at[0]]))
+    motion = np.linalg.lstsq(A, Phi[at].reshape(3 * len(at), -1), rcond=None)[0]
+    return Node(centre, motion[:3], motion[3:])

@@ -1,0 +1,166 @@
+"""A modal body: its inertia as polynomials in the modal coordinates, its elasticity, and its nodes.
+
+Sums over points of mass m (nodes of a lumped model, or Gauss points of consistent elements), with S = s0 + C q:
+
+    M(q) = [ m 1    -[S]x   C  ]     m, s0 = sum m r, C = sum m Phi, I0 = sum m (r.r 1 - r r^T)
+           [ [S]x    I      H  ]     H0 = sum m [r]x Phi, Hj = sum m [Phi_j]x Phi, Mq = sum m Phi^T Phi
+           [ C^T     H^T    Mq ]     I1_i = sum m (2 r.Phi_i 1 - r Phi_i^T - Phi_i r^T)
+                                     I2_ij = sum m (2 Phi_i.Phi_j 1 - Phi_i Phi_j^T - Phi_j Phi_i^T)
+    I = I0 + sum q_i I1_i + (sum q_i q_j I2_ij)/2,   H = H0 + sum q_j Hj
+
+for nu = (v, w, q') of the frame in its axes. `delta` is M without the rigid body (m, s0, I0), which Pinocchio has.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from ...data_types import CoreData
+from ...errors import InputError
+from ...system import Array
+from ...tolerances import PIVOT_RANK
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A point of a body: r (3,) in m, displacements Phi (3, k) and rotations Psi (3, k) of the modes."""
+
+    r: Array
+    Phi: Array
+    Psi: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ModalBody:
+    """A body with k modes.
+
+    Attributes:
+        mass: m in kg.
+        s0, I0: first moment (3,) in kg m and inertia (3, 3) in kg m^2 of the straight body about its frame's origin.
+        C, H0, Mq: (3, k), (3, k), (k, k).
+        Hj, I1, I2: (k, 3, k), (k, 3, 3), (k, k, 3, 3).
+        stiffness, damping: of each mode, (k,): forces -stiffness q - damping q'.
+        nodes: the nodes by name.
+    """
+
+    mass: float
+    s0: Array
+    I0: Array
+    C: Array
+    H0: Array
+    Mq: Array
+    Hj: Array
+    I1: Array
+    I2: Array
+    stiffness: Array
+    damping: Array
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+
+    @property
+    def modes(self) -> int:
+        """Number of modes k."""
+        return len(self.stiffness)
+
+    @cached_property
+    def frequencies(self) -> Array:
+        """Frequencies of the modes in rad/s, with the frame at rest, (k,), if Mq is diagonal."""
+        return np.sqrt(self.stiffness / np.diagonal(self.Mq))
+
+    def deformed(self, q: Array) -> tuple[Array, Array, Array]:
+        """Return S - s0 (3,), the inertias I_i = dI/dq_i (k, 3, 3), and H (3, k)."""
+        return self.C @ q, self.I1 + np.einsum("ijab,j->iab", self.I2, q), self.H0 + np.einsum("jak,j->ak", self.Hj, q)
+
+    def delta(self, q: Array) -> Array:
+        """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
+        S, I_q, H = self.deformed(q)
+        X = np.einsum("abc,b->ac", _CROSS, S)
+        I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
+        return np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]])
+
+    def gyroscopic(self, q: Array, nu: Array) -> Array:
+        """Return the terms of M(q) nu' + h(q, nu) that are quadratic in nu, (6 + k,), without the rigid body.
+
+        h = sum q'_i M_i nu + (w x p_v, w x p_w + v x p_v, -(nu^T M_i nu)/2), p = M nu, M_i = dM/dq_i.
+        """
+        v, w, u = nu[:3], nu[3:6], nu[6:]
+        _, I_q, _ = self.deformed(q)
+        p, dS = self.delta(q)[:6] @ nu, self.C @ u
+        dI, dH = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", self.Hj, u)
+        linear = np.cross(w, dS + p[:3])
+        angular = np.cross(dS, v) + dI @ w + dH @ u + np.cross(w, p[3:]) + np.cross(v, p[:3])
+        by_q = np.cross(v, w) @ self.C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", self.Hj, w, u)
+        return np.concatenate([linear, angular, dH.T @ w - by_q])
+
+    def core_data(self) -> CoreData:
+        """Return the numbers of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""
+        arrays = {"C": self.C.T, "H0": self.H0.T, "Mq": self.Mq, "Hj": self.Hj.transpose(0, 2, 1)}
+        arrays |= {"I1": self.I1[:, *_PACKED], "I2": self.I2[:, :, *_PACKED]}
+        nodes = [
+            {"r": x.r.tolist(), "Phi": x.Phi.T.ravel().tolist(), "Psi": x.Psi.T.ravel().tolist()}
+            for x in self.nodes.values()
+        ]
+        return {"modes": self.modes, "nodes": nodes, **{name: x.ravel().tolist() for name, x in arrays.items()}}
+
+    @classmethod
+    def of_points(
+        cls,
+        r: Array,
+        masses: Array,
+        Phi: Array,
+        stiffness: Array,
+        damping_ratios: float | Sequence[float] | Array = 0.0,
+        nodes: Mapping[str, Node] | None = None,
+    ) -> "ModalBody":
+        """Return the body of points with masses.
+
+        Args:
+            r: points (n, 3) in m.
+            masses: (n,) in kg.
+            Phi: displacements of the points in each mode, (n, 3, k).
+            stiffness: of each mode, (k,).
+            damping_ratios: of each mode, (k,), or one for all.
+            nodes: nodes by name.
+
+        Raises:
+            InputError: for wrong shapes, negative masses, or negative stiffness.
+        """
+        r, m, P, K = (np.asarray(x, float) for x in (r, masses, Phi, stiffness))
+        n, k = len(m), len(K)
+        for name, x, shape in (("points", r, (n, 3)), ("modes", P, (n, 3, k)), ("stiffness", K, (k,))):
+            if x.shape != shape or not np.isfinite(x).all():
+                raise InputError(f"flexible body: {name} need finite numbers of shape {shape}, got {x.shape}")
+        if not (m >= 0).all() or not m.sum() > 0:
+            raise InputError(f"flexible body: masses are not negative and not all zero, got {m.min():g} kg")
+        Mq = np.einsum("n,nai,naj->ij", m, P, P)
+        if not (K > 0).all() or (k and not np.linalg.eigvalsh(Mq)[0] > PIVOT_RANK * np.diagonal(Mq).max()):
+            raise InputError("flexible body: modes need positive stiffness and independent displacements of masses")
+        modes = P.transpose(2, 0, 1)
+        cross = np.einsum("n,abc,nbi,ncj->iaj", m, _CROSS, P, P)
+        ratios = np.broadcast_to(np.asarray(damping_ratios, float), (k,))
+        return cls(
+            mass=float(m.sum()),
+            s0=m @ r,
+            I0=_inertia(m, r, r),
+            C=np.einsum("n,nai->ai", m, P),
+            H0=np.einsum("n,abc,nb,nci->ai", m, _CROSS, r, P),
+            Mq=Mq,
+            Hj=cross,
+            I1=np.array([2 * _inertia(m, r, x) for x in modes]).reshape(k, 3, 3),
+            I2=np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3),
+            stiffness=K,
+            damping=2 * ratios * np.sqrt(K * np.diagonal(Mq)),
+            nodes=dict(nodes or {}),
+        )
+
+
+_CROSS = np.array([pin.skew(e) for e in np.eye(3)]).transpose(1, 0, 2)  # (a x b)_i = sum CROSS_ijk a_j b_k
+_PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
+
+
+def _inertia(m: Array, x: Array, y: Array) -> Array:
+    """Return sum m (x.y 1 - (x y^T + y x^T)/2), (3, 3)."""
+    mixed = np.einsum("n,na,nb->ab", m, x, y)
+    return np.trace(mixed) * np.eye(3) - (mixed + mixed.T) / 2

@@ -1,0 +1,146 @@
+"""A flexible body in a workspace: motions and Jacobians of its nodes, and its terms of M and nle.
+
+At a node, d = r + Phi q, theta = Psi q, E and Jr of `rotation_vector`, with nu = (v, w, q') of the body in its axes:
+
+    J_n = [ E^T   -E^T [d]x   E^T Phi ]      twist = J_n nu,   twist' = J_n nu' + beta,   in the axes of the node
+          [ 0      E^T        Jr Psi  ]
+    beta = ( (E^T u) x wr + E^T (w x Phi q'),   (E^T w) x wr + (dJr(theta) s) s )
+    u = v + w x d + Phi q',   s = Psi q',   wr = Jr s
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from ...system import Array
+from .modal_body import ModalBody, Node
+from .rotation_vector import rotation_vector
+
+
+class BoundNode:
+    """A node in a workspace.
+
+    Attributes:
+        index: its entry in ``data.oMi``.
+        node: the node.
+        columns: of J at the world's origin for the modes, (6, k); live.
+        turn: rotation of the node relative to the frame, at the current poses.
+    """
+
+    def __init__(self, index: int, node: Node) -> None:
+        self.index, self.node, self.columns = index, node, np.zeros((6, node.Phi.shape[1]))
+        self.turn = rotation_vector(np.zeros(3))
+
+    def split_columns(self, data: pin.Data) -> tuple[Array, Array]:
+        """Return the columns as those of translations T along fixed axes and of rotations W, (6, k) each."""
+        W = self.columns.copy()
+        W[:3] = pin.skew(data.oMi[self.index].translation) @ W[3:]
+        return self.columns - W, W
+
+    def rotation_change(self, data: pin.Data, z: Array) -> Array:
+        """Return the change by q_m of the rotation Jr z, beyond that of the axes of the node, as motions (6, k)."""
+        pose = data.oMi[self.index]
+        change = pose.rotation @ self.turn.jacobian_rate(z) @ self.node.Psi
+        return np.concatenate([pin.skew(pose.translation) @ change, change])
+
+
+class BoundBody:
+    """A flexible body bound to a workspace.
+
+    Attributes:
+        at: the velocities of the modes.
+        nodes: the nodes.
+    """
+
+    def __init__(
+        self, model: pin.Model, data: pin.Data, name: str, mode_joints: Sequence[str], modal: ModalBody
+    ) -> None:
+        self.modal = modal
+        self.joint = int(model.getJointId(name))
+        first, k = model.joints[model.getJointId(mode_joints[0])], modal.modes
+        self.at, self.iq = slice(first.idx_v, first.idx_v + k), slice(first.idx_q, first.idx_q + k)
+        joints = list(model.supports[self.joint])[1:]
+        self.base = np.array([i for j in joints for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])], int)
+        self.nodes: list[BoundNode] = []
+        for node in modal.nodes.values():
+            self.nodes.append(BoundNode(len(data.oMi), node))
+            data.oMi.append(pin.SE3.Identity())
+            data.v.append(pin.Motion.Zero())
+            data.a.append(pin.Motion.Zero())
+
+    def write(self, modal: ModalBody) -> None:
+        """Replace the body by one with as many modes and nodes."""
+        self.modal = modal
+        for n, node in zip(self.nodes, modal.nodes.values(), strict=True):
+            n.node = node
+
+    def update_poses(self, data: pin.Data, q: Array) -> None:
+        """Update poses and columns of the nodes; the pose of the frame is current."""
+        x, pose = q[self.iq], data.oMi[self.joint]
+        R, p = pose.rotation, pose.translation
+        for n in self.nodes:
+            turn = n.turn = rotation_vector(n.node.Psi @ x)
+            at = R @ (n.node.r + n.node.Phi @ x) + p
+            E = R @ turn.E
+            data.oMi[n.index] = pin.SE3(E, at)
+            n.columns[3:] = E @ turn.Jr @ n.node.Psi
+            n.columns[:3] = R @ n.node.Phi + pin.skew(at) @ n.columns[3:]
+
+    def update_motions(self, data: pin.Data, q: Array, v: Array, a: Array) -> None:
+        """Update velocities and accelerations of the nodes, for v' = a; poses and those of the frame are current."""
+        x, u, du = q[self.iq], v[self.at], a[self.at]
+        V, A = data.v[self.joint], data.a[self.joint]
+        w = V.angular
+        for n in self.nodes:
+            node, turn = n.node, n.turn
+            d, relative, s = node.r + node.Phi @ x, node.Phi @ u, node.Psi @ u
+            ET, wr = turn.E.T, turn.Jr @ s
+            at, Ew = ET @ (V.linear + np.cross(w, d) + relative), ET @ w
+            data.v[n.index] = pin.Motion(at, Ew + wr)
+            linear = ET @ (A.linear + np.cross(A.angular, d) + node.Phi @ du + np.cross(w, relative)) + np.cross(at, wr)
+            angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + np.cross(Ew, wr) + turn.jacobian_rate(s) @ s
+            data.a[n.index] = pin.Motion(linear, angular)
+
+    def add_inertia(self, data: pin.Data, q: Array, M: Array) -> None:
+        """Add the terms of the modes to the upper triangle of M (nv, nv); J and the pose of the frame are current."""
+        D, J, base = self.modal.delta(q[self.iq]), self._base_columns(data), self.base
+        M[base[:, None], base] += J.T @ D[:6, :6] @ J
+        M[base, self.at] += J.T @ D[:6, 6:]
+        M[self.at, self.at] += D[6:, 6:]
+
+    def add_bias(self, data: pin.Data, q: Array, v: Array, nle: Array) -> None:
+        """Add the terms of the modes to nle (nv,); J, ``data.v`` and ``data.a_gf`` are current."""
+        F = self._force(data, q, v, data.a_gf[self.joint], np.zeros(self.modal.modes))
+        nle[self.base] += F[:6] @ self._base_columns(data)
+        nle[self.at] += F[6:]
+
+    def _force(self, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array) -> Array:
+        """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
+        x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
+        return self.modal.delta(x) @ A + self.modal.gyroscopic(
+            x, np.concatenate([data.v[self.joint].vector, v[self.at]])
+        )
+
+    def inertia_wrench(self, data: pin.Data, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
+        """Return the force and the moment about the origin, world axes, (6,), that the deformation adds to m a - m g.
+
+        Motions in ``data`` are those of v and v' = a; gravity in m/s^2, none if omitted.
+        """
+        pose = data.oMi[self.joint]
+        fall = np.zeros(3) if gravity is None else pose.rotation.T @ gravity
+        acceleration = data.a[self.joint] - pin.Motion(fall, np.zeros(3))
+        return pose.act(pin.Force(self._force(data, q, v, acceleration, a[self.at])[:6])).vector
+
+    def momentum(self, data: pin.Data, q: Array, v: Array) -> Array:
+        """Return the momenta that the deformation adds, about the origin, world axes, (6,); motions are current."""
+        nu = np.concatenate([data.v[self.joint].vector, v[self.at]])
+        return data.oMi[self.joint].act(pin.Force(self.modal.delta(q[self.iq])[:6] @ nu)).vector
+
+    def first_moment(self, data: pin.Data, q: Array) -> Array:
+        """Return the change of mass times centre of mass by the deformation, world axes, (3,), in kg m."""
+        return data.oMi[self.joint].rotation @ self.modal.C @ q[self.iq]
+
+    def _base_columns(self, data: pin.Data) -> Array:
+        """Return the columns of J that move the frame, in its axes, (6, n)."""
+        return data.oMi[self.joint].actionInverse @ data.J.reshape(6, -1)[:, self.base]

@@ -1,0 +1,1 @@
+"""Steps of a mechanism: stages, projection, selection of rows, dense output."""

@@ -1,0 +1,106 @@
+"""Selection of the independent rows of a step."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ....errors import StepError
+from ....system import Array, State
+from ....tolerances import NEGLIGIBLE
+from ...closures import independent_rows
+
+if TYPE_CHECKING:
+    from ..index2 import Index2System
+
+
+def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
+    """Return independent rows (r,) for a step or a point; the first call determines the rank of the run.
+
+    The rows in use remain while they are well-conditioned, and while they are frozen.
+    """
+    if not system.ng:
+        return np.empty(0, int)
+    if system.rows is not None and (system.rows_frozen or not system.selection_trigger.is_due()):
+        return system.rows
+    B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+    pivoting = _, diagonal = independent_rows.pivots(B)
+    try:
+        if system.rank is None:
+            initial = independent_rows.initial_rank(B, G, diagonal, t, system.ambiguous_pivot)
+            system.rank, system.rank_threshold = initial
+        independent_rows.require_rank(diagonal, system.rank, system.rank_threshold, t)
+    except StepError as e:
+        rank = system.rank or independent_rows.rank(diagonal)
+        raise StepError(e.status, f"{e} ({_weakest(system, B, rank)})") from None
+    if system.rank:
+        system.least_pivot_ratio = min(system.least_pivot_ratio, (diagonal[system.rank - 1] / diagonal[0]) ** 2)
+    system.rows = independent_rows.select_rows(B, system.rows, system.rank, system.elimination_order, pivoting)
+    return system.rows
+
+
+def rows_of_step(system: "Index2System", t: float, y: Array) -> Array:
+    """Return the rows in use of a step from (t, y), (r,)."""
+    if system.rows_frozen and system.rows is not None:
+        return system.rows
+    return system.choose_rows(t, *system.point(t, system.split(y)[0])) if system.ng else np.empty(0, int)
+
+
+def _weakest(system: "Index2System", B: Array, rank: int) -> str:
+    """Return the names of the closures whose rows form the combination with the smallest singular value."""
+    if not np.isfinite(B).all():
+        return "the state is not finite"
+    combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2
+    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > NEGLIGIBLE * combination.max())]
+    return ", ".join(dict.fromkeys(repr(name) for name in names))
+
+
+def update_independent_rows(system: "Index2System", t: float, state: State) -> State:
+    """Select the rows of the next step, see `mbdae.system.System`, and project v onto new ones.
+
+    If loops are violated by |g|, redundant rows contradict each other by the same amount: a v that satisfies the old
+    rows violates new ones, and a step would interpret this as a local error.
+    """
+    if not system.ng:
+        return state
+    q, v = system.split(state.y)
+    U, G = system.point(t, q)
+    before, system.rows_frozen = system.rows, False
+    rows = system.choose_rows(t, U, G)
+    system.rows_frozen = True
+    rate = G @ v + system.g_t(t)
+    if before is not None and not np.array_equal(rows, before):
+        B = dgesv(U.T, G[rows].T)[2]
+        v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
+        state = State(np.concatenate([q, v, state.y[system.nq + system.nv :]]), state.carry, state.compensation)
+        if state.carry is not None:
+            state = state._replace(carry=system.carry(*system.derivative(t, state.y)))
+            G = system.jacobian(q)
+        rate = G @ v + system.g_t(t)
+    mech = system.mechanism
+    system.largest_g = max(system.largest_g, float(np.abs(system.constraints.value(t)[0] / mech.row_scales).max()))
+    system.largest_rate = max(system.largest_rate, float(np.abs(rate / mech.row_scales).max()))
+    system.largest_speed = max(system.largest_speed, float(np.abs(v / mech.coordinate_scales).max()))
+    return state
+
+
+def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> float:
+    """Return the largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
+    q, _ = system.split(y)
+    U, G = system.inertia(t, q), system.jacobian()
+    rows = system.choose_rows(t, U, G)
+    if not len(rows):
+        return 0.0
+    B = dgesv(U.T, G[rows].T)[2]
+    return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
+
+
+def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
+    """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
+    diagonal = independent_rows.pivots(dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2])[1]
+    return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
+
+
+def others_depend(system: "Index2System", t: float, y: Array) -> bool:
+    """Return whether rows that are not in use certainly depend on the others at y; False where QR must decide."""
+    return False

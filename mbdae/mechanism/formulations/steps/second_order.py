@@ -1,0 +1,105 @@
+"""Step of a Newmark-type method on the second-order equations of a mechanism, on any configuration manifold.
+
+With u = (v, s, w), and the numbers of a method (`mbdae.methods.alpha`), the unknown u_1', lam and mu of a step satisfy
+
+    M v_1' = f + G^T lam,   s_1' = h(...),   w_1' = power   at (t_1, q_1, u_1),    0 = g(t_1, q_1)   [0 = G v_1 + g_t]
+    u_1 = u_p + b_1 u_1',   q_1 = q_0 (+) (x_p + b_2 v_1' [+ M_0^-1 G_0^T mu])
+
+in index 3, or with the terms in brackets in the stabilised index-2 form. Newton's method has exact partials.
+
+Source: Arnold, Bruels, BIT 47 (2007); Bruels, Cardona, Arnold, Mech. Mach. Theory 48 (2012).
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dpotrs
+
+from ....linear_solve import factorized
+from ....system import Array
+from .implicit_stage import padded
+from .index2_step import Index2Chart
+
+if TYPE_CHECKING:
+    from ..index2 import Index2System
+
+
+class SecondOrderStep:
+    """Step from (t, y) to t + h with fixed rows, see the module; multipliers are (lam, mu), or lam in index 3."""
+
+    def __init__(self, system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> None:
+        self.system, self.t, self.h, self.y, self.stabilised = system, t, h, y, stabilised
+        self.rows = system.rows_of_step(t, y)
+        self.chart = Index2Chart(system, t, y, self.rows)
+        U, G = system.point(t, self.chart.q)
+        self.normal = dpotrs(U, G[self.rows].T)[0] if stabilised and len(self.rows) else np.zeros((system.nv, 0))
+
+    @property
+    def size(self) -> int:
+        """Length n of u."""
+        return self.system.ny - self.system.nv
+
+    def predict(self, x: Array, u: Array, factors: tuple[float, float], guess: Array) -> None:
+        """Take x_p - h v_0 (n,), of which nv count, u_p - u_0 (n,), (b_1, b_2) and a first guess of u_1' (n,)."""
+        nv = self.system.nv
+        self.x, self.u, self.factors, self.guess = self.h * self.chart.v + x[:nv], u, factors, guess
+
+    def first_guess(self) -> tuple[Array, Array]:
+        """Return u_1' and multipliers of zero: the equations are nearly linear in these."""
+        return self.guess, np.zeros(len(self.rows) + self.normal.shape[1])
+
+    def displacement(self, du: Array, z: Array) -> Array:
+        """Return the displacement of y, (ny,)."""
+        nv, (b1, b2) = self.system.nv, self.factors
+        return np.concatenate([self.x + b2 * du[:nv] + self.normal @ z[len(self.rows) :], self.u + b1 * du])
+
+    def correction(self, du: Array, z: Array) -> tuple[Array, Array]:
+        """Return the changes of u_1' and of the multipliers.
+
+        Raises:
+            StepError: if the matrix is singular.
+        """
+        s, r, nv, n, (b1, b2) = self.system, len(self.rows), self.system.nv, len(du), self.factors
+        t, full, lam = self.t + self.h, self.displacement(du, z), z[:r]
+        x = full[:nv]
+        left, rate = self.chart.residual(t, full, np.concatenate([du[:nv], du]), lam)
+        g = s.constraints.value(t)[0][self.rows]
+        p = s.partials(t, s.manifold.integrate(self.chart.q, x), self.y[s.nq :] + full[nv:], du[:nv], lam, self.rows)
+        V = s.manifold.velocity(x, np.eye(nv))
+        KV, BV, GV = p.K @ V, p.B @ V, p.G @ V
+        upper = p.E - b1 * p.D
+        upper[:, :nv] -= b2 * KV
+        scaled = b2 * self.normal  # mu in units of accelerations
+        blocks = [[upper, -p.L, -KV @ scaled], [padded(GV, n), np.zeros((r, r)), GV @ self.normal]]
+        right = [left[nv:], -g / b2]
+        if self.stabilised:
+            blocks.insert(1, [padded(p.G + b2 / b1 * BV, n), np.zeros((r, r)), b2 / b1 * BV @ self.normal])
+            right.insert(1, rate / b1)
+        s.counts.factorizations += 1
+        s.counts.solves += 1
+        solve = factorized(np.block(blocks), f"the linear system of an implicit step at t = {self.t:.17g}")
+        found = solve(np.concatenate(right))
+        found[n + r :] *= b2
+        return found[:n], found[n:]
+
+    def measure(self, change: Array, du: Array) -> tuple[float, float]:
+        """Return the sizes of a change of v_1 and of the positions over h, relative to the largest speed."""
+        mech, nv = self.system.mechanism, self.system.nv
+        scales, speeds = mech.coordinate_scales, np.abs(self.chart.v) + np.abs(self.h * du[:nv])
+        speed = float((speeds / scales).max()) + np.finfo(float).tiny
+        whole = 1 + (1 + float(np.abs(self.chart.q / mech.q_scales).max())) / (abs(self.h) * speed)
+        return float(np.abs(self.h * change[:nv] / scales).max()) / speed, whole
+
+    def end(self, du: Array, z: Array) -> tuple[Array, Array]:
+        """Return the displacement of y, (ny,), and lam of all rows, (ng,)."""
+        s, moved = self.system, self.displacement(du, z)
+        q = s.manifold.integrate(self.chart.q, moved[: s.nv])
+        U, G = s.inertia(self.t + self.h, q), s.jacobian()
+        s._last_q, s._last = q, (U, G)
+        s.selection_trigger.probe(U, G, self.rows)
+        return moved, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
+
+
+def second_order_step(system: "Index2System", t: float, h: float, y: Array, stabilised: bool) -> SecondOrderStep:
+    """Open a step of a Newmark-type method at (t, y)."""
+    return SecondOrderStep(system, t, h, y, stabilised)

@@ -1,0 +1,1 @@
+"""Signals of a mechanism in motion: reactions, joint wrenches, contacts, efforts, momenta."""

@@ -1,0 +1,185 @@
+"""Reactions: forces and torques of closures, and efforts and powers of drivers, from multipliers."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import InputError
+from ...system import Array
+from ...tolerances import VISIBLE
+from ..closures import independent_rows
+from ..closures.driver import Driver
+from ..tree.frames import skew
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
+
+SAMPLES = 8
+NOT_UNIQUE = "rows depend on others: the multipliers of minimum norm are shown"
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Reaction force and torque of a closure on the body of its second frame, at that frame's origin.
+
+    The body of the first frame receives the opposite at the same point.
+
+    Attributes:
+        name: of the closure or driver.
+        t: times in s, (n,).
+        force: in N, along the axes of the first frame, (n, 3).
+        torque: in N m, along the axes of the first frame, (n, 3).
+        force_world: in N, along the world's axes, (n, 3).
+        torque_world: in N m, along the world's axes, (n, 3).
+        unique: which of the six components, force and then torque in the first frame, the motion determines.
+    """
+
+    name: str
+    t: Array
+    force: Array
+    torque: Array
+    force_world: Array
+    torque_world: Array
+    unique: tuple[bool, ...]
+
+    def __str__(self) -> str:
+        largest = [float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in (self.force, self.torque)]
+        lines = [f"reaction of {self.name}: force up to {largest[0]:.4g} N, torque up to {largest[1]:.4g} N m"]
+        names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+        if ambiguous := [name for name, unique in zip(names, self.unique, strict=True) if not unique]:
+            lines.append(f"  not unique: {', '.join(ambiguous)} ({NOT_UNIQUE})")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Effort of a coupling or a driver, and the power of a driver.
+
+    Attributes:
+        name: of the coupling or driver.
+        t: times in s, (n,).
+        effort: on the first joint, in N m or N; for a driven distance, the force in N that increases it, (n,).
+        counter: effort on the second joint if there is one, in N m or N, (n,).
+        position: u(t) of a driver in rad or m, zero for a coupling, (n,).
+        power: effort times u'(t), in W, (n,).
+        unique: whether the motion determines it.
+    """
+
+    name: str
+    t: Array
+    effort: Array
+    counter: Array | None
+    position: Array
+    power: Array
+    unique: bool
+
+    def __str__(self) -> str:
+        effort, power = (float(np.abs(x).max(initial=0.0)) for x in (self.effort, self.power))
+        text = f"effort of {self.name}: up to {effort:.4g} N m or N, power up to {power:.4g} W"
+        return text if self.unique else f"{text}\n  not unique ({NOT_UNIQUE})"
+
+
+def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Array | None = None) -> Reaction:
+    """Return the reaction of a closure between frames, including its friction, or of a driven distance.
+
+    Args:
+        mech: the mechanism.
+        name: of the closure or driver.
+        t: times, (n,).
+        q: configurations, (n, nq).
+        lam: multipliers, (n, ng).
+        v: velocities, (n, nv), on which closure friction depends; at rest when left out.
+
+    Raises:
+        UnknownNameError: for an unknown name.
+        InputError: for a coupling, or a driver of joints: they have an effort.
+    """
+    system, rows = mech.system(), mech.rows_of(name)
+    bound = system.constraints.frame_rows.get(name)
+    if bound is None:
+        raise InputError(f"{name!r} connects joints and has no force at a point: use its effort")
+    wrench, rotations = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
+    row_wrenches = np.empty((len(t), 6, len(rows)))
+    for i in range(len(t)):
+        system.closures(q[i], t[i])
+        W = system.constraints.W[:, rows].copy()
+        W[3:] -= (lever := skew(bound.pair.pb)) @ W[:3]
+        row_wrenches[i], wrench[i], rotations[i] = W, W @ lam[i, rows], bound.pair.Ra
+        if v is not None and system.closure_friction.regularised_interfaces(name):
+            friction = system.closure_friction.wrench(name, v[i], lam[i])
+            wrench[i] += friction
+            wrench[i, 3:] -= lever @ friction[:3]
+    force, torque = wrench[:, :3], wrench[:, 3:]
+    local = [np.einsum("nji,nj->ni", rotations, x) for x in (force, torque)]
+    unique = np.ones(6, bool)
+    for i in sample_indices(len(t)):
+        N = multiplier_null_space(system, t[i], q[i])[rows]
+        R = np.kron(np.eye(2), rotations[i].T)
+        unique &= np.abs(R @ row_wrenches[i] @ N).max(axis=1, initial=0.0) < VISIBLE
+    return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(unique.tolist()))
+
+
+def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effort:
+    """Return the effort of a coupling or a driver; arguments as for `reaction`.
+
+    Raises:
+        UnknownNameError: for an unknown name.
+        InputError: for a closure between frames: it has a reaction.
+    """
+    system, rows = mech.system(), mech.rows_of(name)
+    spec = next(c for c in mech.constraints if c.name == name)
+    if not isinstance(spec, Driver) and spec.frames:
+        raise InputError(f"{name!r} connects frames: use its reaction")
+    row = rows.start
+    bound = next((r for r in system.constraints.joint_rows if r.at == row), None)
+    second = bound.columns[1] if bound and len(bound.columns) > 1 else None
+    u, counter = np.empty((len(t), 3)), np.zeros(len(t))
+    for i in range(len(t)):
+        G = system.closures(q[i], t[i])[1]
+        u[i] = system.constraints.motion(t[i])[:, row]
+        counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
+    null_spaces = (multiplier_null_space(system, t[i], q[i]) for i in sample_indices(len(t)))
+    unique = all(np.abs(N[row]).max(initial=0.0) < VISIBLE for N in null_spaces)
+    force = lam[:, row]
+    return Effort(
+        name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * u[:, 1], bool(unique)
+    )
+
+
+def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
+    """Return closures and drivers with non-unique reactions, and the number of their redundant rows.
+
+    The number is m - (rank of all rows - rank of the rows of the others). Trivial rows, such as the out-of-plane row of
+    a planar loop, count, too.
+    """
+    system = mech.system()
+    G = mass_scaled_jacobian(system, t, q)
+    r, out = rank(G), {}
+    for c in mech.constraints:
+        out[c.name] = c.m - (r - rank(np.delete(G, mech.rows_of(c.name), axis=0)))
+    return {name: n for name, n in out.items() if n}
+
+
+def mass_scaled_jacobian(system: "Index2System", t: float, q: Array) -> Array:
+    """Return G M^-1/2 over all rows, (ng, nv)."""
+    U = np.triu(system.inertia(t, q))
+    return np.linalg.solve(U.T, system.closures()[1].T).T
+
+
+def rank(G: Array) -> int:
+    """Return the rank of scaled rows by pivoted QR, as in `mbdae.mechanism.closures.independent_rows`."""
+    return independent_rows.rank(independent_rows.pivots(G.T)[1]) if len(G) else 0
+
+
+def multiplier_null_space(system: "Index2System", t: float, q: Array) -> Array:
+    """Return the null space of G^T: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
+    U, G = system.inertia(t, q), system.closures()[1]
+    r = len(system.choose_rows(t, U, G))
+    return np.linalg.svd(G)[0][:, r:]
+
+
+def sample_indices(n: int) -> Array:
+    """Return at most eight of n indices, evenly spaced."""
+    return np.unique(np.linspace(0, n - 1, min(n, SAMPLES)).astype(int))

@@ -1,0 +1,1 @@
+"""Functions of time: constants, polynomials, tables, user functions, and inputs."""

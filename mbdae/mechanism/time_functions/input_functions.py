@@ -1,0 +1,99 @@
+"""Inputs as functions of time: set while a mechanism is simulated, and recorded."""
+
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, Protocol
+from weakref import WeakSet
+
+from pydantic import Field, PrivateAttr, field_validator
+
+from .piecewise_polynomial import PiecewisePolynomial, require_increasing
+from .time_function_base import BaseTimeFunction, PiecewiseFunction
+
+
+class InputSetting(NamedTuple):
+    """An input from time t in s on: value + rate (t' - t)."""
+
+    t: float
+    value: float
+    rate: float = 0.0
+
+
+class InputListener(Protocol):
+    """A workspace with inputs as numbers."""
+
+    def set_input(self, cell: "Input", number: int) -> None:
+        """Take over the setting of an input, if it is bound to it."""
+
+
+class Input(BaseTimeFunction):
+    """A value that a `mbdae.Simulator` sets while it advances; elsewhere constant.
+
+    Attributes:
+        name: of the input; equal names are one input.
+        value: at the start.
+        unit: for tables and displays.
+        hold: between the times when it is set: ``"zero"``: constant, it jumps; ``"first"``: linear over an advance.
+    """
+
+    kind: Literal["input"] = "input"
+    name: str = Field(min_length=1)
+    value: float = 0.0
+    unit: str = ""
+    hold: Literal["zero", "first"] = "zero"
+    _setting: InputSetting | None = PrivateAttr(None)
+    _number: int = PrivateAttr(-1)  # of a mechanism in which it can be set
+    _listeners: Any = PrivateAttr(())  # a set of weak references in such a mechanism
+
+    @property
+    def setting(self) -> InputSetting:
+        """The last setting."""
+        return self._setting or InputSetting(0.0, self.value)
+
+    def cell(self, number: int) -> "Input":
+        """Return a copy that can be set, of the copy of a mechanism that a simulator owns."""
+        out = self.model_copy()
+        out._setting, out._number, out._listeners = InputSetting(0.0, self.value), number, WeakSet()
+        return out
+
+    def listen(self, listener: InputListener) -> None:
+        """Let a workspace take over all further settings."""
+        if self._number >= 0:
+            self._listeners.add(listener)
+
+    def set(self, setting: InputSetting) -> None:
+        """Set it, see `cell`."""
+        self._setting = setting
+        for listener in self._listeners:
+            listener.set_input(self, self._number)
+
+    def at(self, t: float, k: int = 0) -> float:
+        t0, value, rate = self.setting
+        return (value + rate * (t - t0), rate)[k] if k < 2 else 0.0
+
+    def core_data(self) -> dict[str, Any]:
+        t, value, rate = self.setting
+        return {"kind": "polynomials", "a": [rate, value], "b": [t], "degree": 1, "input": self._number}
+
+
+class InputHistory(PiecewiseFunction):
+    """The history of an input: linear pieces (t, value, rate) in s, t increasing; the first one also applies before.
+
+    Attributes:
+        name: of the input.
+        pieces: each applies from its time on.
+    """
+
+    kind: Literal["input_history"] = "input_history"
+    name: str = ""
+    pieces: tuple[tuple[float, float, float], ...] = Field(min_length=1)
+
+    @cached_property
+    def polynomials(self) -> PiecewisePolynomial:
+        times, values, rates = zip(*self.pieces, strict=True)
+        return PiecewisePolynomial(times, zip(rates, values, strict=True), times[1:])
+
+    @field_validator("pieces")
+    @classmethod
+    def _rise(cls, pieces: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+        require_increasing([(t, u) for t, u, _ in pieces])
+        return pieces

@@ -1,0 +1,1 @@
+"""Joints and frames of the kinematic tree, and the manifold of its configurations."""

@@ -1,0 +1,54 @@
+"""Names and units of the coordinates of joints."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from .frames import find_joint
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+COORDINATE_NAMES: dict[
+    str, tuple[tuple[str, ...], tuple[str, ...]]
+] = {  # joint: names of the coordinates in q and in v
+    "Translation": (("x", "y", "z"), ("x", "y", "z")),
+    "Spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
+    "FreeFlyer": (("x", "y", "z", "qx", "qy", "qz", "qw"), ("vx", "vy", "vz", "wx", "wy", "wz")),
+    "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
+    "Universal": (("1", "2"), ("1", "2")),
+}
+DIMENSIONLESS = ("qx", "qy", "qz", "qw", "cos", "sin")
+
+
+def effort_unit(units: Mapping[str, str], joint: str) -> str:
+    """Return the unit of the effort on a joint of one coordinate, from the units of coordinates."""
+    return "N" if units.get(f"v.{joint}") == "m/s" else "N m"
+
+
+def component_suffixes(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the suffixes of a joint's name for its coordinates in q and in v; "" for a single coordinate."""
+    joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
+    if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
+        return ("",), ("",)
+    numbers = [tuple(str(k + 1) for k in range(n)) for n in (joint.nq, joint.nv)]
+    q, v = COORDINATE_NAMES.get(kind, numbers)
+    return tuple(f".{x}" for x in q), tuple(f".{x}" for x in v)
+
+
+def coordinate_units(mech: "Mechanism") -> dict[str, str]:
+    """Return the units of ``q.*`` and then ``v.*``: rad or m, and per s; 1 for components of quaternions."""
+    out: dict[str, dict[str, str]] = {"q": {}, "v": {}}
+    for name in mech.joint_names:
+        kind = mech.joint_kind(name)
+        prismatic = kind.startswith("P") and kind != "Planar"
+        for (letter, per), suffixes in zip((("q", ""), ("v", "/s")), component_suffixes(mech, name), strict=True):
+            for suffix in suffixes:
+                length = suffix.lstrip(".v") in ("x", "y", "z") if suffix else prismatic
+                unit = "m" if length else "1" if suffix[1:] in DIMENSIONLESS else "rad"
+                out[letter][f"{letter}.{name}{suffix}"] = unit + per
+    return {**out["q"], **out["v"]}
+
+
+def acceleration_units(mech: "Mechanism") -> dict[str, str]:
+    """Return the units of ``a.*``, the components of v': rad/s^2 or m/s^2."""
+    return {f"a.{name[2:]}": f"{unit}^2" for name, unit in coordinate_units(mech).items() if name.startswith("v.")}

@@ -1,0 +1,108 @@
+"""Terms of the tree in a workspace: Pinocchio's algorithms, and the additions of flexible bodies.
+
+See `mbdae.mechanism.flexible`. A model without flexible bodies has no attribute ``flexible``.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ...system import Array
+
+if TYPE_CHECKING:
+    from ..flexible.attach_flexible import FlexibleBody
+    from ..flexible.workspace import BoundBody
+
+
+def flexible_bodies(model: pin.Model | None) -> Sequence["FlexibleBody"]:
+    """Return the flexible bodies of a model."""
+    return getattr(model, "flexible", ())
+
+
+def bound_bodies(data: pin.Data) -> Sequence["BoundBody"]:
+    """Return the flexible bodies of a workspace."""
+    return getattr(data, "flexible", ())
+
+
+def copied(model: pin.Model) -> pin.Model:
+    """Return a copy of a model, with its flexible bodies."""
+    out = model.copy()
+    if flexible_bodies(model):
+        out.flexible = flexible_bodies(model)
+    return out
+
+
+def update_flexible(model: pin.Model, data: pin.Data) -> None:
+    """Write the numbers of the flexible bodies of a model into a workspace of a model with the same structure."""
+    for body, bound in zip(flexible_bodies(model), bound_bodies(data), strict=True):
+        bound.write(body.modal)
+
+
+def structure_of_flexible(model: pin.Model) -> list[tuple[str, int, tuple[str, ...]]]:
+    """Return name, number of modes and names of nodes of each flexible body."""
+    return [(body.name, body.modal.modes, tuple(body.modal.nodes)) for body in flexible_bodies(model)]
+
+
+def require_rigid(model: pin.Model | None, what: str) -> None:
+    """Reject what is not known of flexible bodies.
+
+    Raises:
+        InputError: names the flexible body.
+    """
+    for body in flexible_bodies(model):
+        raise InputError(f"{what} of flexible bodies are not supported: {body.name!r}; replace it by a rigid body")
+
+
+def update_poses(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Update poses and J (6, nv), and return J."""
+    J = pin.computeJointJacobians(model, data, q)
+    for body in bound_bodies(data):
+        body.update_poses(data, q)
+    return J
+
+
+def update_motions(model: pin.Model, data: pin.Data, q: Array, v: Array | None = None, a: Array | None = None) -> None:
+    """Update poses; with v also velocities; with v and a also accelerations for v' = a."""
+    given = [x for x in (v, a) if x is not None]
+    pin.forwardKinematics(model, data, q, *given)
+    for body in bound_bodies(data):
+        body.update_poses(data, q)
+        if v is not None:
+            body.update_motions(data, q, v, np.zeros(model.nv) if a is None else a)
+
+
+def update_inertia(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Update poses, J and the upper triangle of M (nv, nv), and return M."""
+    M = pin.crba(model, data, q, pin.Convention.WORLD)
+    for body in bound_bodies(data):
+        body.update_poses(data, q)
+        body.add_inertia(data, q, data.M)
+    return data.M if bound_bodies(data) else M
+
+
+def bias(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
+    """Return nle(q, v), (nv,)."""
+    nle = pin.nonLinearEffects(model, data, q, v)
+    if bound_bodies(data):
+        update_poses(model, data, q)
+        for body in bound_bodies(data):
+            body.add_bias(data, q, v, nle)
+    return nle
+
+
+def inverse(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> Array:
+    """Return M v' + nle(q, v) for v' = a, (nv,)."""
+    if not bound_bodies(data):
+        return pin.rnea(model, data, q, v, a)
+    nle, M = bias(model, data, q, v).copy(), update_inertia(model, data, q)
+    return nle + np.triu(M) @ a + np.triu(M, 1).T @ a
+
+
+def gravity_potential(model: pin.Model, data: pin.Data, q: Array) -> float:
+    """Return the potential energy of gravity in J."""
+    out = float(pin.computePotentialEnergy(model, data, q))
+    gravity = model.gravity.linear
+    return out - sum(float(gravity @ body.first_moment(data, q)) for body in bound_bodies(data))

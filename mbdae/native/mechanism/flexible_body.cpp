@@ -1,0 +1,250 @@
+#include "mechanism/flexible_body.hpp"
+
+#include <algorithm>
+
+namespace mbdae {
+
+namespace {
+
+constexpr int TERMS = 20;  // of each series: to rounding up to 5 rad
+
+void back_by_columns(const double* R, const double* x, double* out) {  // R^T x
+  for (int i = 0; i < 3; ++i) out[i] = dot(R + 3 * i, x);
+}
+
+void back_by_rows(const double* R, const double* x, double* out) {  // R^T x
+  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
+}
+
+void to_frame(const FramePose& at, const double* V, double* out) {  // a motion, in the axes of the frame
+  double linear[3] = {V[0], V[1], V[2]};
+  add_cross(V + 3, at.arm, linear);
+  back_by_columns(at.pose, linear, out), back_by_columns(at.pose, V + 3, out + 3);
+}
+
+void from_frame(const FramePose& at, const double* F, double* out) {  // a wrench
+  rotate_by_columns(at.pose, F, out), rotate_by_columns(at.pose, F + 3, out + 3);
+  add_cross(at.arm, out, out + 3);
+}
+
+void combine(const Numbers& columns, const double* x, int k, double* out) {  // out += sum of columns (3,) times x
+  for (int i = 0; i < k; ++i)
+    for (int l = 0; l < 3; ++l) out[l] += columns[3 * i + l] * x[i];
+}
+
+void set_rotation(FlexibleBody::Node& n) {
+  const double x2 = dot(n.theta, n.theta);
+  double *f = n.functions, p = 1, before = 0, u = 0.5;  // x2^m, x2^(m - 1) and 1/(2m + 2)!, with signs
+  std::fill(f, f + 4, 0.0);
+  for (int m = 0; m < TERMS; ++m) {
+    const double w = u / (2 * m + 3);
+    const double a = f[0] + u * p, a1 = f[2] + 2 * m * u * before;
+    const bool converged = m > 1 && a == f[0] && a1 == f[2];
+    if (converged) break;
+    f[0] = a, f[1] += w * p, f[2] = a1, f[3] += 2 * m * w * before;
+    before = p, p *= x2, u = -w / (2 * m + 4);
+  }
+  double X[9], XX[9];
+  skew(n.theta, X), of_skews(n.theta, n.theta, XX);
+  for (int i = 0; i < 9; ++i) {
+    const double one = i % 4 == 0;
+    n.E[i] = one + (1 - f[1] * x2) * X[i] + f[0] * XX[i], n.Jr[i] = one - f[0] * X[i] + f[1] * XX[i];
+  }
+}
+
+}  // namespace
+
+void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const double* x, double* out) {
+  const double* f = n.functions;
+  double c[3], cc[3], zx[3], cx[3], tzx[3];
+  cross(n.theta, z, c), cross(n.theta, c, cc), cross(z, x, zx), cross(c, x, cx), cross(n.theta, zx, tzx);
+  const double along = dot(n.theta, x);
+  for (int i = 0; i < 3; ++i) out[i] = (f[3] * cc[i] - f[2] * c[i]) * along + f[0] * zx[i] - f[1] * (cx[i] + tzx[i]);
+}
+
+FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_pose_, int first_column_)
+    : data(std::move(data_)), base(std::move(base_)), first_pose(first_pose_), first_column(first_column_),
+      nodes_(data.nodes.size()), nu_(6 + data.modes), A_(6 + data.modes), F_(6 + data.modes), columns_(base.size()) {}
+
+void FlexibleBody::turn_nodes(const double* q) {
+  const double* x = q + data.iq;
+  std::fill(moment_, moment_ + 3, 0.0), combine(data.C, x, data.modes, moment_);
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    Node& n = nodes_[i];
+    const ModalNode& at = data.nodes[i];
+    std::copy(at.r, at.r + 3, n.d), std::fill(n.theta, n.theta + 3, 0.0);
+    combine(at.Phi, x, data.modes, n.d), combine(at.Psi, x, data.modes, n.theta);
+    set_rotation(n);
+  }
+}
+
+void FlexibleBody::place_nodes(const FramePose& at, double* poses, double* J) {
+  const int k = data.modes;
+  const double* R = at.pose;
+  for (size_t i = 0; i < nodes_.size(); ++i) {
+    Node& n = nodes_[i];
+    double *pose = poses + 12 * (first_pose + i), *column = J + 6 * (first_column + i * k);
+    rotate_by_columns(R, n.d, pose + 9);
+    for (int l = 0; l < 3; ++l) pose[9 + l] += at.pose[9 + l];
+    for (int c = 0; c < 3; ++c) {
+      const double e[3] = {n.E[c], n.E[3 + c], n.E[6 + c]};
+      rotate_by_columns(R, e, pose + 3 * c);
+    }
+    for (int m = 0; m < k; ++m, column += 6) {
+      double turn[3];
+      rotate(n.Jr, &data.nodes[i].Psi[3 * m], turn);
+      rotate_by_columns(pose, turn, column + 3), rotate_by_columns(R, &data.nodes[i].Phi[3 * m], column);
+      add_cross(pose + 9, column + 3, column);
+    }
+  }
+}
+
+void FlexibleBody::move_node(int i, const FramePose& at, const double* V_, const double* A_, const double* u,
+                             const double* du, double* V_node, double* A_node) const {
+  const Node& n = nodes_[i];
+  const ModalNode& x = data.nodes[i];
+  const int k = data.modes;
+  double V[6], A[6], relative[3] = {}, s[3] = {}, turn[3], rate[3] = {}, ds[3] = {}, more[3];
+  to_frame(at, V_, V), to_frame(at, A_, A);
+  combine(x.Phi, u, k, relative), combine(x.Psi, u, k, s);
+  if (du) combine(x.Phi, du, k, A), combine(x.Psi, du, k, ds);
+  add_cross(A + 3, n.d, A), add_cross(V + 3, relative, A);
+  add_cross(V + 3, n.d, V);
+  for (int l = 0; l < 3; ++l) V[l] += relative[l];
+  rotate(n.Jr, s, turn), rotate(n.Jr, ds, rate), rotation_jacobian_rate(n, s, s, more);
+  // In the axes of the node: rotations by rows, E^T x by columns.
+  double local[6], dlocal[6];
+  back_by_rows(n.E, V, local), back_by_rows(n.E, V + 3, local + 3);
+  back_by_rows(n.E, A, dlocal), back_by_rows(n.E, A + 3, dlocal + 3);
+  add_cross(local, turn, dlocal), add_cross(local + 3, turn, dlocal + 3);
+  for (int l = 0; l < 3; ++l) local[3 + l] += turn[l], dlocal[3 + l] += rate[l] + more[l];
+  double arm[3];
+  rotate_by_columns(at.pose, n.d, arm);
+  for (int l = 0; l < 3; ++l) arm[l] += at.arm[l];
+  const double* in[2] = {local, dlocal};
+  double* out[2] = {V_node, A_node};
+  for (int j = 0; j < 2; ++j)
+    for (int half = 0; half < 6; half += 3) {
+      double turned[3];
+      rotate(n.E, in[j] + half, turned), rotate_by_columns(at.pose, turned, out[j] + half);
+    }
+  for (double* y : out) add_cross(arm, y + 3, y);
+}
+
+void FlexibleBody::add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const {
+  const int k = data.modes;
+  const Vec3<double>& S = now_.moment;
+  std::vector<Six>& local = columns_;
+  for (size_t c = 0; c < base.size(); ++c) {
+    Six& x = local[c];
+    to_frame(at, about[base[c]].data(), x.data());
+    const Vec3<double> v(x.data()), w(x.data() + 3), f = cross(w, S), m = cross(S, v) + symmetric(now_.I, w);
+    double* column = M + nv * base[c];
+    for (size_t d = 0; d <= c; ++d) column[base[d]] += dot(f.x, local[d].data()) + dot(m.x, local[d].data() + 3);
+  }
+  for (int i = 0; i < k; ++i) {
+    double* column = M + nv * (data.iv + i);
+    for (size_t c = 0; c < base.size(); ++c)
+      column[base[c]] += dot(&data.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
+    for (int j = 0; j <= i; ++j) column[data.iv + j] += data.Mq[i * k + j];
+  }
+}
+
+void FlexibleBody::add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
+                             const double* du, double* out) const {
+  const int k = data.modes;
+  to_frame(at, V, nu_.data()), to_frame(at, A, A_.data());
+  for (int i = 0; i < k; ++i) nu_[6 + i] = u[i], A_[6 + i] = du ? du[i] : 0;
+  inertial_force(data, now_, nu_.data(), A_.data(), F_.data());
+  double F[6];
+  from_frame(at, F_.data(), F);
+  for (int c : base) out[c] += dot6(F, about[c].data());
+  for (int i = 0; i < k; ++i) out[data.iv + i] += F_[6 + i];
+}
+
+double FlexibleBody::potential(const double* pose, const double* gravity) const {
+  double world[3];
+  rotate_by_columns(pose, moment_, world);
+  return -dot(gravity, world);
+}
+
+void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int* parts, const double* q,
+                                const double* v, const double* a, const Six& base_acceleration, double* by_q,
+                                double* by_v, size_t nv) const {
+  using D = Dual<1>;
+  struct Column {
+    Six psi_dot, psi_ddot, rate;  // as in rnea_partials.hpp; rate: V_parent x J plus that of J
+  };
+  const int k = data.modes, n = static_cast<int>(base.size());
+  std::vector<Column> columns(n);
+  Six V{}, A = base_acceleration;
+  for (int first = 0, end; first < n; first = end) {
+    const Six Vp = V, Ap = A;
+    for (end = first; end < n && parts[base[end]] == parts[base[first]]; ++end) {
+      const double* J = about[base[end]].data();
+      Column& c = columns[end];
+      double more[6];
+      motion_cross(Vp.data(), J, c.psi_dot.data()), motion_cross(Ap.data(), J, c.psi_ddot.data());
+      motion_cross(Vp.data(), c.psi_dot.data(), more);
+      for (int i = 0; i < 6; ++i) c.psi_ddot[i] += more[i], V[i] += J[i] * v[base[end]];
+    }
+    for (int i = first; i < end; ++i) {
+      const double* J = about[base[i]].data();
+      double product[6];
+      motion_cross(V.data(), J, product);
+      for (int l = 0; l < 6; ++l) {
+        columns[i].rate[l] = columns[i].psi_dot[l] + product[l];
+        A[l] += product[l] * v[base[i]] + J[l] * a[base[i]];
+      }
+    }
+  }
+  std::vector<D> x(k), nu(6 + k), acceleration(6 + k), F(6 + k);
+  Deformation<D> now;
+  double local[6];
+  const auto value = [&](const double* motion, const double* of_modes, std::vector<D>& out) {
+    to_frame(at, motion, local);
+    for (int i = 0; i < 6; ++i) out[i] = local[i];
+    for (int i = 0; i < k; ++i) out[6 + i] = of_modes[data.iv + i];
+  };
+  const auto along = [&](const double* motion, std::vector<D>& out) {
+    to_frame(at, motion, local);
+    for (int i = 0; i < 6; ++i) out[i].d[0] = local[i];
+  };
+  for (int i = 0; i < k; ++i) x[i] = q[data.iq + i];
+  value(V.data(), v, nu), value(A.data(), a, acceleration);
+  now.update(data, x.data());
+  inertial_force(data, now, nu.data(), acceleration.data(), F.data());
+  double wrench[6];
+  for (int i = 0; i < 6; ++i) local[i] = F[i].x;
+  from_frame(at, local, wrench);
+  const auto add = [&](int m, double* out) {  // the directional derivative of F to column m
+    inertial_force(data, now, nu.data(), acceleration.data(), F.data());
+    double dF[6], of_frame[6];
+    for (int i = 0; i < 6; ++i) of_frame[i] = F[i].d[0];
+    from_frame(at, of_frame, dF);
+    for (int c : base) out[c * nv + m] += dot6(about[c].data(), dF);
+    for (int i = 0; i < k; ++i) out[(data.iv + i) * nv + m] += F[6 + i].d[0];
+  };
+  for (int m = 0; m < n; ++m) {
+    Column& c = columns[m];
+    double product[6];
+    motion_cross(c.psi_dot.data(), V.data(), product);
+    for (int i = 0; i < 6; ++i) c.psi_ddot[i] += product[i];
+    motion_cross(about[base[m]].data(), V.data(), product);
+    for (int i = 0; i < 6; ++i) c.rate[i] += product[i];
+    along(c.psi_dot.data(), nu), along(c.psi_ddot.data(), acceleration), add(base[m], by_q);
+    double turned[6];
+    wrench_cross(about[base[m]].data(), wrench, turned);
+    for (int k = 0; k < m; ++k)
+      if (parts[base[k]] != parts[base[m]]) by_q[base[k] * nv + base[m]] += dot6(about[base[k]].data(), turned);
+    along(about[base[m]].data(), nu), along(c.rate.data(), acceleration), add(base[m], by_v);
+  }
+  for (auto* y : {&nu, &acceleration})
+    for (D& z : *y) z.d[0] = 0;
+  for (int m = 0; m < k; ++m) {
+    nu[6 + m].d[0] = 1, add(data.iv + m, by_v), nu[6 + m].d[0] = 0;
+    x[m].d[0] = 1, now.update(data, x.data()), add(data.iv + m, by_q), x[m].d[0] = 0, now.update(data, x.data());
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,61 @@
+// A flexible body in the sweep through the tree: its terms of M and nle, poses and motions of its nodes, and exact
+// partials of its forces (mbdae/mechanism/flexible/workspace.py, partials.py).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "math/spatial.hpp"
+#include "mechanism/modal_body.hpp"
+
+namespace mbdae {
+
+// The frame of a body: its pose, R by columns and p, and the vector from the root's position to p. Columns of J,
+// motions and wrenches are about the root's position.
+struct FramePose {
+  const double *pose, *arm;
+};
+
+class FlexibleBody {
+ public:
+  // base: the degrees of freedom that move the frame, outward; the nodes follow `first_pose` entries of poses, their
+  // columns `first_column` columns of J.
+  FlexibleBody(ModalBody data, std::vector<int> base, int first_pose, int first_column);
+
+  const ModalBody data;
+  const std::vector<int> base;
+  const int first_pose, first_column;
+
+  struct Node {  // rotation by theta = Psi q, by rows; functions a, b, a1, b1
+    double theta[3], functions[4], E[9], Jr[9], d[3];
+  };
+  const Node& node(int i) const { return nodes_[i]; }
+
+  void deform(const double* q) { now_.update(data, q + data.iq); }  // for the terms of M and nle
+  void turn_nodes(const double* q);
+  void place_nodes(const FramePose& at, double* poses, double* J);
+  // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
+  void move_node(int i, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
+                 double* V_node, double* A_node) const;
+  void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;  // by columns, above the diagonal
+  // out += the part of M a + nle; A of the frame minus gravity.
+  void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
+                 const double* du, double* out) const;
+  double potential(const double* pose, const double* gravity) const;  // that the deformation adds
+  // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; parts (nv,): joint
+  // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
+  void add_partials(const FramePose& at, const Six* about, const int* parts, const double* q, const double* v,
+                    const double* a, const Six& base_acceleration, double* by_q, double* by_v, size_t nv) const;
+
+ private:
+  std::vector<Node> nodes_;
+  double moment_[3];  // C q
+  Deformation<double> now_;
+  mutable std::vector<double> nu_, A_, F_;
+  mutable std::vector<Six> columns_;  // (base,) in the axes of the frame
+};
+
+// d(Jr z)/dtheta times x, for constant z.
+void rotation_jacobian_rate(const FlexibleBody::Node& n, const double* z, const double* x, double* out);
+
+}  // namespace mbdae

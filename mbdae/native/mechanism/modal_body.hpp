@@ -1,0 +1,95 @@
+// A modal body: forces of inertia of its deformation, polynomials in the modal coordinates over any scalar
+// (mbdae/mechanism/flexible/modal_body.py).
+#pragma once
+
+#include <vector>
+
+#include "math/factorizations.hpp"
+#include "math/fields.hpp"
+#include "math/geometry.hpp"
+
+namespace mbdae {
+
+struct ModalNode {  // Phi, Psi: 3 numbers a mode
+  double r[3] = {0, 0, 0};
+  Numbers Phi, Psi;
+
+  FIELDS(r, Phi, Psi)
+};
+
+// Per mode: C, H0 (3,); Mq (k,); Hj (k, 3) of sum m Phi_j x Phi_i; I1 and I2 (k,) in order xx, xy, yy, xz, yz, zz.
+struct ModalBody {
+  int joint = 0;            // of the model, which carries the frame
+  int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
+  Numbers C, H0, Mq, Hj, I1, I2;
+  std::vector<ModalNode> nodes;
+
+  FIELDS(joint, iq, iv, modes, C, H0, Mq, Hj, I1, I2, nodes)
+};
+
+template <class S>
+Vec3<S> symmetric(const S* I, const Vec3<S>& x) {
+  return {I[0] * x[0] + I[1] * x[1] + I[3] * x[2], I[1] * x[0] + I[2] * x[1] + I[4] * x[2],
+          I[3] * x[0] + I[4] * x[1] + I[5] * x[2]};
+}
+
+// The polynomials at modal coordinates: S - s0, dI/dq_i, I - I0, H.
+template <class S>
+struct Deformation {
+  Vec3<S> moment;
+  std::vector<S> by_q, H;  // (k, 6), (k, 3)
+  S I[6];
+
+  void update(const ModalBody& b, const S* q) {
+    const int k = b.modes;
+    by_q.assign(b.I1.begin(), b.I1.end()), H.assign(b.H0.begin(), b.H0.end());
+    moment = {0, 0, 0};
+    for (S& x : I) x = 0;
+    for (int i = 0; i < k; ++i) {
+      S* row = &by_q[6 * i];
+      for (int j = 0; j < k; ++j) {
+        const double *I2 = &b.I2[6 * (i * k + j)], *Hj = &b.Hj[3 * (j * k + i)];
+        for (int l = 0; l < 6; ++l) row[l] = row[l] + I2[l] * q[j];
+        for (int l = 0; l < 3; ++l) H[3 * i + l] = H[3 * i + l] + Hj[l] * q[j];
+      }
+      for (int l = 0; l < 6; ++l) I[l] = I[l] + 0.5 * q[i] * (row[l] + b.I1[6 * i + l]);
+      for (int l = 0; l < 3; ++l) moment[l] = moment[l] + q[i] * b.C[3 * i + l];
+    }
+  }
+};
+
+// Forces of inertia on the frame, in its axes, force before moment, and on the modes, F (6 + k,), without those of the
+// rigid body: nu (6 + k,) velocities, A (6 + k,) their rates, those of the frame spatial and minus gravity.
+template <class S>
+void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, const S* A, S* F) {
+  const int k = b.modes;
+  const Vec3<S> v(nu), w(nu + 3), Av(A), Aw(A + 3);
+  const S *u = nu + 6, *du = A + 6;
+  Vec3<S> moment_rate(0, 0, 0), Cdu(0, 0, 0), Hu(0, 0, 0), Hdu(0, 0, 0), dHu(0, 0, 0);
+  S dI[6] = {0, 0, 0, 0, 0, 0};
+  const Vec3<S> vw = cross(v, w);
+  for (int i = 0; i < k; ++i) {
+    const Vec3<double> C(&b.C[3 * i]);
+    const Vec3<S> H(&d.H[3 * i]);
+    Vec3<S> rate(0, 0, 0), row(0, 0, 0);
+    S other = 0;
+    for (int j = 0; j < k; ++j) {
+      rate = rate + u[j] * Vec3<double>(&b.Hj[3 * (j * k + i)]);
+      row = row + u[j] * Vec3<double>(&b.Hj[3 * (i * k + j)]);
+      other = other + b.Mq[i * k + j] * du[j];
+    }
+    for (int l = 0; l < 6; ++l) dI[l] = dI[l] + u[i] * d.by_q[6 * i + l];
+    moment_rate = moment_rate + u[i] * C, Cdu = Cdu + du[i] * C;
+    Hu = Hu + u[i] * H, Hdu = Hdu + du[i] * H, dHu = dHu + u[i] * rate;
+    const S by_q = dot(C, vw) + 0.5 * dot(w, symmetric(&d.by_q[6 * i], w)) + dot(w, row);
+    F[6 + i] = dot(C, Av) + dot(H, Aw) + other + dot(rate, w) - by_q;
+  }
+  const Vec3<S> p = cross(w, d.moment) + moment_rate;
+  const Vec3<S> h = cross(d.moment, v) + symmetric(d.I, w) + Hu;
+  const Vec3<S> force = cross(Aw, d.moment) + Cdu + cross(w, moment_rate) + cross(w, p);
+  const Vec3<S> torque = cross(d.moment, Av) + symmetric(d.I, Aw) + Hdu + cross(moment_rate, v) + symmetric(dI, w) +
+                         dHu + cross(w, h) + cross(v, p);
+  for (int l = 0; l < 3; ++l) F[l] = force[l], F[3 + l] = torque[l];
+}
+
+}  // namespace mbdae

@@ -1,0 +1,54 @@
+"""Beams against closed forms: frequencies, order in the elements, a rigid limit, and bad data."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+
+UNIT = {"length": 1.0, "young": 1.0, "density": 1.0, "area": 1.0, "second_moment": 1.0}
+PINNED, CLAMPED = np.pi**2, (3.5160152685, 22.0344915647)
+
+
+def test_frequencies_are_those_of_the_closed_forms():
+    pinned = mbdae.beam(**UNIT, elements=60, ends="pinned", modes=1)
+    cantilever = mbdae.beam(**UNIT, elements=60, modes=2)
+    assert pinned.frequencies[0] == pytest.approx(PINNED, rel=1e-8)
+    assert cantilever.frequencies[0] == pytest.approx(CLAMPED[0], rel=1e-8)
+    assert cantilever.frequencies[1] == pytest.approx(CLAMPED[1], rel=3e-8)  # of the elements: 8e-9 with 80
+
+
+def test_errors_fall_with_order_four_in_the_elements():
+    errors = [mbdae.beam(**UNIT, elements=n, ends="pinned", modes=1).frequencies[0] - PINNED for n in (4, 8)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.1)
+
+
+def test_a_rod_stretches_and_both_planes_bend():
+    rod = mbdae.beam(**UNIT | {"second_moment": (1.0, 4.0)}, elements=40, plane="space", axial=True, modes=4)
+    np.testing.assert_allclose(rod.frequencies, [np.pi / 2, CLAMPED[0], 3 * np.pi / 2, 2 * CLAMPED[0]], rtol=1e-3)
+    tip, root = rod.nodes["B"], np.sqrt(2)
+    np.testing.assert_allclose(np.abs(tip.Phi), [[root, 0, root, 0], [0, 2, 0, 0], [0, 0, 0, 2]], atol=3e-3)
+    assert tip.Psi[2, 1] * tip.Phi[1, 1] > 0 > tip.Psi[1, 3] * tip.Phi[2, 3]  # rotations w' about z, -w' about y
+
+
+def test_the_mass_is_consistent():
+    body = mbdae.beam(**UNIT, elements=3, modes=2)
+    assert body.mass == pytest.approx(1.0, rel=1e-14)
+    np.testing.assert_allclose(body.Mq, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(np.diagonal(body.I0), [0, 1 / 3, 1 / 3], rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"length": -1.0}, InputError, "beam: length needs a positive number, got -1.0"),
+        ({"second_moment": (1.0, 0.0)}, InputError, "second_moment needs a positive number"),
+        ({"modes": 20}, InputError, "8 elements have 16 modes with these ends, got modes = 20"),
+        ({"nodes": {"x": 0.3}}, InputError, "node 'x' at 0.3 m is no end of an element: 0, 0.125, 0.25"),
+        ({"ends": "hinged"}, UnknownNameError, "unknown ends 'hinged' .*; valid: clamped, pinned"),
+        ({"plane": "x"}, UnknownNameError, "unknown plane 'x'; valid: y, z, space"),
+    ],
+)
+def test_bad_data_is_refused_in_one_line(change, error, message):
+    with pytest.raises(error, match=message):
+        mbdae.beam(**UNIT | change)

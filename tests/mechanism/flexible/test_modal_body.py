@@ -1,0 +1,95 @@
+"""A modal body against sums over its points, and its free motion."""
+
+import flexible_bodies
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.mechanism.flexible import ModalBody, attach_flexible
+
+
+@pytest.fixture(scope="module")
+def random():
+    rng = np.random.default_rng(7)
+    q, nu, rate = rng.normal(size=4), rng.normal(size=10), rng.normal(size=10)
+    return (*flexible_bodies.points(), flexible_bodies.body(), q, nu, rate)
+
+
+def rigid(body):
+    X = pin.skew(body.s0)
+    return np.block([[body.mass * np.eye(3), -X], [X, body.I0]])
+
+
+def mass(body, q):
+    M = body.delta(q)
+    M[:6, :6] += rigid(body)
+    return M
+
+
+def test_kinetic_energy_is_that_of_the_points(random):
+    r, m, Phi, body, q, nu, _ = random
+    d = r + Phi @ q
+    u = nu[:3] + np.cross(nu[3:6], d) + Phi @ nu[6:]
+    assert nu @ mass(body, q) @ nu == pytest.approx(m @ (u * u).sum(axis=1), rel=1e-13)
+
+
+def test_forces_of_inertia_are_those_of_the_points(random):
+    """Mass times classical acceleration of each point, projected on the velocities."""
+    r, m, Phi, body, q, nu, rate = random
+    d, w, relative = r + Phi @ q, nu[3:6], Phi @ nu[6:]
+    a = rate[:3] + np.cross(w, nu[:3]) + np.cross(rate[3:6], d) + Phi @ rate[6:]
+    f = m[:, None] * (a + np.cross(w, np.cross(w, d)) + 2 * np.cross(w, relative))
+    points = np.concatenate([f.sum(axis=0), np.cross(d, f).sum(axis=0), np.einsum("nak,na->k", Phi, f)])
+    p = rigid(body) @ nu[:6]
+    ours = mass(body, q) @ rate + body.gyroscopic(q, nu)
+    ours[:6] += np.concatenate([np.cross(w, p[:3]), np.cross(w, p[3:]) + np.cross(nu[:3], p[:3])])
+    np.testing.assert_allclose(ours, points, rtol=1e-12, atol=1e-12 * np.abs(points).max())
+
+
+def test_free_motion_keeps_energy_and_momenta():
+    mech = flexible_bodies.free(flexible_bodies.body())
+    sol = mbdae.solve(mech, (0, 5), *flexible_bodies.state(mech, size=0.2), method="pherk6", rtol=1e-11, atol=1e-12)
+    energy = [sum(mech.energy(q, v)) for q, v in zip(sol.q, sol.v, strict=True)]
+    assert np.ptp(energy) < 1e-9 * max(energy)
+    signals = sol.signals()
+    for name in ("momentum", "angular_momentum"):
+        size = max(np.abs(signals[f"{name}.{x}"]).max() for x in "xyz")
+        assert max(np.ptp(signals[f"{name}.{x}"]) for x in "xyz") < 1e-9 * size
+    assert np.abs([signals[f"shaking_force.{x}"] for x in "xyz"]).max() < 1e-9  # nothing acts on a free body
+
+
+def test_the_weight_acts_on_the_deformed_body():
+    """Work of gravity in a motion of all coordinates: the moment of the weight follows the deformation."""
+    mech = flexible_bodies.free(flexible_bodies.body(), gravity=(1.0, -2.0, 3.0))
+    q, _ = flexible_bodies.state(mech)
+    zero = np.zeros(mech.nv)
+    springs = mech.system().laws.potential
+    potential = flexible_bodies.by_tangent(mech, lambda x: mech.energy(x, zero)[1] - springs(x), q)
+    np.testing.assert_allclose(mech.bias(q, zero), potential, rtol=1e-10, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"masses": -np.ones(25)}, "masses are not negative and not all zero, got -1 kg"),
+        ({"Phi": np.zeros((25, 3, 3))}, r"modes need finite numbers of shape \(25, 3, 4\), got \(25, 3, 3\)"),
+        ({"stiffness": np.array([1.0, 2.0, 0.0, 1.0])}, "modes need positive stiffness"),
+        ({"Phi": np.ones((25, 3, 4))}, "independent displacements of masses"),
+    ],
+)
+def test_bad_data_is_refused_in_one_line(change, message):
+    r, m, Phi = flexible_bodies.points()
+    with pytest.raises(InputError, match=message):
+        ModalBody.of_points(**{"r": r, "masses": m, "Phi": Phi, "stiffness": np.ones(4), **change})
+
+
+def test_names_are_different_and_modes_carry_no_frames():
+    model, modal = pin.Model(), flexible_bodies.body()
+    attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
+    with pytest.raises(InputError, match="the name 'rod' is taken"):
+        attach_flexible(model, "rod", modal, pin.JointModelFreeFlyer())
+    model.addFrame(pin.Frame("tip", model.getJointId("rod.mode 1"), pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    with pytest.raises(InputError, match=r"'tip' is on a mode of 'rod': nodes are rod.A, rod.B, rod.C"):
+        mbdae.Mechanism(model, [mbdae.Closure.point("tip", "world")])

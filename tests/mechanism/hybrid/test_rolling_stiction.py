@@ -1,0 +1,83 @@
+"""Balls and wheels that slide and stick with Coulomb friction: closed forms."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import mbdae
+from mbdae import Closure, CoulombFriction, JointTorque, Mechanism
+from mbdae.errors import InputError
+from mbdae.mechanism.time_functions.time_functions import Polynomial
+
+R, M, MU, GRAVITY = 0.1, 1.5, 0.3, 9.81
+
+
+def ball(angle=0.0, **friction):
+    """A ball on a plane inclined down along x."""
+    model = pin.Model()
+    model.gravity.linear = GRAVITY * np.array([np.sin(angle), 0, -np.cos(angle)])
+    j = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(j, pin.Inertia(M, np.zeros(3), 0.4 * M * R * R * np.eye(3)), pin.SE3.Identity())
+    model.addBodyFrame("centre", j, pin.SE3.Identity(), 0)
+    floor = Closure.rolling("world", "centre", radius=R, name="floor")
+    return Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=MU, **friction)])
+
+
+START = np.array([0, 0, R, 0, 0, 0, 1.0])
+
+
+@pytest.mark.parametrize(("heading", "backend"), [(0.0, "native"), (0.7, "native"), (0.7, "python")])
+def test_a_ball_slides_until_it_rolls(heading, backend):
+    """v = v_0 - mu g t and R w = 5/2 mu g t become equal at 2 v_0/(7 mu g), where v = 5/7 v_0."""
+    speed = 2.0
+    v = speed * np.array([np.cos(heading), np.sin(heading), 0, 0, 0, 0])
+    sol = mbdae.solve(ball(exact=True), (0, 0.4), START, v, rtol=1e-10, backend=backend)
+    assert [m for _, m in sol.modes] == [(2,), (1,)]
+    assert sol.t[sol.modes[1][0]] == pytest.approx(2 * speed / (7 * MU * GRAVITY), abs=1e-12)
+    assert np.linalg.norm(sol.v[-1, 3:]) * R == pytest.approx(5 / 7 * speed, abs=1e-11)
+    report = mbdae.drift(sol)
+    assert report.energy_relative < 1e-10
+    assert report.work_end == pytest.approx(-M * speed**2 / 7, rel=1e-10)
+
+
+@pytest.mark.parametrize(("tangent", "mode", "acceleration"), [(1.04, 1, 5 / 7), (1.06, 2, None)])
+def test_a_ball_on_a_slope_rolls_up_to_seven_halves_of_mu(tangent, mode, acceleration):
+    angle = np.arctan(tangent)  # 7/2 mu = 1.05
+    sol = mbdae.solve(ball(angle, exact=True), (0, 0.3), START, np.zeros(6), rtol=1e-10)
+    a = GRAVITY * np.sin(angle) * acceleration if acceleration else GRAVITY * (np.sin(angle) - MU * np.cos(angle))
+    assert {m for _, m in sol.modes} == {(mode,)}
+    assert sol.q[-1, 0] == pytest.approx(a * 0.3**2 / 2, rel=1e-11)
+
+
+def test_a_driven_wheel_slips_above_its_friction_limit():
+    """lam = torque m R/(I + m R^2) reaches mu_s m g; then the angular acceleration is (torque - mu m g R)/I."""
+    inertia, ramp, static = 0.02, 3.0, 0.5
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -GRAVITY])
+    cart = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
+    wheel = model.addJoint(cart, pin.JointModelPZ(), pin.SE3.Identity(), "height")
+    wheel = model.addJoint(wheel, pin.JointModelRUBY(), pin.SE3.Identity(), "wheel")
+    body = pin.Inertia(M, np.zeros(3), np.diag([0.01, inertia, 0.01]))
+    model.appendBodyToJoint(wheel, body, pin.SE3.Identity())
+    model.addBodyFrame("hub", wheel, pin.SE3.Identity(), 0)
+    road = Closure.rolling("world", "hub", radius=R, axis=(0, 1, 0), name="road", grip="longitudinal")
+    friction = CoulombFriction(closure="road", coefficient=MU, static=static)
+    torque = JointTorque(joint="wheel", torque=Polynomial(coefficients=(0.0, ramp)))
+    mech = Mechanism(model, [road], [friction, torque])
+    slips = static * M * GRAVITY * (inertia + M * R * R) / (ramp * M * R)
+    sol = mbdae.solve(mech, (0, slips + 0.2), np.array([0, R, 1, 0]), np.zeros(3), rtol=1e-10)
+    assert [m for _, m in sol.modes] == [(1,), (2,)]
+    assert sol.t[sol.modes[1][0]] == pytest.approx(slips, abs=1e-12)
+    before = ramp * slips**2 / 2 * R / (inertia + M * R * R)
+    assert sol.v[-1, 0] == pytest.approx(before + MU * GRAVITY * 0.2, abs=1e-10)
+    turned = (ramp * ((slips + 0.2) ** 2 - slips**2) / 2 - MU * M * GRAVITY * R * 0.2) / inertia
+    assert sol.v[-1, 2] == pytest.approx(before / R + turned, rel=1e-10)
+
+
+def test_wrong_grip_is_refused():
+    with pytest.raises(InputError, match="the grip of 'floor' needs exact = true, or grip = 'none'"):
+        ball()
+    with pytest.raises(InputError, match="velocity belongs to regularised friction"):
+        ball(exact=True, velocity=0.1)
+    with pytest.raises(InputError, match=r"static is at least coefficient, 0.3, got 0.2"):
+        ball(static=0.2)
