@@ -147,9 +147,9 @@ def optional_package(package: str) -> ModuleType:
         raise InputError(f"this needs the package {package!r}, which is not installed: pip install {package}") from None
 
 
-def rounded_zero(x: float) -> float:
-    """Return a number, 0 if it is rounding: 12 decimals in SI units."""
-    return 0.0 if abs(x) < SOLUTION_ROUNDING else float(x)
+def rounded_zero(x: float, scale: float = 1.0) -> float:
+    """Return a number, 0 if it is rounding in comparison with a scale, in the same unit."""
+    return 0.0 if abs(x) <= SOLUTION_ROUNDING * scale else float(x)
 
 
 def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:

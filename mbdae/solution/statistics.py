@@ -19,7 +19,7 @@ from numpy.polynomial import chebyshev
 from ..data_types import JsonObject
 from ..errors import InputError
 from ..system import Array
-from ..tabular import Tabular
+from ..tabular import Tabular, rounded_zero
 from ..tolerances import COINCIDENT, INTERPOLATION, VISIBLE
 from .signals import find, signals, units
 
@@ -72,10 +72,16 @@ class Statistics(Tabular):
     def cells(self) -> list[list[str]]:
         """Return a row for each signal."""
         heads = ["signal", "unit", "min", "at s", "max", "at s", "mean", "RMS", "integral"]
-        return [heads] + [
-            [name, self.units[name], *(f"{x:.7g}" for x in (*low, *self.maximum[name], *self.integrals[name]))]
-            for name, low in self.minimum.items()
-        ]
+        return [heads, *(self._row(name) for name in self.minimum)]
+
+    def _row(self, name: str) -> list[str]:
+        """Return the cells of a signal; values and means that are rounding in comparison with its peak are 0."""
+        low, high, sums = self.minimum[name], self.maximum[name], self.integrals[name]
+        scale = abs(self.peak(name).value)
+        mean = rounded_zero(sums.mean, scale)
+        values = [(rounded_zero(x.value, scale), x.t) for x in (low, high)]
+        shown = [*values[0], *values[1], mean, sums.rms, sums.integral if mean else 0.0]
+        return [name, self.units[name], *(f"{x:.7g}" for x in shown)]
 
     def __str__(self) -> str:
         rows = self.cells()

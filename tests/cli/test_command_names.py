@@ -42,7 +42,7 @@ OWN = {  # command: its further options
     "drift": {"max", "method", "t-span", "rtol", "atol", "step", "formulation", "project"},  # of the runs: `solve`
     "live": {"seconds"},  # until `LiveView.stop`
     "inverse-dynamics": {"drive", "hold", "points"},  # of the motion: `kinematics`
-    "kinematics": {"speed"},  # of the replay
+    "kinematics": {"speed", "toggles"},  # of the replay, of the text
     "solve": {"until", "signal", *REPLAY},  # terminal events; `Solution.statistics`
 }
 HANDED_ON = {  # to `solve`, to `modes`

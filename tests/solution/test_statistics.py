@@ -11,6 +11,7 @@ from scipy.integrate import quad
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.solution.statistics import Extremum, Integrals, Statistics
 from mbdae.textbook.problems import hessenberg_a
 
 OSCILLATOR = """
@@ -128,3 +129,14 @@ def test_the_command_line_prints_them():
     assert json.loads(result.output)["signals"]["force.crank"]["max"] == pytest.approx(209.7408129, rel=1e-7)
     result = CliRunner().invoke(cli, ["solve", "circle", "-t", "1", "--signal", "y.1"])
     assert isinstance(result.exception, InputError)
+
+
+def test_rounding_is_printed_as_zero():
+    """In comparison with the peak of the signal, whatever its unit: a small signal keeps its numbers."""
+    rows = {"x": (-2.0, 2.0, 3e-16), "small": (-2e-14, 1e-14, 5e-15), "up": (1e-15, 3.0, 1.0)}
+    low, high = ({n: Extremum(x[i], 0.5 + i) for n, x in rows.items()} for i in (0, 1))
+    sums = {n: Integrals(x[2], 1.5, 10 * x[2]) for n, x in rows.items()}
+    _, x, small, up = Statistics(low, high, sums, dict.fromkeys(rows, "m")).cells()
+    assert x == ["x", "m", "-2", "0.5", "2", "1.5", "0", "1.5", "0"]
+    assert small[2:] == ["-2e-14", "0.5", "1e-14", "1.5", "5e-15", "1.5", "5e-14"]
+    assert up[2:4] == ["0", "0.5"]

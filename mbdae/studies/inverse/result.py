@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 from scipy.interpolate import PchipInterpolator
 
 from ...data_types import JsonObject
@@ -15,8 +14,9 @@ from ...mechanism import Mechanism, Reaction, reaction
 from ...mechanism.tree.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import LOCAL_AXES, row_names
 from ...system import Array
-from ...tabular import Columns, Tabular
+from ...tabular import Columns, Tabular, rounded_zero
 from ..kinematics.violations import Violation, violation_lines
+from .peaks import delivered_and_absorbed, located_peak
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,11 +113,11 @@ class InverseDynamics(Tabular):
             tau, speed, power = self.efforts[valid, i], self.speeds[valid, i], self.power[valid, i]
             length = float(t[-1] - t[0])
             rms = np.sqrt(_integral(tau, t, intervals, 2) / length) if length > 0 else np.abs(tau).max()
-            given, taken = (float(trapezoid(np.maximum(sign * power, 0), t)) for sign in (1, -1))
-            peak = int(np.abs(tau).argmax())
+            given, taken = delivered_and_absorbed(power, t, intervals)
+            peak, at = located_peak(tau, t, self.over[valid], intervals)
             out.append(
                 Demand(
-                    name, unit, float(abs(tau[peak])), float(self.over[valid][peak]), float(rms),
+                    name, unit, peak, at, float(rms),
                     float(np.abs(speed).max()), float(max(power.max(), 0)), float(max(-power.min(), 0)),
                     _integral(power, t, intervals), given, taken,
                 )
@@ -185,7 +185,7 @@ class InverseDynamics(Tabular):
         """Return the requirements on each actuator."""
         heads = ["actuator", "peak", "RMS", "unit", "speed", "power W", "braking W", "energy J"]
         rows = [[d.name, f"{d.peak:.5g}", f"{d.rms:.5g}", d.unit, *(f"{x:.4g}" for x in (d.speed, d.power, d.braking)),
-                 f"{d.energy:.5g}"] for d in self.demands]  # fmt: skip
+                 f"{rounded_zero(d.energy, d.given + d.taken):.5g}"] for d in self.demands]  # fmt: skip
         return [heads, *rows]
 
     def remarks(self) -> list[str]:
@@ -244,8 +244,9 @@ class InverseDynamics(Tabular):
                 f"  {d.name}: peak {d.peak:.5g} {d.unit} at {what[0]} = {d.at:.4g} {what[1].rstrip(')')}, "
                 f"RMS {d.rms:.5g} {d.unit}, up to {d.speed:.4g} {per}"
             )
+            energy = rounded_zero(d.energy, d.given + d.taken)
             lines.append(
-                f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {d.energy:.5g} J, delivered {d.given:.5g}, "
+                f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {energy:.5g} J, delivered {d.given:.5g}, "
                 f"absorbed {d.taken:.5g}"
             )
         return "\n".join([*lines, *self.remarks()])

@@ -1,6 +1,7 @@
 """The sub-commands ``kinematics`` and ``assembly-modes``."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -28,10 +29,11 @@ PAGE = output_file(
     PLOT,
     shared="from to speed",
     types={"points": click.IntRange(min=2)},
+    more=[click.option("--toggles", is_flag=True, help="List the poses in which a joint reverses.")],
 )
-def kinematics(study: Study, model: ChosenModel, speed: float | None, **options: Any) -> Result:
+def kinematics(study: Study, model: ChosenModel, speed: float | None, toggles: bool, **options: Any) -> Result:
     """Trace the poses of a mechanism over an input. It has one degree of freedom; rates, dead points, branches."""
-    return study(model.load(), **options)
+    return replace(study(model.load(), **options), listed=toggles)
 
 
 @command("drive at hold apart")

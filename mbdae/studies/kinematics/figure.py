@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...mechanism.tree.coordinate_units import coordinate_units
-from ...tolerances import COINCIDENT
+from ...tolerances import COINCIDENT, SOLUTION_ROUNDING
 from ..figures import COLOURS, QUANTITY_NAMES, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
 from .result import Kinematics, monotonic_segments
 
@@ -38,7 +38,7 @@ def curves(found: Kinematics) -> "Figure":
         _label(ax, part, kind, found.unit)
     if extra:
         _curve(axes[-1], found, np.degrees(found.transmission), "", 0)
-        axes[-1].set_ylabel("transmission (deg)")
+        axes[-1].set_ylabel("transmission\n(deg)")
         axes[-1].set_ylim(0, 92)
     _mark_points(axes, found)
     axes[-1].set_xlabel(escaped(f"{found.drive} ({found.unit})"))
@@ -54,7 +54,7 @@ def _label(ax: "Axes", part: str, kind: str, unit: str) -> None:
         "v.": ("rates", f"{kind}/{unit}"),
         "a.": ("accelerations", f"{kind}/{unit}$^2$"),
     }[part]
-    ax.set_ylabel(f"{words} ({per})")
+    ax.set_ylabel(f"{words}\n({per})")
     if part == "q.":
         legend_right(ax, labelspacing=0.3)
 
@@ -71,6 +71,7 @@ def _mark_points(axes: np.ndarray, found: Kinematics) -> None:
 def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int) -> None:
     """Draw one signal, with a gap at each dead point."""
     limit = CUTOFF * float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
+    values = np.where(np.abs(values) < SOLUTION_ROUNDING, 0.0, values)
     shown = np.where(np.abs(values) > limit, np.nan, values) if limit and found.dead_points else values
     style = curve_style(i) | {"color": COLOURS[i % len(COLOURS)]}
     for k, part in enumerate(monotonic_segments(found)):

@@ -206,4 +206,5 @@ def _result(
         stretches=tuple(stretches),
         hidden=tuple(u for f in found for u in f.events.hidden),
         passed=tuple(p for f in found for p in curve_violations(mech, f.curve)),
+        traced=tuple(found),
     )

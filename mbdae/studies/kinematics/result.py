@@ -1,6 +1,6 @@
 """Result of `mbdae.kinematics`: poses along a curve, with their rates per unit of the input."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -16,9 +16,11 @@ from ...mechanism.tree.frames import WORLD, frame_motions, frame_names
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
-from ...tabular import Columns, Tabular
+from ...tabular import Columns, Tabular, align_columns
 from ...tolerances import SOLUTION_ROUNDING
+from .branch_following import TracedCurve
 from .branch_points import BranchPoint
+from .toggles import Toggle, toggle_table, toggles
 from .violations import Violation, violation_lines
 
 if TYPE_CHECKING:
@@ -65,6 +67,8 @@ class Kinematics(Tabular):
         stretches: segments of the curves in order; one without ``branches``.
         hidden: inputs near which more than two branches intersect, and the curve continues straight.
         passed: violations of stops, ropes, contacts and clutches, which do not act, over the input.
+        traced: the curves between the poses.
+        listed: whether the text lists toggle positions.
     """
 
     mechanism: Mechanism
@@ -85,6 +89,8 @@ class Kinematics(Tabular):
     stretches: tuple[CurveSegment, ...]
     hidden: tuple[float, ...] = ()
     passed: tuple[Violation, ...] = ()
+    traced: tuple[TracedCurve, ...] = field(default=(), repr=False, compare=False)
+    listed: bool = False
 
     @cached_property
     def moving(self) -> Array:
@@ -109,6 +115,31 @@ class Kinematics(Tabular):
         if f"v.{joint}" not in self.velocity_names:
             raise UnknownNameError("joint", joint, [n[2:] for n in self.velocity_names])
         return self.rates[:, self.velocity_names.index(f"v.{joint}")]
+
+    @cached_property
+    def advantage(self) -> Array:
+        """Mechanical advantage at the output joint: its effort per unit effort of the drive, without losses, (n,).
+
+        It is the inverse of the velocity ratio, infinite where the output reverses, 0 at dead points of the drive; nan
+        without an output.
+        """
+        if not self.output:
+            return np.full(len(self.u), np.nan)
+        along, speed = self.tangent[:, self.velocity_names.index(f"v.{self.output}")], self.speed * self.moving
+        return np.divide(speed, along, out=np.full_like(speed, np.inf), where=np.abs(along) > SOLUTION_ROUNDING)
+
+    @cached_property
+    def toggles(self) -> tuple[Toggle, ...]:
+        """Toggle positions: poses in which the drive or another joint of one coordinate reverses, located exactly."""
+        return tuple(t for x in self.traced for t in toggles(x, self.mechanism, self.drive))
+
+    def toggle_table(self) -> list[list[str]]:
+        """Return the toggle positions as text, headings first, with reversing joints, the input and all coordinates."""
+        found, ends = self.toggles, (CurveSegment(0, len(self.toggles), 0.0, 0.0, "range"),)
+        q, v = (np.array([getattr(t, name) for t in found]) for name in "qv")
+        only = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, stretches=ends)
+        columns = coordinates(only.run()) if found else {}
+        return toggle_table(found, {n: x for n, x in columns.items() if n.startswith("q.")}, self.drive, self.unit)
 
     @cached_property
     def velocity_names(self) -> list[str]:
@@ -167,7 +198,7 @@ class Kinematics(Tabular):
 
         ``curve`` counts from 1; ``u`` and ``s``, the input and the arclength; ``q.<joint>``, ``v.<joint>`` and
         ``a.<joint>`` as in `Solution.signals`, velocities and accelerations at unit speed of the drive;
-        ``transmission`` in rad; ``position``, ``velocity``, ``acceleration.<frame>.x`` and so on.
+        ``transmission`` in rad, the mechanical ``advantage``; ``position.<frame>.x``, ``velocity``, ``acceleration``.
         """
         n = len(self.u)
         curve = np.concatenate([np.full(x.last - x.first, i + 1) for i, x in enumerate(self.stretches)])
@@ -177,7 +208,7 @@ class Kinematics(Tabular):
         out |= dict(zip(self.velocity_names, self.rates.T, strict=True))
         out |= {f"a.{k[2:]}": x for k, x in zip(self.velocity_names, self.accelerations.T, strict=True)}
         if self.output:
-            out["transmission"] = self.transmission
+            out["transmission"], out["advantage"] = self.transmission, self.advantage
         for word, values in zip(("position", "velocity", "acceleration"), self.frames(), strict=True):
             for name, path in zip(self.frame_names, values.reshape(-1, n, 3), strict=True):
                 out |= {f"{word}.{name}.{axis}": path[:, k] for k, axis in enumerate("xyz")}
@@ -188,9 +219,15 @@ class Kinematics(Tabular):
         columns, known, per = self.signals(), coordinate_units(self.mechanism), self.unit
         rates = {f"a.{n[2:]}": f"{u}/{per}^2" for n, u in known.items() if n.startswith("q.")}
         rates |= {f"v.{n[2:]}": f"{u}/{per}" for n, u in known.items() if n.startswith("q.")}
-        heads = {"u": per, "transmission": "rad", "position": "m", "velocity": f"m/{per}", "acceleration": f"m/{per}^2"}
+        heads = {"u": per, "transmission": "rad", "advantage": self._advantage_unit, "position": "m"}
+        heads |= {"velocity": f"m/{per}", "acceleration": f"m/{per}^2"}
         found = {name: (known | rates).get(name, heads.get(name.partition(".")[0], "")) for name in columns}
         return Columns(columns, {name: unit for name, unit in found.items() if unit}, "u")
+
+    @property
+    def _advantage_unit(self) -> str:
+        out = coordinate_units(self.mechanism)[f"q.{self.output}"] if self.output else self.unit
+        return "1" if out == self.unit else f"{self.unit}/{out}"
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
@@ -205,6 +242,7 @@ class Kinematics(Tabular):
             "branch_points": [b.to_dict() for b in self.branch_points],
             "crossings_not_followed": list(self.hidden),
             "passed": [p._asdict() for p in self.passed],
+            "toggles": [{"u": t.u, "q": t.q.tolist(), "reversing": list(t.reversing)} for t in self.toggles],
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
@@ -242,7 +280,7 @@ class Kinematics(Tabular):
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  {x}" for x in (align_columns(self.toggle_table()) if self.listed else []))])
 
 
 def monotonic_segments(found: Kinematics) -> list[slice]:

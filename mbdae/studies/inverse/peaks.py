@@ -1,0 +1,60 @@
+"""Peaks of sampled values between the samples, and the positive and negative parts of integrals."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from ...system import Array
+from ...tolerances import INTERPOLATION
+
+HALF = 3  # points on each side of the largest sample: the polynomial has degree 6
+
+
+def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array]) -> tuple[float, float]:
+    """Return the largest magnitude of values (n,) over t, and its place on an abscissa ``over`` (n,).
+
+    Where polynomials of degrees 4 and 6 through the nearest samples agree there, the peak is that of the latter; close
+    to jumps, corners and ends it is the largest sample.
+
+    Args:
+        values: samples, (n,).
+        t: times, (n,).
+        over: the abscissa, (n,).
+        intervals: indices of the samples between jumps, increasing.
+    """
+    i = int(np.abs(values).argmax())
+    sample = float(abs(values[i])), float(over[i])
+    if not any(k[0] <= i - HALF and i + HALF <= k[-1] for k in intervals):
+        return sample
+    fits = [_polynomial(values, t, i, half) for half in (HALF, HALF - 1)]
+    h = np.diff(t[i - 1 : i + 2])
+    low, high = -h[0] / h.mean(), h[1] / h.mean()
+    roots = fits[0].deriv().roots()
+    inside = roots.real[(np.abs(roots.imag) < INTERPOLATION) & (low <= roots.real) & (roots.real <= high)]
+    if not len(inside):
+        return sample
+    x = float(inside[np.abs(fits[0](inside)).argmax()])
+    value, check = (abs(float(p(x))) for p in fits)
+    if not (abs(value - check) <= INTERPOLATION * value and value >= sample[0]):
+        return sample
+    return value, float(_polynomial(over, t, i, HALF)(x))
+
+
+def _polynomial(values: Array, t: Array, i: int, half: int) -> np.polynomial.Polynomial:
+    """Return the polynomial through 2 half + 1 samples around sample i, of time from there in mean steps."""
+    around = slice(i - half, i + half + 1)
+    x = (t[around] - t[i]) / np.diff(t[i - 1 : i + 2]).mean()
+    return np.polynomial.Polynomial(np.linalg.solve(np.vander(x, increasing=True), values[around]))
+
+
+def delivered_and_absorbed(power: Array, t: Array, intervals: Sequence[Array]) -> tuple[float, float]:
+    """Return the integrals of the positive and of the negative part of a power, by monotone cubics, both positive."""
+    given = taken = 0.0
+    for k in intervals:
+        cubic = PchipInterpolator(t[k], power[k])
+        roots = cubic.roots(extrapolate=False)
+        cuts = np.unique([t[k[0]], *roots[np.isfinite(roots)], t[k[-1]]])
+        parts = np.diff(cubic.antiderivative()(cuts))
+        given, taken = given + parts[parts > 0].sum(), taken - parts[parts < 0].sum()
+    return float(given), float(taken)
