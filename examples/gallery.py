@@ -19,6 +19,7 @@ from mbdae.studies import figures
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.replay import video
 from mbdae.studies.replay.replay import page
+from mbdae.studies.tolerance.figure import band
 
 REPLAYS = {  # model: end (s), fraction of it that is shown
     "slider_crank": (2.0, 0.6),
@@ -33,6 +34,7 @@ TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 EXAMPLES, PACKAGE = Path(__file__).parent, Path(mbdae.__file__).parent
 FOLDER = EXAMPLES / "pictures"
 KEY = "drawn by"
+COLOURS = 128
 REPLAY = ("studies/replay/*.[jch]*", "studies/replay/*.py", "mechanism/scene/*.py")
 FIGURE = ("studies/figures.py", "studies/{}/figure.py")
 SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.png belongs to the benchmark
@@ -44,6 +46,7 @@ SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.p
     "errors_over_time.png": [EXAMPLES / "errors_over_time.py", PACKAGE / "studies/figures.py"],
     "foot_path.png": [EXAMPLES / "foot_path.py"],
     "long_time_energy.png": [EXAMPLES / "long_time_energy.py", *(PACKAGE / x.format("drift") for x in FIGURE)],
+    "foot_bands.png": [PACKAGE / x.format("tolerance") for x in FIGURE],
     "optimal_control.png": [EXAMPLES / "optimal_control.py", *(PACKAGE / x.format("optimal_control") for x in FIGURE)],
 }
 
@@ -55,6 +58,7 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     work_precision(folder)
     convergence(folder)
     drift(folder)
+    foot_bands(folder)
     example("errors_over_time", folder)
     example("foot_path", folder)
     example("optimal_control", folder)
@@ -112,6 +116,15 @@ def drift(folder: Path, end: float = 10.0, methods: Sequence[str] = ("herk3", "h
     reduce(folder / "drift.png")
 
 
+def foot_bands(folder: Path) -> None:
+    """Tolerance bands of the foot of Jansen's leg: 0.2 mm in every length, 0.1 mm in the closing pins."""
+    mech, signals = mbdae.load("jansen_walker?legs=1"), ["position.foot_0.x", "position.foot_0.z"]
+    pins = {closure.name: 1e-4 for closure in mech.closures}
+    found = mbdae.tolerance(mech, "crank", signals, {"*.xyz.[02]": 2e-4}, pins, points=181)
+    figures.save(band(found, "foot_0"), folder / "foot_bands.png")
+    reduce(folder / "foot_bands.png", 16)
+
+
 def example(name: str, folder: Path) -> None:
     """The picture of an example."""
     spec = spec_from_file_location(name, EXAMPLES / f"{name}.py")
@@ -123,18 +136,18 @@ def example(name: str, folder: Path) -> None:
     reduce(folder / f"{name}.png")
 
 
-def reduce(path: Path) -> None:
+def reduce(path: Path, colours: int = COLOURS) -> None:
     """Write a picture again with few colours."""
     with Image.open(path) as image:
         image.load()
-    write(image, path)
+    write(image, path, colours)
 
 
-def write(image: Image.Image, path: Path) -> None:
+def write(image: Image.Image, path: Path, colours: int = COLOURS) -> None:
     """Write a picture with few colours, and the digest of the code that drew it."""
     info = PngImagePlugin.PngInfo()
     info.add_text(KEY, digest(path.name))
-    image.convert("RGB").quantize(256, kmeans=2).save(path, optimize=True, pnginfo=info)
+    image.convert("RGB").quantize(colours, kmeans=2).save(path, optimize=True, pnginfo=info)
 
 
 def digest(name: str) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .mechanism import Function as Function
     from .mechanism import Input as Input
     from .mechanism import Mechanism as Mechanism
+    from .mechanism import Reset as Reset
     from .mechanism import Stop as Stop
     from .mechanism import load as load
     from .mechanism import model_names as model_names
@@ -47,6 +48,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .methods import Tableau as Tableau
     from .progress import progress_bar as progress_bar
     from .solution.solution import Solution as Solution
+    from .studies.atlas.atlas import atlas as atlas
     from .studies.comparison.compare import compare as compare
     from .studies.drift.drift import drift as drift
     from .studies.fit.fit import fit as fit
@@ -62,6 +64,8 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.optimize.optimize import optimize as optimize
     from .studies.order.gradients import check_gradients as check_gradients
     from .studies.order.order import order as order
+    from .studies.periodic.branch import periodic_branch as periodic_branch
+    from .studies.periodic.periodic import periodic as periodic
     from .studies.replay.replay import animate as animate
     from .studies.report.report import report as report
     from .studies.schema.schema import schema as schema
@@ -74,6 +78,7 @@ if TYPE_CHECKING:  # names from `_modules_of_names`, for editors and type checke
     from .studies.sweep.plan import Random as Random
     from .studies.sweep.sweep import sweep as sweep
     from .studies.sweep.table import Sweep as Sweep
+    from .studies.tolerance.tolerance import tolerance as tolerance
     from .studies.view.view import view as view
     from .textbook.hessenberg import Hessenberg as Hessenberg
     from .textbook.mixed import MixedHessenberg as MixedHessenberg
@@ -86,7 +91,18 @@ _CORE = {
     "integrate.simulator.simulator": ["Simulator"],
     "integrate.solve": ["solve"],
     "mechanism.flexible": ["ModalBody", "attach_flexible", "beam", "modal_body"],
-    "mechanism": ["Closure", "Clutch", "Driver", "Function", "Input", "Mechanism", "Stop", "load", "model_names"],
+    "mechanism": [
+        "Closure",
+        "Clutch",
+        "Driver",
+        "Function",
+        "Input",
+        "Mechanism",
+        "Reset",
+        "Stop",
+        "load",
+        "model_names",
+    ],
     "methods": ["METHODS", "Tableau"],
     "progress": ["progress_bar"],
     "solution.solution": ["Solution"],

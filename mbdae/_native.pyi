@@ -119,7 +119,7 @@ class SmoothInterval:
 
 class StepControl:
     h: float
-    cut: float
+    uncut_size: float
     last: float
     rejected: bool
     largest: float
@@ -250,8 +250,8 @@ class Core:
         atol: Array,
         power: float,
         small: float,
-        least: float,
-        share: float,
+        default_step: float,
+        reduction: float,
         change: float,
         growth: float,
         flat: float,

@@ -16,6 +16,7 @@ from markupsafe import escape
 from .data_types import JsonObject
 from .errors import InputError
 from .file_io import TABLE_SUFFIXES, atomic_write
+from .tolerances import SOLUTION_ROUNDING
 
 if TYPE_CHECKING:
     import pandas
@@ -144,6 +145,11 @@ def optional_package(package: str) -> ModuleType:
         return import_module(package)
     except ImportError:
         raise InputError(f"this needs the package {package!r}, which is not installed: pip install {package}") from None
+
+
+def rounded_zero(x: float) -> float:
+    """Return a number, 0 if it is rounding: 12 decimals in SI units."""
+    return 0.0 if abs(x) < SOLUTION_ROUNDING else float(x)
 
 
 def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -215,3 +215,15 @@ def test_a_free_choice_of_orders_is_bounded(script, capsys):
     sol = mbdae.solve("pendulum", (0, 2), method="radau5", rtol=1e-6)
     t = (np.arange(module.POINTS) + 0.5) / module.POINTS * 2
     assert module.rate(sol, t).mean() * 2 == pytest.approx(sol.stats["solves"], rel=0.02), "the integral is the work"
+
+
+def test_the_guide_has_the_tables_of_the_atlas(script, capsys):
+    """They are written from the stored summary; its best methods are those with the fewest solves."""
+    atlas = script("atlas")
+    text = atlas.main()
+    assert text in atlas.GUIDE.read_text()
+    assert atlas.written(atlas.GUIDE.read_text(), text) == atlas.GUIDE.read_text()
+    assert atlas.DATA.stat().st_size <= 300_000
+    data = {"models": {"a": {"methods": ["x", "y"], "work": {"1e-02": {"solves": [30, -20]}}}}}
+    assert list(atlas.rows(data, ["1e-02"]))[1:] == [["`y`", "1; 1; 1"], ["`x`", "0; 1.5; 1"]]
+    assert capsys.readouterr().out

@@ -228,6 +228,12 @@ def test_tolerance_sweep(tmp_path, capsys):
     assert "standard deviation" in capsys.readouterr().out
 
 
+def test_tolerance_stack(capsys):
+    errors = example("tolerance_stack").main(200)
+    assert max(map(abs, errors.values())) < 3
+    assert "200 runs: mean" in capsys.readouterr().out
+
+
 def test_custom_method(capsys):
     try:
         study = example("custom_method").main()

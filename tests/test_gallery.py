@@ -22,7 +22,7 @@ def test_the_gallery_is_drawn(tmp_path):
     drawn = {path.name for path in folder.iterdir()}
     # other tests draw them
     examples = {"errors_over_time.png", "foot_path.png", "long_time_energy.png", "optimal_control.png"}
-    elsewhere = {"convergence.png", "work_precision_peers.png", *examples}
+    elsewhere = {"convergence.png", "foot_bands.png", "work_precision_peers.png", *examples}
     assert drawn | elsewhere == {path.name for path in PICTURES}
     for name in drawn:
         with Image.open(folder / name) as image:

@@ -37,7 +37,7 @@ STAYING = {  # names that stay, by folder or file
     "order": ("slope", "slopes", "_slopes"),  # of a line fitted to errors over step sizes
     "kinematics": ("rising",),  # attribute and JSON key of assembly modes
 }
-FITTED = ("order", "benchmarks")  # folders whose slopes are those of fitted lines
+FITTED = ("order", "benchmarks", "report")  # folders whose slopes are those of fitted lines
 
 
 def words(name):
@@ -96,6 +96,34 @@ def found_in_python():
     return [f"{p.name}: {w}" for p, w in found if not (w.startswith("slope") and p.parent.name in FITTED)]
 
 
+def found_messages():
+    """Old words in texts that users see: all but docstrings."""
+    found = []
+    for p in package():
+        nodes = list(ast.walk(ast.parse(p.read_text("utf-8"))))
+        docs = {id(n.value) for n in nodes if isinstance(n, ast.Expr)}
+        texts = [n.value for n in nodes if isinstance(n, ast.Constant) and id(n) not in docs]
+        found += [(p, w) for x in texts if isinstance(x, str) for w in PROSE.findall(x)]
+    return [f"{p.name}: {w}" for p, w in found if not (w.startswith("slope") and p.parent.name in FITTED)]
+
+
+def identifiers(path):
+    """Identifiers of a C++ file, without its comments, texts, included files, and ``back`` of a vector."""
+    text = re.sub(r"//.*$|#include .*$", "", path.read_text("utf-8"), flags=re.M)
+    return set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"(?:\\.|[^"\\])*"|\.back\(\)', "", text)))
+
+
+def found_identifiers():
+    """Old words within identifiers of the core, and as members, functions and fields that its headers declare."""
+    found = [(p, n) for p in sources(".cpp", ".hpp") for n in identifiers(p)]
+    return [
+        f"{p.name}: {n}"
+        for p, n in found
+        if any(PART.fullmatch(w) for w in words(n))
+        or (WHOLE.fullmatch(n.strip("_")) and (p.suffix == ".hpp" or n.endswith("_")))
+    ]
+
+
 def found_in_core():
     texts = ((p, re.findall(r"//.*$", p.read_text("utf-8"), re.M)) for p in sources(".cpp", ".hpp"))
     return [f"{p.name}: {w}" for p, lines in texts for x in lines for w in PROSE.findall(x)]
@@ -110,6 +138,8 @@ def found_in_pages():
 FOUND = {
     "names": found_names,
     "members": found_members,
+    "messages": found_messages,
+    "identifiers of C++": found_identifiers,
     "prose of Python": found_in_python,
     "prose of C++": found_in_core,
     "pages": found_in_pages,

@@ -13,6 +13,7 @@ from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formulations.compiled_systems import CompiledSystem
 from .hybrid.impact import Impact
+from .hybrid.reset import Reset
 from .mechanism import Mechanism
 from .signals.contacts import Contact, contact
 from .signals.joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
@@ -37,6 +38,7 @@ __all__ = [
     "NotCompiled",
     "Reaction",
     "Singular",
+    "Reset",
     "Stop",
     "contact",
     "depth_first",

@@ -30,6 +30,7 @@ from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
 from .formulations.workspace_pool import WorkspacePool
+from .hybrid.reset import Reset, checked_resets
 from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
@@ -53,6 +54,7 @@ class Mechanism(DynamicsTerms):
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
         stops: limits of joint motions, see `mbdae.Stop`.
         clutches: one-way clutches and ratchets, see `mbdae.Clutch`.
+        resets: events at which the state jumps, see `mbdae.Reset`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
         start: values of joints at the start, see `mbdae.mechanism.model_settings.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
@@ -81,6 +83,7 @@ class Mechanism(DynamicsTerms):
         drivers: Sequence[Driver] = (),
         stops: Sequence[Stop] = (),
         clutches: Sequence[Clutch] = (),
+        resets: Sequence[Reset] = (),
         start: Start | None = None,
         visuals: pin.GeometryModel | None = None,
         title: str = "",
@@ -118,7 +121,7 @@ class Mechanism(DynamicsTerms):
         ClosureFriction(self.forces, self.closures, bound)  # rejects unknown names
         self.states = self.bind_forces(data).states()  # rejects unknown names
         self.start_values, self.workspaces = start or Start(), WorkspacePool(self)
-        self._starts: dict[float, tuple[Array, Array]] = {}
+        self.resets, self._starts = checked_resets(self, resets), dict[float, tuple[Array, Array]]()
         for name in (name for table in self.start_values.tables.values() for name in table):
             find_joint(model, name)
 
@@ -174,13 +177,9 @@ class Mechanism(DynamicsTerms):
         """Shapes and placements for the replay."""
         return appearance(self)
 
-    # -- forces ---------------------------------------------------------------------------------------
-
     def bind_forces(self, data: pin.Data) -> ForceElements:
         """Bind every force to a workspace, see `make_workspace`."""
         return bind_forces(self.forces, self.model, data)
-
-    # -- states --------------------------------------------------------------------------------------------------
 
     def system(
         self,

@@ -35,7 +35,19 @@ def variant(mech: "Mechanism", **parts: Any) -> "Mechanism":
         forces = tuple(named_force(f, i) for i, f in enumerate(parts["forces"]))
         if _are_same_kinds(mech.forces, forces) and not any(isinstance(f, SWITCHED) for f in forces):
             return _shared(mech, parts | {"forces": forces})
-    names = ("closures", "drivers", "stops", "clutches", "visuals", "title", "duration", "order", "settings", "motors")
+    names = (
+        "closures",
+        "drivers",
+        "stops",
+        "clutches",
+        "resets",
+        "visuals",
+        "title",
+        "duration",
+        "order",
+        "settings",
+        "motors",
+    )
     kept = {name: getattr(mech, name) for name in (*names, "left_out", "remarks")}
     given = {"model": mech.model, "forces": mech.forces, "start": mech.start_values, **kept, **parts}
     out = type(mech)(**given)

@@ -60,6 +60,7 @@ class GeneralizedAlpha(NewtonMethod):
     excludes: ClassVar[Mapping[str, str]] = {
         "textbook": "it integrates the second-order equations of a mechanism",
         "ggl": "it enforces positions and velocities in formulation 'index2'",
+        "events": "it does not restart where the state jumps",
         "switches": "it does not restart in modes of stops, stiction, clutches and contacts",
         "velocity rows": "it enforces positions, which rolling and other constraints of velocities alone do not have",
     }

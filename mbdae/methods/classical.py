@@ -21,6 +21,7 @@ kutta3 = Tableau(
     order=2,
     order_linear=3,
     order_own=1,
+    order_ode=3,
 )
 
 rk4 = Tableau(
@@ -37,6 +38,7 @@ rk4 = Tableau(
     order=2,
     order_linear=3,
     order_own=1,
+    order_ode=4,
 )
 
 rule38 = Tableau(
@@ -53,4 +55,5 @@ rule38 = Tableau(
     order=2,
     order_linear=3,
     order_own=1,
+    order_ode=4,
 )

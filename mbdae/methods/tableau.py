@@ -46,6 +46,8 @@ class Tableau:
         order: claimed order of y (q and v) for general f.
         order_linear: claimed order of y when f is linear in z, as in mechanics; left out if the same.
         order_own: claimed order of the z of the method (lam_own).
+        order_ode: claimed order of y without constraints, y' = f(t, y): the order of A and b as an explicit method;
+            left out if it is ``order``.
         b_embedded: weights of the embedded formula over the n stages, as text; empty if there is none.
         b_companion: weights of a second embedded formula, one order lower (see `mbdae.methods.controller`).
         order_embedded: order of the embedded formula, after projection if `project_embedded`.
@@ -66,6 +68,7 @@ class Tableau:
     order_own: int = 0
     Ahat: tuple[Text, ...] = field(default=(), repr=False)
     order_linear: int = 0
+    order_ode: int = 0
     b_embedded: Text = field(default=(), repr=False)
     b_companion: Text = field(default=(), repr=False)
     order_embedded: int = 0
@@ -86,8 +89,8 @@ class Tableau:
             found = _texts(self.name, key, [getattr(self, key)])
             object.__setattr__(self, key, found[0] if found else ())
         self._check_shape()
-        if not self.order_linear:
-            object.__setattr__(self, "order_linear", self.order)
+        for key in ("order_linear", "order_ode"):
+            object.__setattr__(self, key, getattr(self, key) or self.order)
 
     def _check_shape(self) -> None:
         n = len(self.A)

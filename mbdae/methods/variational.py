@@ -47,7 +47,6 @@ class NewtonMethod:
         )
 
 
-
 @dataclass(frozen=True)
 class Composition(NewtonMethod):
     """Weights of a symmetric composition of RATTLE steps.
@@ -75,6 +74,7 @@ class Composition(NewtonMethod):
         "textbook": "it integrates the Lagrangian of a mechanism",
         "ggl": "it enforces positions and velocities in formulation 'index2'",
         "velocity rows": "rolling and other constraints of velocities alone have no discrete Lagrangian",
+        "events": "jumps of the state end steps anywhere",
         "switches": "impacts, stiction and contacts end steps anywhere, and their equations are not variational",
         "states": "states of actuators and controllers have no discrete Lagrangian",
         "closure friction": "friction proportional to multipliers has no discrete Lagrangian",

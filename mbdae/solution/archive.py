@@ -1,6 +1,5 @@
 """Solutions in files: .npz contains the complete solution and can be read; .csv is a table of named columns."""
 
-
 import json
 import sys
 import warnings
@@ -41,6 +40,7 @@ DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
 )  # fmt: skip
+
 
 class _OpenModel(BaseModel):
     """Data of a run: fields named here are checked, others may be present."""
@@ -85,6 +85,7 @@ class _Run(_OpenModel):
     in_use: tuple[tuple[int, tuple[int, ...]], ...] = ()
     modes: tuple[tuple[int, tuple[int, ...]], ...] = ()
     impacts: tuple[Impact, ...] = ()
+    resets: tuple[tuple[int, str], ...] = ()
     events: int = Field(default=0, ge=0)
     arrays: dict[str, tuple[int, ...]] | None = None
 
@@ -120,6 +121,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         "in_use": sol.in_use,
         "modes": sol.modes,
         "impacts": sol.impacts,
+        "resets": sol.resets,
         "events": len(sol.events),
         "arrays": {name: x.shape for name, x in arrays.items()},
         "versions": versions(),
@@ -228,10 +230,8 @@ def _arguments(
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-    passed, in_use = list(run.singular), list(run.in_use)
-    rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
-    rest |= {"events": events, "singular": passed, "in_use": in_use}
-    return {"problem": problem, **arrays, **rest, "steps": steps}
+    rest |= {name: list(getattr(run, name)) for name in ("modes", "impacts", "resets", "singular", "in_use")}
+    return {"problem": problem, **arrays, **rest, "steps": steps, "events": events}
 
 
 def _check_announced(run: _Run, shapes: dict[str, Shape], width: int, ng: int) -> None:

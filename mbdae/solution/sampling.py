@@ -32,10 +32,10 @@ def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
         at = sol.at(int(nodes[part[0]]))
         has_stiction = isinstance(sol.problem, Mechanism) and at.closure_friction.can_stick
         if has_stiction:
-            _set_slip_directions(at, sol.y[part])
+            set_slip_directions(at, sol.y[part])
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
         if has_stiction:
-            _set_slip_directions(at, sol.y[part])
+            set_slip_directions(at, sol.y[part])
             for i in part:
                 q, v = at.split(sol.y[i])
                 at.jacobian(q)
@@ -43,7 +43,7 @@ def derivatives_at_times(sol: "Solution") -> tuple[Array, Array]:
     return F, z
 
 
-def _set_slip_directions(at: "Index2System", ys: Array) -> None:
+def set_slip_directions(at: "Index2System", ys: Array) -> None:
     """Set slip directions from the first of these points with slip: where sliding begins, they are still undefined."""
     for y in ys:
         q, v = at.split(y)

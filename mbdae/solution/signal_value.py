@@ -11,9 +11,9 @@ from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..mechanism.signals.contacts import rolling_closures
 from ..mechanism.tree.coordinate_units import acceleration_units, component_suffixes
-from ..mechanism.tree.frames import find_joint, skew
+from ..mechanism.tree.frames import find_joint, frame_index, frame_origin, skew
 from ..system import Array
-from .columns import force_rows, reaction_units, row_names
+from .columns import force_rows, moving_frames, reaction_units, row_names
 from .signals import effort_rows, signals, units
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
-PYTHON_KINDS = ("column", "load")  # kinds that the core does not support
+PYTHON_KINDS = ("column", "load", "position")  # kinds that the core does not support
 
 
 class SignalValue(NamedTuple):
@@ -30,11 +30,11 @@ class SignalValue(NamedTuple):
     Attributes:
         kind: ``"t"``; ``"y"``, a component of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
             circle in q; ``"lam"``, ``"force"``, ``"torque"``; one of kinetic, potential, energy, g, Gv; or
-            ``"column"`` of `mbdae.solution.signals.units`, which the core does not support, ``"load"`` of a joint or
-            closure.
-        i: index in y or y'; for an angle that of its cosine in q; for a column its index.
+            ``"position"``, ``"column"`` of `mbdae.solution.signals.units` and ``"load"`` of a joint or closure, which
+            the core does not support.
+        i: index in y or y'; for an angle that of its cosine in q; for a column its index; for a position its axis.
         rate: index in the tangent y' of its time derivative; -1 if there is none.
-        rows: of closures.
+        rows: of closures; for a position the index of the frame in the model.
     """
 
     kind: str
@@ -87,6 +87,9 @@ def _all_signals(mech: Mechanism) -> dict[str, SignalValue]:
         out[f"force.{name}"] = SignalValue("force", rows=tuple(rows))
         out[f"torque.{name}"] = SignalValue("torque", rows=tuple(mech.rows_of(name)))
     out |= _contact_forces(mech)
+    for name in moving_frames(mech):
+        frame = frame_index(mech.model, name)
+        out |= {f"position.{name}.{axis}": SignalValue("position", i, rows=(frame,)) for i, axis in enumerate("xyz")}
     out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in effort_rows(mech).items()}
     loaded = reaction_units(mech)
     return {
@@ -150,6 +153,8 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     if kind == "angle":
         return float(np.arctan2(y[signal.i + 1], y[signal.i]))
     q, v = system.split(y)
+    if kind == "position":
+        return float(frame_origin(system.model, system.workspace, q, signal.rows[0])[signal.i])
     if kind in SUMS:
         kinetic, potential = system.energy(q, v)
         return {"kinetic": kinetic, "potential": potential, "energy": kinetic + potential}[kind]
@@ -166,14 +171,14 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))
         point: Any = SinglePoint(system.mechanism, np.array([t]), *parts)
         return float(signals(point, [name])[name][0])
-    if kind == "lam":
-        return float(lam[signal.rows[0]])
-    return _magnitude(system, kind, list(signal.rows), q, lam)
+    return _of_multipliers(system, kind, list(signal.rows), q, lam)
 
 
-def _magnitude(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:
-    """Return the magnitude of the force or the torque of a closure, from the multipliers of all rows."""
+def _of_multipliers(system: "Index2System", kind: str, rows: list[int], q: Array, lam: Array) -> float:
+    """Return a multiplier, or the magnitude of the force or the torque of a closure, from those of all rows."""
     lam = lam[rows]
+    if kind == "lam":
+        return float(lam[0])
     if kind == "force":
         return float(np.linalg.norm(lam))
     part = next(p for p in system.constraints.frame_rows.values() if p.rows[0][0].start == rows[0])

@@ -52,6 +52,7 @@ class Solution(DenseOutput, Tabular):
         singular: configurations of the run in which closures lose rank.
         modes: states of ``mechanism.switches`` (stops, contacts, ...), and the first node of each.
         impacts: impacts of the run.
+        resets: events at which the state jumped: the first node after each, and its name.
         carried: the carry of the method at each node except the last, (n - 1, nc), and the nodes where it was
             restarted;
             only for short runs, and not saved.
@@ -72,6 +73,7 @@ class Solution(DenseOutput, Tabular):
     in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     modes: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     impacts: list[Impact] = field(default_factory=list, repr=False)
+    resets: list[tuple[int, str]] = field(default_factory=list, repr=False)
     carried: tuple[Array, list[int]] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:

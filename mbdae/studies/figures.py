@@ -62,7 +62,7 @@ STYLES = {  # a hue for a family, a shade and a marker for a method
     "alpha": ("#01665e", "^"), "alpha_i3": ("#5ab4ac", "v"), "hht": ("#8c510a", "^"), "hht_i3": ("#d8b365", "v"),
     "midpoint": ("#fa9fb5", "1"), "gauss2": ("#f768a1", "2"), "gauss3": ("#ae017e", "*"), "radau_ia2": ("#dd3497", "P"),
     "lobatto_iiic2": ("#fcc5c0", "X"), "lobatto_iiic3": ("#7a0177", "8"), "sdirk2": ("#e7298a", "H"),
-    "dop853": ("#000000", "P"),
+    "dop853": ("#000000", "P"), "ida": ("#b8860b", "*"),
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 DEFAULT_STYLE = ("#17becf", "d")

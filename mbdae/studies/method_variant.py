@@ -81,6 +81,16 @@ class Variant:
         """Name of the method."""
         return getattr(self.method, "name", self.method)
 
+    @property
+    def controlled(self) -> bool:
+        """Whether the method controls its step sizes; it takes fixed steps alone otherwise."""
+        return bool(find_method(self.formulation, self.method).error_power)
+
+    @property
+    def family(self) -> str:
+        """Family of the method."""
+        return find_method(self.formulation, self.method).family
+
     def __str__(self) -> str:
         return f"{self.prefix}:{self.name}" if self.prefix else self.name
 

@@ -178,10 +178,16 @@ def plain_order(A, b, highest):
 
 @every
 def test_order_of_the_explicit_part(name):
-    expected = {"kutta3": 3, "rk4": 4, "rule38": 4}
     tableau = TABLEAUS[name]
-    found = plain_order(tableau.exact_A, tableau.exact_b, 7)
-    assert found == expected.get(name, tableau.order)
+    assert plain_order(tableau.exact_A, tableau.exact_b, 7) == tableau.order_ode == report(name).ode.order
+
+
+def test_order_reduction_is_reported():
+    assert "y, no constraints   claimed 4, found 4" in str(report("rk4"))
+    assert "no constraints" not in str(report("pherk5"))
+    assert not check_conditions(replace(METHODS["rk4"], order_ode=5)).holds
+    own = method(replace(METHODS["rk4"], name="rk4_without_claims", order=0, order_linear=0, order_own=0, order_ode=0))
+    assert (own.order, own.order_linear, own.order_ode) == (2, 3, 4)
 
 
 def test_report_is_readable_and_plain():

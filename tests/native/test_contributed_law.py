@@ -91,6 +91,22 @@ def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
     assert "LawKind" in done.stderr
 
 
+@compiler
+def test_a_conservative_part_without_a_potential_does_not_compile(tmp_path):
+    formula = "static S effort", "return -law.a[0] * abs(v) * v;"
+    conservative = "static Effort<S> effort", "return {-law.a[0] * v, 0};"
+    law = LAW
+    for before, after in zip(formula, conservative, strict=True):
+        assert before in law
+        law = law.replace(before, after)
+    done = compiled(tmp_path, law)
+    assert done.returncode
+    assert "a conservative part needs its potential" in done.stderr
+    potential = "static double potential(const Law&, const ForcePoint&) { return 0; }\n\nextern"
+    done = compiled(tmp_path, law.replace("extern", potential).replace("(is_valid)", "(is_valid, potential)"))
+    assert not done.returncode, done.stderr
+
+
 @pytest.mark.native
 @pytest.mark.parametrize("method", ["pherk5", "radau5"])
 def test_a_law_that_the_core_was_built_without_runs_in_python(monkeypatch, method):

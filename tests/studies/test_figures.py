@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.integrate.steppers.ida import IDA
 from mbdae.integrate.steppers.scipy_ivp import SCIPY
 from mbdae.solution.signals import units
 from mbdae.studies import figures
@@ -117,7 +118,7 @@ def test_other_formats_are_refused(drawn, tmp_path):
 
 
 def test_every_method_has_a_distinct_style():
-    names = [*mbdae.METHODS, *(f"index1:{name}" for name in SCIPY)]
+    names = [*mbdae.METHODS, IDA.name, *(f"index1:{name}" for name in SCIPY)]
     looks = {name: figures.line_style(name) for name in names}
     pairs = {(s["color"], s["marker"]) for s in looks.values()}
     assert len(pairs) == len(names)

@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...data_types import JsonObject
 from ...errors import InputError, StepError
 from ...mechanism import Mechanism
@@ -13,7 +11,7 @@ from ...mechanism.hybrid.active_set import select_mode
 from ...mechanism.hybrid.impact import Impact, resolve_impact
 from ...mechanism.hybrid.mode_point import AllRows, ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
-from ...mechanism.hybrid.switches import describe_mode
+from ...mechanism.hybrid.switches import describe_mode, unswitched_rows
 from ...system import Array, State
 from ...tolerances import CLOSED, COINCIDENT, SMALLEST_PART, ZERO_SPEED
 from .guard_location import TrackedGuard, first_guard_root
@@ -50,8 +48,7 @@ class ModeChanges(EventSource):
         self.system, self.all_rows = system, AllRows(system)
         system.closure_friction.min_slip_speed = ZERO_SPEED * system.mechanism.characteristic_speed
         self.switches = system.mechanism.switches
-        switched = {row for s in self.switches for row in s.rows}
-        self.always = np.array([k for k in range(system.ng) if k not in switched], int)  # rows without a switch
+        self.always = unswitched_rows(self.switches, system.ng)
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
         self.fired: list[Guard] = []  # guards that are zero at the end of the last step

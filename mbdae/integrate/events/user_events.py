@@ -64,7 +64,7 @@ class UserEvents(EventSource):
     @classmethod
     def from_run(cls, run: "RunState") -> "UserEvents":
         system, events = run.system, run.options.events
-        modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches)
+        modes = isinstance(run.problem, Mechanism) and bool(run.problem.switches or run.problem.resets)
         return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)
 
     def begin_interval(self, run: "RunState") -> None:

@@ -82,6 +82,7 @@ def joined(parts: Sequence[Solution]) -> Solution:
     tables: dict[str, Any] = {name: _nodes([getattr(part, name) for part in parts]) for name in ("t", "y", "z_own")}
     tables |= {name: [x for part in parts for x in getattr(part, name)] for name in ("impacts", "singular")}
     tables |= {name: _changes(first, [getattr(part, name) for part in parts]) for name in ("in_use", "modes")}
+    tables["resets"] = [(k + i, name) for k, part in zip(first, parts, strict=False) for i, name in part.resets]
     tables["events"] = [_zeros(hits) for hits in zip(*(part.events for part in parts), strict=True)]
     stats = last.stats | _sums([part.stats for part in parts])
     return replace(last, settings=parts[0].settings, stats=stats, carried=None, **tables)

@@ -14,6 +14,7 @@ from ...system import Array, State, Step, System
 from ..events.driver_checks import DriverChecks
 from ..events.hybrid import ModeChanges
 from ..events.jumps import Jumps
+from ..events.resets import Resets
 from ..events.singularity import SingularityMonitor
 from ..events.source import EventSource, Occurrence
 from ..events.user_events import UserEvents
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 SOURCES: tuple[type[EventSource], ...] = (
-    DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Jumps
+    DriverChecks, ModeChanges, SingularityMonitor, StiffnessDetector, UserEvents, Resets, Jumps
 )  # fmt: skip
 """Sources of events, in the order in which they check a step."""
 Source = TypeVar("Source", bound=EventSource)

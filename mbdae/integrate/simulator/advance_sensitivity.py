@@ -66,7 +66,7 @@ class AdvanceParameters:
             self.template = LoadedModel(inputs.original)
             values |= {name: parameter_value(self.template, name) for name in names}
         self.columns = list(values)
-        self.bound = Parameters(self._make, values, backend.load(), own=True, along=[at], mode=mode)
+        self.bound = Parameters(self._make, values, backend.load(), own=True, along=[(*at, mode)])
 
     def _make(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with a changed input or parameter."""
@@ -202,6 +202,7 @@ def _nodes_from(run: RunState, first: int) -> Solution:
         for name, given in (("in_use", run.in_use), ("modes", found.get("modes", [])))
     }
     changes |= {name: [x for x in found.get(name, ()) if x.t > run.ts[first]] for name in ("impacts", "singular")}
+    changes["resets"] = [(i - first, name) for i, name in found.get("resets", ()) if i > first]
     t, y, z = np.array(run.ts[first:]), run.ys[first:n].copy(), run.zs[first:n].copy()
     settings, stats = {**run.settings, **run.stepper.settings()}, {"backend": run.stepper.backend}
     return Solution(run.problem, t, y, z, "finished", "", stats, settings, **changes)

@@ -30,7 +30,7 @@ from .input_settings import InputSettings
 from .run_snapshot import SimulatorState, resume, snapshot
 
 ENDLESS = 2**31 - 1  # fixed steps
-FORGOTTEN = 4096  # nodes, after which a simulator without a record begins a new one
+MAX_NODES = 4096  # of a simulator without a record, which then begins a new run
 
 
 class Simulator(DifferentiableAdvance):
@@ -188,7 +188,7 @@ class Simulator(DifferentiableAdvance):
         require_positive(dt=dt)
         if not isfinite(dt):
             raise InputError(f"dt must be finite, got {dt}")
-        if not self.recorded and self._current.stepper.nodes(self._current) > FORGOTTEN:
+        if not self.recorded and self._current.stepper.nodes(self._current) > MAX_NODES:
             self.save()
         self._last = self._differentiated = None
         started, begin, node = perf_counter(), self.t, self._current.stepper.nodes(self._current) - 1

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SMALLEST_RTOL = 100 * EPS
 # Of Hairer's algorithm: small norms, and h_0 for them; h_1 of h_0 at rest; change of y in h_0; largest h_1 / h_0.
-STARTING_STEP = {"small": 1e-5, "least": 1e-6, "share": 1e-3, "change": 0.01, "growth": 100.0}
+STARTING_STEP = {"small": 1e-5, "default_step": 1e-6, "reduction": 1e-3, "change": 0.01, "growth": 100.0}
 
 
 class Adaptive(PythonStepper):
@@ -121,7 +121,7 @@ class Adaptive(PythonStepper):
     def _estimate_first_step(self, run: "RunState") -> float:
         """Estimate the first step size (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
         s, y, F = run.system, run.state.y, run.F
-        small, least, share, change, growth = STARTING_STEP.values()
+        small, default_step, reduction, change, growth = STARTING_STEP.values()
         left, power = run.time_to_interval_end(), self.controller.power
         found = s.first_step(
             run.t, y, F, sign=run.sign, left=left, rtol=float(self.rtol), atol=self.atol.ravel(), power=power,
@@ -135,13 +135,13 @@ class Adaptive(PythonStepper):
             return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
 
         d0, d1 = norm(s.size(y)), norm(F)
-        h0 = min(least if min(d0, d1) < small else change * d0 / d1, left)
+        h0 = min(default_step if min(d0, d1) < small else change * d0 / d1, left)
         if not h0 > 0:  # the rates overflow: the error appears in the smallest step
             return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0
         steepest = max(d1, d2)
-        h1 = max(least, share * h0) if steepest <= ROUNDING else (change / steepest) ** (1 / power)
+        h1 = max(default_step, reduction * h0) if steepest <= ROUNDING else (change / steepest) ** (1 / power)
         return min(growth * h0, h1)
 
 

@@ -41,7 +41,9 @@ RATE_WIDTH = 1e-4  # rad, of difference quotients of the rate of configurations
 class IdaSolver(LibrarySolver):
     """IDA: BDF of orders 1 to 5."""
 
+    family = "BDF"
     excludes: ClassVar[Mapping[str, str]] = {
+        "events": "it does not restart where the state jumps",
         "switches": "it does not restart in modes of stops, stiction, clutches and contacts",
     }
     in_core = False

@@ -29,6 +29,7 @@ class LibrarySolver(ABC):
     name: str
     order: int
 
+    family: ClassVar[str] = "library"
     excludes: ClassVar[Mapping[str, str]] = {}
     in_core = True  # the compiled core evaluates its equations
     error_power = 1  # positive: it controls its step sizes

@@ -164,7 +164,7 @@ class NativeStepper(Stepper):
             monitor.to_core(r.monitor)
         if adaptive := self.adaptive:
             c, pi = r.control, adaptive.controller
-            c.h, c.cut, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected
+            c.h, c.uncut_size, c.last, c.rejected = adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected
             c.largest = min(adaptive.max_step, adaptive.cap)
         elif fixed := self.fixed:
             g = r.grid
@@ -190,7 +190,7 @@ class NativeStepper(Stepper):
     def _from_native(self) -> None:
         if adaptive := self.adaptive:
             c, pi = self.run.control, adaptive.controller
-            adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.cut, c.last, c.rejected
+            adaptive.h, adaptive.size_before_truncation, pi.last, pi.rejected = c.h, c.uncut_size, c.last, c.rejected
         elif fixed := self.fixed:
             fixed.i, fixed.on_grid = self.run.grid.i, self.run.grid.on_grid
 

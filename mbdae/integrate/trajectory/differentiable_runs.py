@@ -1,5 +1,7 @@
 """Check whether a run can be recomputed and differentiated."""
 
+from math import inf
+
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...methods import Tableau, method_from_settings
@@ -24,19 +26,23 @@ def require_differentiable(sol: Solution) -> Mechanism:
         raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
     if not sol.ended:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
-    if len(sol.modes) > 1 or sol.impacts:
-        where = float(sol.nodes[0][sol.modes[1][0]]) if len(sol.modes) > 1 else sol.impacts[0].t
-        raise InputError(
-            f"{_first_switch(sol)!r} switches at t = {where:.9g} s: no derivative of runs in which rows do"
-        )
     if sol.singular:
         raise InputError(f"the run passes a singular configuration at t = {sol.singular[0].t:.9g} s: no derivative")
+    _require_separate_impacts(sol)
     return mech
 
 
-def _first_switch(sol: Solution) -> str:
-    """Return the name of the switch that changes first."""
-    if sol.impacts:
-        return sol.impacts[0].where[0]
-    changes = zip(sol.mechanism.switches, sol.modes[0][1], sol.modes[1][1], strict=True)
-    return next((s.name for s, a, b in changes if a != b), sol.mechanism.switches[0].name)
+def _require_separate_impacts(sol: Solution) -> None:
+    """Require that no contact came to rest by an accumulation of bounces.
+
+    Raises:
+        InputError: names the contact and the time.
+    """
+    last = dict[str, float]()
+    switches = {s.name: s for s in sol.mechanism.switches}
+    for impact in sol.impacts:
+        for name in impact.where:
+            switch = switches.get(name)
+            if switch and switch.restitution and impact.t - last.get(name, -inf) < switch.rest:
+                raise InputError(f"{name!r} comes to rest by an accumulation of bounces at t = {impact.t:.9g} s: no derivative")
+            last[name] = impact.t

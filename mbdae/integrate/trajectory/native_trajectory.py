@@ -14,6 +14,7 @@ from ...tolerances import TINY
 from ..steppers.fixed import FIXED_STEP_TOLERANCE
 
 if TYPE_CHECKING:
+    from .._native import Parameters as NativeParameters
     from .trajectory import Trajectory
 
 STEPS_PER_CALL = 1000  # between checks for Ctrl-C
@@ -61,7 +62,8 @@ class NativeTrajectory:
             self.parameters = bind_parameters(system, parameters)
         except NotCompiled as e:
             raise InputError(f"derivatives of runs need the compiled core, which does not compute {e}") from None
-        self.trajectory, self.core, self.varied = trajectory, system.core, parameters
+        self.trajectory, self.system, self.core, self.varied = trajectory, system, system.core, parameters
+        self._of_mode = {system.mode: self.parameters}
         self.method = system.method(trajectory.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated_move = (
@@ -75,6 +77,14 @@ class NativeTrajectory:
             control.rtol, control.atol = trajectory.stepper.rtol, np.atleast_1d(trajectory.stepper.atol).tolist()
             control.tiny = TINY
         self.blocked: set[int] = set()  # steps that are repeated in Python, for their carries
+
+    def enter_mode(self) -> "NativeParameters":
+        """Return the parameters bound to the core in its mode."""
+        mode = self.system.mode
+        if mode not in self._of_mode:
+            self._of_mode[mode] = bind_parameters(self.system, self.varied)
+        self.parameters = self._of_mode[mode]
+        return self.parameters
 
     def segment_end(self, i: int, ends: bool = False) -> int:
         """Return the last node of the sequence of steps that starts at node i; i itself if there is no such step.

@@ -6,6 +6,7 @@ same time, up to rounding, are a jump. Besides the nodes, a trajectory stores th
 demand.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, cast
 
@@ -17,15 +18,18 @@ from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.discrete_sensitivity.point_sensitivity import PointSensitivity
 from ...methods import method_from_settings
 from ...methods.runge_kutta import RungeKutta
+from ...solution.sampling import set_slip_directions
 from ...solution.solution import Solution
 from ...system import Array, State, System
-from ...tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE
+from ...tolerances import AGREEMENT, NEGLIGIBLE, SAME_STATE, ZERO_SPEED
 from ..events.jumps import MARGIN
+from ..jump import ModeJumps
 from ..steppers.adaptive import Adaptive
 from ..steppers.fixed import Fixed
 from .checkpoints import Checkpoints, RecordedStates
 from .differentiable_runs import require_differentiable
 from .native_trajectory import NativeStep, NativeTrajectory
+from .reset_jump import ResetJumps
 
 JUMP = 6 * MARGIN  # roundings of t: closer nodes are the two sides of a jump
 
@@ -87,10 +91,8 @@ class Trajectory:
         defaults = {"q": q, "v": v, "s": list(mech.states.values())}  # for files without these settings
         self.given = np.concatenate([*(settings.get(name) or x for name, x in defaults.items()), [0.0]])
         self.system: Any = parameters.workspace(settings["formulation"], backend.load())
-        self.mode = sol.mode(0) or self.system.mode
-        self._enter(parameters)
-        if self.system.closure_friction.can_stick:
-            self.system.closure_friction.reject("a gradient of wheels that slide")
+        self.system.closure_friction.min_slip_speed = ZERO_SPEED * mech.characteristic_speed
+        self._enter(0, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -101,6 +103,7 @@ class Trajectory:
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.core = NativeTrajectory(self, parameters)
         self.sensitivity = PointSensitivity(self.system, parameters, self.core.parameters)
+        self.jumps, self.resets = ModeJumps(self), ResetJumps(self)
         self.n_carry = self.sensitivity.n_carry if self.tableau.carries else 0
         self.restarted = np.zeros(len(self.ts), bool)
         self.checkpoints: Checkpoints | RecordedStates | None = None
@@ -114,18 +117,41 @@ class Trajectory:
             )
 
     def enter_node(self, i: int) -> None:
-        """Use the rows that were in use at node i."""
-        self._enter(self.core.varied)
+        """Use the mode and the rows that were in use at node i."""
+        self._enter(i, self.core.varied)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.use_rows(rows)
         self.system.determine_rank(float(self.ts[i]), self.ys[i])
 
-    def _enter(self, parameters: Parameters) -> None:
-        """Enter the mode of the run in the workspaces."""
-        if self.system.mode != self.mode:
-            self.system.enter(self.mode)
-        parameters.enter(self.mode)
+    def _enter(self, i: int, parameters: Parameters) -> None:
+        """Enter the mode of node i in the workspaces."""
+        mode = self.sol.mode(i) or self.system.mode
+        if self.system.mode != mode:
+            self.system.enter(mode)
+        parameters.enter(mode)
+        if self.system.closure_friction.can_stick:
+            self._set_slip_directions(i, parameters)
+        if hasattr(self, "sensitivity"):
+            self.sensitivity.native = self.core.enter_mode()
+
+    def _set_slip_directions(self, i: int, parameters: Parameters) -> None:
+        """Set the directions of exact sliding friction in the mode of node i: they do not change in a mode.
+
+        Raises:
+            InputError: for a slip that has several components, whose direction changes.
+        """
+        friction = self.system.closure_friction
+        for k in np.flatnonzero(friction.active):
+            if friction.interfaces[k].force.sticks and len(friction.directions[k]) > 1:
+                name = friction.interfaces[k].closure.name
+                raise InputError(f"closure {name!r} slides in two directions: no derivative of the run")
+        starts = [first for first, _ in self.sol.modes]
+        at = bisect_right(starts, i)
+        last = starts[at] if at < len(starts) else len(self.ys)
+        set_slip_directions(self.system, self.ys[starts[at - 1] : last])
+        for found in (parameters.system, *(s for near in parameters.perturbed_systems for s in near.values())):
+            found.closure_friction.slip_directions[:] = friction.slip_directions
 
     def state(self, i: int) -> State:
         """Return the state at which the step from node i starts."""
@@ -158,6 +184,12 @@ class Trajectory:
         """Yield the maps from node i to the next one."""
         self.enter_node(i)
         t1, y1, changed = float(self.ts[i + 1]), self.ys[i + 1], i + 1 in self.changes
+        if i in self.resets or (self.jumped[i] and self.system.mechanism.switches):
+            jump = self.resets[i] if i in self.resets else self.jumps[i]
+            yield LinearMap(jump.matrix, False)
+            self.enter_node(i + 1)
+            yield from self._carry_restart(t1, y1)
+            return
         if self.jumped[i]:
             yield LinearMap(self.sensitivity.jump(t1, self.ys[i]), False)
         else:

@@ -6,7 +6,7 @@ with u = 0 for closures. Neither G nor its rate depends explicitly on time, and 
 entries are 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple, cast
 
@@ -117,15 +117,20 @@ class Constraints:
             out[row.at] = row.unit
         return out
 
-    def jacobian(self) -> Array:
-        """Return G, (ng, nv), and store the wrenches of the rows in W."""
-        for name, (pair, rows) in self.frame_rows.items():
+    def update_wrenches(self, names: Iterable[str]) -> None:
+        """Store the wrenches of the rows between frames of these closures in W."""
+        for name in names:
+            pair, rows = self.frame_rows[name]
             pair.locate()
             try:
                 for _, r, w in rows:
                     r.wrenches(pair, w)
             except StepError as e:
                 raise StepError(e.status, f"closure {name!r}: {e}") from None
+
+    def jacobian(self) -> Array:
+        """Return G, (ng, nv), and store the wrenches of the rows in W."""
+        self.update_wrenches(self.frame_rows)
         G = self.W.T.dot(self._J)
         G *= self.sign
         for span, sign, body, node in self._node_rows:

@@ -166,7 +166,7 @@ class NoSlipRows(LineRows):
 
     def core_data(self) -> list[CoreData]:
         shape = self.shape.core_data()
-        return [{"kind": "grip", "shape": shape, "share": share.tolist()} for share in self.directions.T]
+        return [{"kind": "grip", "shape": shape, "direction": x.tolist()} for x in self.directions.T]
 
     def lines(self, pair: Pair) -> Lines:
         n, p, dn, dp = self.shape.contact_kinematics(pair)

@@ -129,7 +129,7 @@ def _may_be_constant(parameters: "Parameters") -> bool:
 def _signal(u: Any) -> tuple[Any, Sequence[float]]:
     """Return what is fixed of a function of time, and the numbers of which it is linear."""
     data = u.core_data()
-    if data["kind"] == "pieces":
+    if data["kind"] == "polynomials":
         return (tuple(data["b"]), data["degree"], data["period"]), [*data["a"], data["rise"]]
     if data["kind"] == "harmonic":
         amplitude, omega, phase, offset = data["a"]

@@ -5,15 +5,18 @@ tanh(x/w)/x, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use
 
     c |F| (psi (s . ds) S^T s + phi (dS^T s + S^T ds)) + c phi S^T s d|F|,   ds = dS v + S dv
 
+Exact friction along one no-slip row has phi s = +-1 instead.
+
 Partials of S and |F| by q are sixth-order differences of these terms alone. |F| depends on q if rows are redundant:
 it is that of the minimum-norm multipliers. The partials by lam are included in L of
 `mbdae.mechanism.formulations.equation_partials`.
 """
 
 from math import tanh
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ...finite_differences import numerical_jacobian
 from ...system import Array
@@ -40,14 +43,14 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
     terms_by_q = numerical_jacobian(flat_terms, s.nv, WIDTH)
     by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
     by_load, total = np.zeros((s.nv, len(size))), np.zeros(s.nv)
-    for k, (S, c, width) in enumerate(_active_interfaces(s, jacobians)):
+    for k, (S, interface) in enumerate(zip(jacobians, _active_interfaces(s), strict=True)):
         dS = terms_by_q[ends[k] - S.size : ends[k]].reshape(*S.shape, s.nv)
-        slip, phi, psi = S @ v, *regularisation_factors(float(np.linalg.norm(S @ v)), width)
-        T, along = c * size[k], S.T @ slip
-        by_slip = T * (psi * np.outer(along, slip) + phi * S.T)
-        by_v += by_slip @ S
-        by_q += by_slip @ np.einsum("ijm,j->im", dS, v) + T * phi * np.einsum("ijm,i->jm", dS, slip)
-        by_load[:, k], total = c * phi * along, total + T * phi * along
+        direction, by_slip = interface.direction(S @ v)
+        T = interface.factor * size[k]
+        by_v += T * (S.T @ by_slip @ S)
+        by_q += T * (S.T @ by_slip @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, direction))
+        by_load[:, k] = interface.factor * (S.T @ direction)
+        total += T * (S.T @ direction)
     by_q += by_load @ terms_by_q[ends[-1] :]
     s.jacobian(q)  # restores the kinematics
     nv, n = s.nv, s.ny - s.nv
@@ -61,26 +64,50 @@ def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> 
     """Return the generalised friction and its power, (nv + 1,)."""
     jacobians, size = _terms(s, q, lam, rows)
     out = np.zeros(s.nv)
-    for load, (S, c, width) in zip(size, _active_interfaces(s, jacobians), strict=True):
-        slip = S @ v
-        out += c * load * regularisation_factors(float(np.linalg.norm(slip)), width)[0] * (S.T @ slip)
+    for load, S, interface in zip(size, jacobians, _active_interfaces(s), strict=True):
+        out += interface.factor * load * (S.T @ interface.direction(S @ v)[0])
     return np.append(out, out @ v)
 
 
 def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[Array], Array]:
     """Return S (m, nv) of each sliding interface, and its |F|, (k,)."""
-    s.jacobian(q)
     friction, W = s.closure_friction, s.constraints.W
-    load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
     active = np.flatnonzero(friction.active)
-    return [friction.interfaces[k].slip_jacobian(W[:, friction.interfaces[k].rows]) for k in active], load[active]
+    pin.computeJointJacobians(s.model, s.workspace, q)
+    s.constraints.update_wrenches(friction.interfaces[k].closure.name for k in active)
+    load = friction.normal_forces(friction.minimum_norm_map(rows) @ lam)[0]
+    return [friction.interfaces[k].sliding_jacobian(W) for k in active], load[active]
 
 
-def _active_interfaces(s: "Index2System", jacobians: list[Array]) -> list[tuple[Array, float, float]]:
-    """Return S, c and the width of each sliding interface."""
-    friction, active = s.closure_friction, np.flatnonzero(s.closure_friction.active)
-    data = [(-float(friction.coefficient[k]), friction.interfaces[k].force.width) for k in active]
-    return [(S, *x) for S, x in zip(jacobians, data, strict=True)]
+class _ActiveInterface(NamedTuple):
+    """A sliding interface.
+
+    Attributes:
+        factor: c = -mu r.
+        width: of the regularisation in m/s or rad/s; 0 for exact friction, along one no-slip row.
+        sense: the direction of that slip, (1,).
+    """
+
+    factor: float
+    width: float
+    sense: Array
+
+    def direction(self, slip: Array) -> tuple[Array, Array]:
+        """Return phi s (m,) and its partial derivatives by the slip s, (m, m)."""
+        if not self.width:
+            return self.sense, np.zeros((1, 1))
+        phi, psi = regularisation_factors(float(np.linalg.norm(slip)), self.width)
+        return phi * slip, psi * np.outer(slip, slip) + phi * np.eye(len(slip))
+
+
+def _active_interfaces(s: "Index2System") -> list[_ActiveInterface]:
+    """Return the sliding interfaces."""
+    friction, out = s.closure_friction, []
+    for k in np.flatnonzero(friction.active):
+        force = friction.interfaces[k].force
+        width = 0.0 if force.sticks else force.width
+        out.append(_ActiveInterface(-float(friction.coefficient[k]), width, friction.directions[k]))
+    return out
 
 
 def regularisation_factors(x: float, width: float) -> tuple[float, float]:

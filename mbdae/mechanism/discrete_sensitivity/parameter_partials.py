@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # of |dg/dp|, not corrected by any motion; absolute, rounding
 Make = Callable[[Mapping[str, float]], "Mechanism"]
-At = tuple[float, Array, Array, Array]  # (t, q, v, s)
+At = tuple[float, Array, Array, Array, Mode]  # (t, q, v, s, mode)
 KEPT = "workspace", "core data", "native"  # of `Parameters.once`, for other values
 
 
@@ -54,8 +54,7 @@ class Parameters:
         values: names and values of the parameters.
         native: the compiled core, for partials by placements and frames.
         own: whether the values are the defaults of ``make``.
-        along: points where differences of laws and rows must be accurate.
-        mode: of the mechanism there; without one, all rows are active.
+        along: points where differences of laws and rows must be accurate, each with the mode of the mechanism.
         system: a workspace of the mechanism with these values; a new one if omitted.
 
     Attributes:
@@ -69,7 +68,7 @@ class Parameters:
 
     def __init__(
         self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False,
-        along: Sequence[At] = (), mode: Mode = (), system: Index2System | None = None,
+        along: Sequence[At] = (), system: Index2System | None = None,
     ) -> None:  # fmt: skip
         self.make, self.values = make, dict(values)
         self.mech = mech = make({} if own else values)
@@ -84,7 +83,7 @@ class Parameters:
                 end = f"parameter {name!r} = {value:.9g} is at the end of its range"
                 warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
             if along and (p.forces or p.specs):
-                self._choose_width(p, along, mode)
+                self._choose_width(p, along)
         self.laws = [LawDifferences(p, s, p.perturbed) for p in self.all]
         self.rows = [RowDifferences(p, s, p.perturbed) for p in self.all]
         placed_joints = sorted({j for p in self.all for j in p.placements})
@@ -128,20 +127,20 @@ class Parameters:
             self._found["workspace"][1].bind(mech)
         return True
 
-    def _choose_width(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
+    def _choose_width(self, p: Parameter, along: Sequence[At]) -> None:
         """Use a width of differences of laws and rows that is accurate along a run: a frequency acts over time.
 
         Raises:
             InputError: if no width is accurate.
         """
-        s, kept = self.system, np.ones(self.system.ng)
-        if mode:
-            kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
+        s = self.system
 
         def sampled(h: float) -> dict[int, Array]:
             near, found = p.perturbed_mechanisms(h), []
             laws, rows = LawDifferences(p, s, near), RowDifferences(p, s, near)
-            for t, q, v, inner in along:
+            for t, q, v, inner, mode in along:
+                kept = np.ones(s.ng)
+                kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
                 pin.forwardKinematics(s.model, s.workspace, q, v, np.zeros(s.nv))
                 pin.computeJointJacobians(s.model, s.workspace, q)
                 own, pulls = kept[rows.at], rows.forces(t, kept)
@@ -212,6 +211,8 @@ class Parameters:
         """
         out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
         for i, (p, near) in enumerate(zip(self.all, self.perturbed_systems, strict=True)):
+            if not (p.forces or p.specs or p.placements or p.frames):
+                continue  # neither friction nor its geometry
             for s in near.values():
                 s.enter(self.system.mode)
             found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in near.items()})
@@ -286,9 +287,13 @@ class Parameters:
         Raises:
             InputError: names the parameter.
         """
+        for name in self.inconsistent(t, q):
+            raise InputError(f"parameter {name!r} opens closures that depend on each other: no derivative exists")
+
+    def inconsistent(self, t: float, q: Array) -> list[str]:
+        """Return the names of parameters that violate redundant rows in a way that no motion can correct."""
         positional = self.system.constraints.positional
         g, G = self.row_partials(t, q, np.zeros(self.system.nv))[1][positional], self.system.jacobian(q)[positional]
-        for p, column in zip(self.all, g.T, strict=True):
-            residual = column + G @ np.linalg.lstsq(G, -column, rcond=RANK)[0]
-            if np.abs(residual).max(initial=0.0) > max(UNREACHABLE * np.abs(column).max(initial=0.0), NEGLIGIBLE):
-                raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
+        residual = np.abs(g + G @ np.linalg.lstsq(G, -g, rcond=RANK)[0]).max(axis=0, initial=0.0)
+        limit = np.maximum(UNREACHABLE * np.abs(g).max(axis=0, initial=0.0), NEGLIGIBLE)
+        return [p.name for p, out in zip(self.all, residual > limit, strict=True) if out]

@@ -19,7 +19,7 @@ from ...system import Array
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
-DIFFERENCES = 2e5  # multiple of rounding: error of finite differences of Python functions
+DIFFERENCE_ERROR = 2e5  # of finite differences of Python functions, in roundings
 
 
 class TermSizes:
@@ -42,7 +42,7 @@ class TermSizes:
         self.joint = np.repeat(np.arange(len(self.starts)), list(model.nvs)[1:])
         masses = [sum(model.inertias[i].mass for i in tree) for tree in list(model.subtrees)[1:]]
         self.weight = (float(np.linalg.norm(model.gravity.linear)) * np.sqrt(masses))[self.joint]
-        self.errors = [DIFFERENCES if law.differenced else 1.0 for law, _ in system.laws.acting]
+        self.errors = [DIFFERENCE_ERROR if law.differenced else 1.0 for law, _ in system.laws.acting]
 
     def forces(self, t: float, q: Array, s: Array) -> Array:
         """Return the sum of the sizes of all laws, (nv,); kinematics must be current at q and v."""

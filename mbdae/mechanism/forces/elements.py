@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError
+from ...errors import InputError, StepError
 from .force import Array, ArrayOrZero, ForceElement
 from .linear import Linear, LinearElement
 
@@ -34,6 +34,7 @@ class ForceElements:
         self.acting: list[BoundLaw] = [(law, at) for law, at in self.bound if not isinstance(law, LinearElement)]
         if linear:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
+        self._without_potential = [type(law).potential is ForceElement.potential for law, _ in self.acting]
 
     def states(self) -> dict[str, float]:
         """Return names ``law.state`` and initial values of all states, in the order of s.
@@ -64,14 +65,19 @@ class ForceElements:
         return conservative + other, rates
 
     def split_torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, Array, Array]:
-        """Return the conservative and the non-conservative part of tau, (nv,) each, and s' and a zero, (ns + 1,)."""
+        """Return the conservative and the non-conservative part of tau, (nv,) each, and s' and a zero, (ns + 1,).
+
+        Raises:
+            StepError: for a law with a conservative part that has no potential energy.
+        """
+        conservative: ArrayOrZero = 0.0
+        other: ArrayOrZero = 0.0
         rates = np.zeros(self.ns + 1)
-        if not self.acting:
-            return 0.0, np.zeros(self.nv), rates
-        (law, at), *more = self.acting
-        conservative, other, rates[at] = law.evaluate(t, q, v, s[at])
-        for law, at in more:
+        for (law, at), without_potential in zip(self.acting, self._without_potential, strict=True):
             c, o, ds = law.evaluate(t, q, v, s[at])
+            if without_potential and np.count_nonzero(c):
+                method = f"{type(law).__name__} needs the method potential(q), or the other part contains it"
+                raise StepError("force", f"force {law.name!r} has a conservative part without a potential: {method}")
             conservative, other = conservative + c, other + o
             if at.start < at.stop:
                 rates[at] += ds

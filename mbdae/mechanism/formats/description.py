@@ -32,6 +32,7 @@ def describe(mech: Mechanism) -> JsonObject:
         driver=mech.drivers,
         stop=mech.stops,
         clutch=mech.clutches,
+        event=mech.resets,
         force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
         start=mech.start_values,
         order=mech.order,

@@ -16,6 +16,7 @@ from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..forces import FORCES
+from ..hybrid.reset import Reset
 from ..imported_model import ImportedModel, not_carried_over
 from ..mechanism import Mechanism
 from ..model_settings import Motor
@@ -36,6 +37,7 @@ def load(
     drivers: Sequence[Driver] = (),
     stops: Sequence[Stop] = (),
     clutches: Sequence[Clutch] = (),
+    resets: Sequence[Reset] = (),
     forces: Sequence[Any] = (),
     motors: Mapping[str, Any] | None = None,
     key: str = "",
@@ -52,6 +54,7 @@ def load(
         drivers: additional drivers, after those of the file.
         stops: additional stops, after those of the file.
         clutches: additional clutches, after those of the file.
+        resets: additional events at which the state jumps, after those of the file.
         forces: additional forces, after those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
         key: keyframe of an MJCF file with the initial state; the first one if omitted, ``"qpos0"`` for none.
@@ -65,7 +68,7 @@ def load(
         UnknownNameError: for an unknown model, parameter, frame, joint, motor or keyframe; lists the valid names.
         InputError: for an invalid file; the message names the key and the expected value.
     """
-    more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
+    more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches, "event": resets}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
     if recipe.remarks:
@@ -196,7 +199,8 @@ def mechanism_from_file(
 ) -> Mechanism:
     """Return the mechanism of a model, with the other tables of a file."""
     return Mechanism(
-        model, file.closure, forces, drivers=file.driver, stops=file.stop, clutches=file.clutch, start=file.start,
+        model, file.closure, forces, drivers=file.driver, stops=file.stop, clutches=file.clutch, resets=file.event,
+        start=file.start,
         title=title, duration=file.duration, order=file.order, settings=file.solve, **rest,
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ from ..time_functions.time_functions import Constant
 from ..tree.frames import joint_names
 from .load import Recipe, recipe_from_mechanism
 from .schema import Body
-from .table_entries import entry_keys, first_key
+from .table_entries import first_key
 from .template import CACHE_SIZE, Template, as_body, split_joint
 
 
@@ -52,7 +52,7 @@ def parameter_value(template: Template, name: str) -> float:
         if name.startswith("joint."):
             entry, rest = _joint(recipe, name.removeprefix("joint."))
         while rest:
-            key, rest = first_key(entry, rest, name, entry_keys(entry))
+            key, rest = first_key(entry, rest, name)
             entry = entry.get(key) if isinstance(entry, dict) else _entry_of(entry, key)
     entry = entry.value if isinstance(entry, Constant) else entry
     if isinstance(entry, bool) or not isinstance(entry, int | float):

@@ -83,5 +83,5 @@ def resolve(source: str, base: Path) -> Path:
     except (OSError, ValueError) as e:
         raise InputError(f"source {source[:80]!r} is not a path: {e}") from None
     if not found:
-        raise InputError(f"source {source!r} is not a file (looked at {path})")
+        raise InputError(f"source {source!r} is not a file (tried {path})")
     return path

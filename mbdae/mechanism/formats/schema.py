@@ -15,6 +15,7 @@ from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..flexible.beam import EndCondition, Plane
 from ..forces import AnyForce
+from ..hybrid.reset import Reset
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
 from ..time_functions.input_functions import Input
 from ..time_functions.time_functions import TimeFunction
@@ -163,6 +164,7 @@ class MechanismFile(Table):
         driver: joints or distances that follow a function of time.
         stop: limits of joint motions.
         clutch: one-way clutches and ratchets.
+        event: events at which the state jumps.
         force: springs, dampers, motors, controllers.
         input: inputs of forces and drivers.
         start: initial state.
@@ -185,6 +187,7 @@ class MechanismFile(Table):
     driver: tuple[Driver, ...] = ()
     stop: tuple[Stop, ...] = ()
     clutch: tuple[Clutch, ...] = ()
+    event: tuple[Reset, ...] = ()
     force: tuple[AnyForce, ...] = ()
     input: tuple[Input, ...] = ()
     start: Start = Start()

@@ -43,7 +43,7 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
     for whole, (path, value) in entries.items():
         if not path:
             return value
-        key, rest = first_key(part, path, whole, keys)
+        key, rest = _first_key(part, path, whole, keys)
         groups.setdefault(key, {})[whole] = rest, value
     if isinstance(part, Table):
         said = {k: getattr(part, k) for k in part.model_fields_set if k in type(part).model_fields}
@@ -59,8 +59,21 @@ def with_entries(part: Any, entries: Mapping[str, tuple[str, Any]]) -> Any:
     return tuple(with_entries(x, groups[str(i)]) if str(i) in groups else x for i, x in enumerate(part))
 
 
-def first_key(part: Any, path: str, whole: str, keys: Mapping[str, str]) -> tuple[str, str]:
-    """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered."""
+def first_key(part: Any, path: str, whole: str) -> tuple[str, str]:
+    """Return the first key of a path, which may contain dots, and the rest of the path; list entries are numbered.
+
+    Args:
+        part: a checked table, a list or a dict.
+        path: a path within ``part``.
+        whole: the complete path, for messages.
+
+    Raises:
+        UnknownNameError: for an invalid path; lists the valid keys.
+    """
+    return _first_key(part, path, whole, entry_keys(part))
+
+
+def _first_key(part: Any, path: str, whole: str, keys: Mapping[str, str]) -> tuple[str, str]:
     if isinstance(part, dict):  # joint = value: the model checks the names of joints
         return path, ""
     name = path

@@ -38,7 +38,14 @@ from .table_entries import TABLES, entry_keys, entry_names, first_key, with_entr
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # entries of a source for a joint
 START = "start."
 WHOLE_TABLES = ("duration", "gravity")  # with values for the whole table
-PARTS = {"closure": "closures", "clutch": "clutches", "driver": "drivers", "stop": "stops", "duration": "duration"}
+PARTS = {
+    "closure": "closures",
+    "clutch": "clutches",
+    "driver": "drivers",
+    "stop": "stops",
+    "event": "resets",
+    "duration": "duration",
+}
 CACHE_SIZE = 8  # mechanisms with other parameters, for several threads
 
 
@@ -177,7 +184,7 @@ def _check_path(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = first_key(at, rest, name, entry_keys(at))
+        key, rest = first_key(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Constant):  # a number as a function of time
         return
@@ -199,7 +206,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
     entries = getattr(Body(name=joint, parent=""), key)
-    _ = index and first_key(entries, index, f"joint.{path}", entry_keys(entries))
+    _ = index and first_key(entries, index, f"joint.{path}")
     return joint, rest
 
 

@@ -98,7 +98,7 @@ class ClosureFriction:
     def minimum_norm_map(self, rows: Array) -> Array:
         """Return the map (ng, r) from the multipliers in use to those of all rows. Kinematics must be current."""
         ng, r = self.constraints.ng, len(rows)
-        if r == ng:
+        if r == ng - len(self.constraints.inactive):
             return np.eye(ng)[:, rows]
         G = self.constraints.jacobian()
         return np.array([minimum_norm(G, r, g) for g in G[rows]]).T

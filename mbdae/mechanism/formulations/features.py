@@ -9,13 +9,15 @@ if TYPE_CHECKING:
 def features(system: "Index2System") -> dict[str, str]:
     """Return kinds of features with the names of their elements, see `mbdae.system.System`.
 
-    ``"switches"``: stops, brakes, clutches, contacts; ``"velocity rows"``: closures without a position level;
-    ``"states"`` of actuators and controllers; ``"closure friction"``: friction proportional to multipliers.
+    ``"switches"``: stops, brakes, clutches, contacts; ``"events"`` at which the state jumps; ``"velocity rows"``:
+    closures without a position level; ``"states"`` of actuators and controllers; ``"closure friction"``: friction
+    proportional to multipliers.
     """
     mech = system.mechanism
     found: dict[str, list[str]] = {
         "switches": [switch.name for switch in mech.switches],
         "velocity rows": [name for name, kept in zip(mech.row_names, mech.positional, strict=True) if not kept],
+        "events": [reset.name for reset in mech.resets],
         "states": list(mech.states),
         "closure friction": [interface.force.name for interface in system.closure_friction.interfaces],
     }

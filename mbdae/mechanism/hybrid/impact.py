@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ...tolerances import EVALUATION_ROUNDING, MODE_ROUNDING, SOLUTION_ROUNDING, VISIBLE
-from .impact_law import FrictionRow, ImpactSolution, solve_impact
+from .impact_law import FrictionRow, ImpactSolution, ImpactStage, solve_impact
 from .switch import ImpactRow
 from .switches import error_with_names
 
@@ -35,6 +35,30 @@ class Impact(NamedTuple):
     loss: float
 
 
+class RowImpact(NamedTuple):
+    """One of the successive impacts at an instant, by rows of the mechanism.
+
+    M (v+ - v-) = A^T P,  A v+ + c = -E (A v- + c), with the impulses of sliding rows in proportion to normal ones.
+
+    Attributes:
+        before: v-, (nv,).
+        after: v+, (nv,).
+        impulses: P of all rows, (ng,), in their units.
+        rows: indices of the rows A that satisfy the law, (n,): bilateral, contact and sticking rows.
+        restitution: their E, (n,).
+        switches: indices of the switches of approaching contacts, (n,); -1 for other rows.
+        sliding: tangential rows whose friction is at its limit: (row, normal row, switch).
+    """
+
+    before: Array
+    after: Array
+    impulses: Array
+    rows: Array
+    restitution: Array
+    switches: Array
+    sliding: tuple[tuple[int, int, int], ...]
+
+
 def resolve_impact(point: "ModePoint", unswitched: Array, recent: set[int]) -> tuple[Array, Impact | None]:
     """Return the point after an impact, and its record, which is None if no row approaches or becomes active.
 
@@ -48,15 +72,20 @@ def resolve_impact(point: "ModePoint", unswitched: Array, recent: set[int]) -> t
         StepError: if the impact has no solution.
     """
     problem = _ImpactProblem(point, unswitched)
-    if not problem.approaching and not problem.violated:
-        return point.y, None
-    if problem.approaching and all(i in recent for i in problem.approaching):
-        problem.make_active_bilateral(recent)
     impact = problem.solve(recent)
+    if impact is None:
+        return point.y, None
     y, system = point.y.copy(), point.system
     y[system.nq : system.nq + system.nv] = impact.v
     y[-1] += impact.work
     return y, problem.record(impact)
+
+
+def row_impacts(point: "ModePoint", unswitched: Array, recent: set[int]) -> list[RowImpact]:
+    """Return the successive impacts that `resolve_impact` finds at a point, in terms of rows; empty without one."""
+    problem = _ImpactProblem(point, unswitched)
+    impact = problem.solve(recent)
+    return [problem.by_rows(stage) for stage in impact.stages] if impact else []
 
 
 class _ImpactProblem:
@@ -112,12 +141,16 @@ class _ImpactProblem:
         """Contact rows of the complementarity problem."""
         return [*self.closing, *self.separating]
 
-    def solve(self, recent: set[int]) -> ImpactSolution:
-        """Solve the complementarity problem, with e = 0 for ``recent`` switches.
+    def solve(self, recent: set[int]) -> ImpactSolution | None:
+        """Solve the complementarity problem, with e = 0 for ``recent`` switches; None if no velocity jumps.
 
         Raises:
             StepError: if it has no solution.
         """
+        if not self.approaching and not self.violated:
+            return None
+        if self.approaching and all(i in recent for i in self.approaching):
+            self.make_active_bilateral(recent)
         point, contacts, bilateral = self.point, self.contacts, np.array(self.bilateral, int)
         rows, signs = np.array([s.row for _, s in contacts], int), np.array([s.sign for _, s in contacts])
         e = np.array([0.0 if i in recent else s.restitution for i, s in contacts])
@@ -146,7 +179,24 @@ class _ImpactProblem:
         first = [(self.switches[i].name, rows[0]) for i, rows in self.rows_near_contact.items()]
         return [(name, p) for name, s in first if s.sign and (p := float(s.sign * impulses[s.row])) > 0]
 
-    def _impulses(self, impact: ImpactSolution) -> Array:
+    def by_rows(self, stage: ImpactStage) -> RowImpact:
+        """Return one of the successive impacts in terms of rows."""
+        G, g_t = self.point.values[1:]
+        significant = stage.p > MODE_ROUNDING * stage.p.max(initial=0.0)
+        found = zip(self.contacts, stage.restitution, significant, strict=True)
+        loaded_contacts = [(i, s, e) for (i, s), e, loaded in found if loaded]
+        normal = {i: s.row for i, s, _ in reversed(loaded_contacts)}
+        loaded = [(i, s.row) for i, s in self.frictional if i in normal]
+        slips = {row for _, row in loaded if abs(G[row] @ stage.after + g_t[row]) > self.rest_speed * self.scales[row]}
+        laws = [(row, 0.0, -1) for row in dict.fromkeys(self.bilateral)] + [
+            (s.row, e, i if s.sign * (G[s.row] @ stage.before + g_t[s.row]) < 0 else -1) for i, s, e in loaded_contacts
+        ] + [(row, 0.0, -1) for _, row in loaded if row not in slips]  # fmt: skip
+        rows, restitution, switches = np.array(laws, float).reshape(-1, 3).T
+        sliding = tuple((row, normal[i], i) for i, row in loaded if row in slips)
+        impulses, at = self._impulses(stage), rows.astype(int)
+        return RowImpact(stage.before, stage.after, impulses, at, restitution, switches.astype(int), sliding)
+
+    def _impulses(self, impact: ImpactSolution | ImpactStage) -> Array:
         """Return the impulses of all rows, (ng,), in their units."""
         impulses = np.zeros(self.point.system.ng)
         impulses[[s.row for _, s in self.contacts]] = np.array([s.sign for _, s in self.contacts]) * impact.p

@@ -45,6 +45,26 @@ class FrictionRow(NamedTuple):
     friction: float
 
 
+class ImpactStage(NamedTuple):
+    """One of the successive impacts at an instant.
+
+    Attributes:
+        before: velocities before it, (nv,).
+        after: velocities after it, (nv,).
+        p: impulses of the contact rows, (m,).
+        P: impulses of the bilateral rows, (k,).
+        friction: impulses of the friction rows, (n,).
+        restitution: coefficients that act, (m,): 0 for rows that do not approach, and after `MAX_IMPACTS`.
+    """
+
+    before: Array
+    after: Array
+    p: Array
+    P: Array
+    friction: Array
+    restitution: Array
+
+
 class ImpactSolution(NamedTuple):
     """Solution of an impact problem.
 
@@ -54,6 +74,7 @@ class ImpactSolution(NamedTuple):
         P: impulses of the bilateral rows, (k,).
         work: work of all impulses in J: the change of kinetic energy.
         friction: impulses of the friction rows, (n,).
+        stages: the successive impacts; their impulses add up to those above.
     """
 
     v: Array
@@ -61,6 +82,7 @@ class ImpactSolution(NamedTuple):
     P: Array
     work: float
     friction: Array
+    stages: tuple[ImpactStage, ...]
 
 
 def solve_impact(
@@ -85,25 +107,28 @@ def solve_impact(
             the energy.
     """
     problem = _Impact(U, bilateral, b, rows, v, frictional, speed)
-    x, work, rest_speed = U @ v, 0.0, problem.rest_speed  # x = M^1/2 v
-    total, P, friction = np.zeros(len(rows)), np.zeros(len(bilateral)), np.zeros(len(frictional))
+    x, work, rest_speed, stages = U @ v, 0.0, problem.rest_speed, list[ImpactStage]()  # x = M^1/2 v
     for k in range(MAX_IMPACTS + 1):
         rates = problem.BU.T @ x + c
         if k and not (rates < -rest_speed).any():
             break
         last = k == MAX_IMPACTS
         which = np.arange(len(rows)) if last else np.flatnonzero(rates <= rest_speed)
-        target = -(0.0 if last else e[which]) * np.minimum(rates[which], 0.0) - c[which]
+        acting = np.zeros(len(rows))
+        acting[which] = np.where(rates[which] < 0, 0.0 if last else e[which], 0.0)
+        target = -acting[which] * rates[which] - c[which]
         new, p, q = problem.impact(x, which, target)
         impulse = problem.pinv @ (new - x - problem.BU[:, which] @ p - problem.BT @ q)
         work += problem.work(x + new, which, p, q, impulse)
-        total[which] += p
-        friction += q
-        P += impulse
+        total = np.zeros(len(rows))
+        total[which] = p
+        stages.append(ImpactStage(v, v := np.linalg.solve(U, new), total, impulse, q, acting))
         x = new
-    if frictional and work > MODE_ROUNDING * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
+    start = U @ stages[0].before
+    if frictional and work > MODE_ROUNDING * float(start @ start) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction increases the energy here, for a restitution above 0")
-    return ImpactSolution(np.linalg.solve(U, x), total, P, work, friction)
+    total, P, friction = (sum(x) for x in zip(*(stage[2:5] for stage in stages), strict=True))
+    return ImpactSolution(v, total, P, work, friction, tuple(stages))
 
 
 class _Impact:

@@ -118,6 +118,7 @@ class Switch:
         index: position among the switches of the mechanism.
         states: names of the states.
         rest: duration in s below which a flight ends in rest.
+        restitution: coefficient of restitution.
         row: index of the first row.
         takes_impulse: whether impulses act through that row, and only that row.
     """
@@ -126,6 +127,7 @@ class Switch:
     takes_impulse = True
     states: tuple[str, ...] = ("open", "closed")
     rest: float = 0.0
+    restitution: float = 0.0
 
     def __init__(self, name: str) -> None:
         self.name, self.index = name, -1

@@ -37,6 +37,11 @@ def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:
     return np.array(sorted(all_rows - kept), int)
 
 
+def unswitched_rows(switches: Sequence[Switch], ng: int) -> Array:
+    """Return the indices of the rows without a switch."""
+    return np.setdiff1d(np.arange(ng), [row for s in switches for row in s.rows])
+
+
 def describe_mode(switches: Sequence[Switch], mode: Mode) -> str:
     """Return a description of a mode: the states that are not idle."""
     states = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]

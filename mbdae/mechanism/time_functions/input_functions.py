@@ -72,7 +72,7 @@ class Input(BaseTimeFunction):
 
     def core_data(self) -> dict[str, Any]:
         t, value, rate = self.setting
-        return {"kind": "pieces", "a": [rate, value], "b": [t], "degree": 1, "input": self._number}
+        return {"kind": "polynomials", "a": [rate, value], "b": [t], "degree": 1, "input": self._number}
 
 
 class InputHistory(PiecewiseFunction):

@@ -90,7 +90,7 @@ class PiecewisePolynomial:
         """Return the core data."""
         rows = self._derivatives[0]
         numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}
-        return {"kind": "pieces", **numbers, "period": self.period, "rise": self.rise}
+        return {"kind": "polynomials", **numbers, "period": self.period, "rise": self.rise}
 
 
 def _derivative(row: list[float]) -> list[float]:

@@ -38,13 +38,18 @@ def find_frame(model: pin.Model, name: str) -> pin.Frame:
     Raises:
         UnknownNameError: lists the valid names.
     """
+    return model.frames[frame_index(model, name)]
+
+
+def frame_index(model: pin.Model, name: str) -> int:
+    """Return the index of a frame in the model, see `find_frame`."""
     if name == WORLD:
-        return model.frames[0]
+        return 0
     links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
     indices = links or [i for i, f in enumerate(model.frames) if f.name == name and i]
     if not indices:
         raise UnknownNameError("frame", name, frame_names(model))
-    return model.frames[min(indices)]
+    return min(indices)
 
 
 def fixed_links(model: pin.Model) -> list[str]:
@@ -110,6 +115,13 @@ def _anchor_paths(model: pin.Model, anchors: Sequence[Anchor], q: np.ndarray) ->
         for path, a in zip(out, anchors, strict=True):
             path[k] = data.oMi[a.joint].act(a.p)
     return out
+
+
+def frame_origin(model: pin.Model, data: pin.Data, q: np.ndarray, frame: int) -> np.ndarray:
+    """Return the origin of a frame, by its index in the model, in the world in m, (3,)."""
+    at = model.frames[frame]
+    pin.forwardKinematics(model, data, q)
+    return np.asarray(data.oMi[at.parentJoint].act(at.placement.translation))
 
 
 def frame_motions(

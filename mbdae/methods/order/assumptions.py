@@ -59,9 +59,7 @@ def assumptions(tableau: RungeKutta) -> Assumptions:
 
     def transposed(k: int) -> bool:
         weights = [w * _power(x, k - 1) for w, x in zip(b, c, strict=True)]
-        left = [
-            sum((w * row[j] for w, row in zip(weights, A, strict=True)), start=zero) for j in range(len(b))
-        ]
+        left = [sum((w * row[j] for w, row in zip(weights, A, strict=True)), start=zero) for j in range(len(b))]
         right = [w * (1 - _power(x, k)) / k for w, x in zip(b, c, strict=True)]
         return all(_vanishes(x - y, tolerance) for x, y in zip(left, right, strict=True))
 

@@ -67,13 +67,14 @@ class ConditionReport:
         y: conditions of y for general f.
         y_linear: those that remain when f is linear in z.
         own: conditions of the method's z.
+        ode: conditions of y without constraints, of a half-explicit method.
         normal: conditions of the error along f_z, which y does not contain, if the step does not end at a stage.
         normal_linear: those that remain when f is linear in z.
         growth: R(infinity) of an implicit method.
         w_last_1: growth factor per step of the error of the carried z; None if nothing is carried.
         assumptions: the simplifying assumptions that hold.
         embedded: one entry for each embedded formula.
-        claims: claimed order, order_linear, order_own, order_embedded.
+        claims: claimed order, order_linear, order_own, order_embedded, and order_ode of a half-explicit method.
         tolerance: residuals up to this count as zero; 0 for exact coefficients.
     """
 
@@ -86,6 +87,7 @@ class ConditionReport:
     embedded: tuple[Embedded, ...]
     claims: dict[str, int]
     tolerance: float
+    ode: Check | None = None
     normal: Check | None = None
     normal_linear: Check | None = None
     growth: float | None = None
@@ -125,9 +127,11 @@ class ConditionReport:
     @property
     def holds(self) -> bool:
         """Whether every claim is reached, and the carried z is stable."""
-        found = (self.order_y, self.order_y_linear, self.order_own, self.order_embedded)
-        names = ("order", "order_linear", "order_own", "order_embedded")
-        return self.stable and all(have >= self.claims[name] for have, name in zip(found, names, strict=True))
+        found = {"order": self.order_y, "order_linear": self.order_y_linear, "order_own": self.order_own}
+        found["order_embedded"] = self.order_embedded
+        if self.ode:
+            found["order_ode"] = self.ode.order
+        return self.stable and all(found[name] >= claim for name, claim in self.claims.items())
 
     def __str__(self) -> str:
         rounded = f" (rounded coefficients: residuals up to {self.tolerance:g} count as zero)"
@@ -137,6 +141,8 @@ class ConditionReport:
             f"  y, f linear in z    claimed {self.claims['order_linear']}, found {self.y_linear}",
             f"  own z               claimed {self.claims['order_own']}, found {self.own}",
         ]
+        if self.ode and self.claims["order_ode"] != self.claims["order"]:
+            lines.append(f"  y, no constraints   claimed {self.claims['order_ode']}, found {self.ode}")
         if self.w_last_1 is not None:
             state = "damped" if self.stable else "NOT DAMPED"
             lines.append(f"  carried z           its error is {state}, factor {self.w_last_1:.4g} per step")

@@ -24,7 +24,6 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import cache
 from math import prod
-from typing import Any
 
 from ...errors import InputError
 from ...tolerances import PUBLISHED_DECIMALS
@@ -33,7 +32,7 @@ from ..runge_kutta import RungeKutta
 from ..tableau import Row, Tableau
 from .assumptions import assumptions
 from .condition_report import Check, ConditionReport, Embedded, Failure
-from .trees import RootedTree, iterate_y, trees_z
+from .trees import RootedTree, iterate_y, plain_trees, trees_z
 from .weights import Weights
 
 MAX_PROVEN_ORDER = 5  # the highest order that is checked for a tableau without claims
@@ -69,7 +68,11 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
     own_weight = weights.last if at_stage else lambda u: weights.end(b, u)
     own = _search(own_weight, trees_z, max_order - 1 if max_order else tableau.order_own + (not at_stage), tolerance)
     rows = {"b_embedded": tableau.b_embedded, "b_companion": tableau.b_companion}
-    claims = ("order", "order_linear", "order_own", "order_embedded")
+    claims = ["order", "order_linear", "order_own", "order_embedded"]
+    ode = None
+    if isinstance(tableau, Tableau):
+        ode = search(lambda t: weights.sum(b, t), plain_trees, tableau.order_ode + 1)
+        claims.append("order_ode")
 
     def conditions(trees: Trees, order: int) -> tuple[Check, Check | None]:
         """Check all trees; those of the error along f_z apart if it remains at the end of a step."""
@@ -92,6 +95,7 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
         name=tableau.name,
         y=y,
         y_linear=y_linear,
+        ode=ode,
         normal=normal,
         normal_linear=normal_linear,
         growth=None if isinstance(tableau, Tableau) else float(tableau.R_infinity),
@@ -104,7 +108,7 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
     )
 
 
-def proven_orders(tableau: RungeKutta) -> dict[str, Any]:
+def proven_orders(tableau: Tableau) -> dict[str, int]:
     """Return the claims that the conditions prove, up to order `MAX_PROVEN_ORDER`, for a tableau without claims.
 
     Raises:
@@ -115,7 +119,7 @@ def proven_orders(tableau: RungeKutta) -> dict[str, Any]:
     def found(row: Row, trees: Trees) -> int:
         return _search(lambda t: weights.sum(row, t), trees, MAX_PROVEN_ORDER, tolerance).order
 
-    out = {"order": found(b, iterate_y), "order_linear": found(b, _linear_y)}
+    out = {"order": found(b, iterate_y), "order_linear": found(b, _linear_y), "order_ode": found(b, plain_trees)}
     if not out["order"]:
         raise InputError(f"tableau {tableau.name!r}: its weights b must add up to 1")
     out["order_own"] = 1 + _search(weights.last, trees_z, out["order"] - 1, tolerance).order

@@ -96,9 +96,7 @@ class Weights:
 
     def _apply(self, matrix: "_Matrix", v: Vector) -> Vector:
         x = v.numbers
-        return _reduced(
-            [sum(a * x[j] for j, a in row) for row in matrix.rows], matrix.denominator * v.denominator
-        )
+        return _reduced([sum(a * x[j] for j, a in row) for row in matrix.rows], matrix.denominator * v.denominator)
 
     def _product(self, factors: list[Vector]) -> Vector:
         x, n = self._ones.numbers, self.n

@@ -12,8 +12,8 @@ auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& 
   return attempt(c, [&](Index2System& s) {
     if (!s.mechanics.expanded()) reject("partials need the expanded tree");
     const size_t nv = s.nv, n = s.ny - s.nv;
-    Numbers a = numbers(q, s.nq, "q"), b = numbers(u, n, "u"), d = numbers(vdot, nv, "vdot");
-    Numbers l = numbers(lam, s.ng, "lam");
+    Numbers a = checked_numbers(q, s.nq, "q"), b = checked_numbers(u, n, "u"), d = checked_numbers(vdot, nv, "vdot");
+    Numbers l = checked_numbers(lam, s.ng, "lam");
     EquationPartials out;
     s.partials(t, a.data(), b.data(), d.data(), l.data(), out);
     const size_t r = out.g_t.size();
@@ -24,7 +24,7 @@ auto partials(PyCore& c, double t, const Array& q, const Array& u, const Array& 
 
 auto derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = numbers(y, s.length, "y"), F(s.ny), z(s.ng);
+    Numbers at = checked_numbers(y, s.length, "y"), F(s.ny), z(s.ng);
     s.derivative(t, at.data(), F.data(), z.data());
     return std::make_tuple(vector(F), vector(z));
   });
@@ -32,7 +32,7 @@ auto derivative(PyCore& c, double t, const Array& y) {
 
 auto raw_derivative(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = numbers(y, s.length, "y"), dy(s.length), z(s.ng);
+    Numbers at = checked_numbers(y, s.length, "y"), dy(s.length), z(s.ng);
     s.raw_derivative(t, at.data(), dy.data(), z.data());
     return std::make_tuple(vector(dy), vector(z));
   });
@@ -42,7 +42,7 @@ auto derivatives(PyCore& c, const Array& t, const Array& y) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
-  Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
+  Numbers ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
@@ -58,7 +58,7 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
-  Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
+  Numbers ts(t.data(), t.data() + n), at = checked_numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
   run_unlocked(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
@@ -75,7 +75,7 @@ auto residuals(PyCore& c, const Array& t, const Array& y) {
 // Including rows inactive in the mode.
 auto rows_of_all_modes(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
+    Numbers at = checked_numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
     std::vector<bool> off;
     off.swap(s.constraints.off);
     try {
@@ -91,7 +91,7 @@ auto rows_of_all_modes(PyCore& c, double t, const Array& y) {
 
 std::optional<double> ratio_of_pivots(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
-  Numbers at = numbers(q, s.nq, "q");
+  Numbers at = checked_numbers(q, s.nq, "q");
   if (rank < 1 || rank > std::min(s.ng, s.nv)) reject("rank out of range");
   try {
     return s.pivot_ratio(at.data(), rank);
@@ -106,7 +106,7 @@ nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
   Mechanics& m = c.core->system.mechanics;
   c.core->system.point.invalidate();
   const size_t nv = m.nv, n = m.joints;
-  Numbers at = numbers(q, m.nq, "q"), u = numbers(v, nv, "v"), rate = numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
+  Numbers at = checked_numbers(q, m.nq, "q"), u = checked_numbers(v, nv, "v"), rate = checked_numbers(a, nv, "a"), V(6 * n), A(6 * n), full(nv);
   m.dynamics(at.data(), u.data());
   Numbers M(m.M(), m.M() + nv * nv), nle(m.bias(), m.bias() + nv), J(m.J(), m.J() + 6 * nv);
   for (size_t i = 0; i < nv; ++i)
@@ -121,7 +121,7 @@ nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
 double minimal_stage_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
   const CoreLock lock(c);
   Index2System& s = c.core->system;
-  Numbers a = numbers(q, s.nq, "q"), b = numbers(v, s.nv, "v");
+  Numbers a = checked_numbers(q, s.nq, "q"), b = checked_numbers(v, s.nv, "v");
   try {
     return s.minimal_stage_seconds(a.data(), b.data(), repetitions);
   } catch (const FallBackToPython&) {

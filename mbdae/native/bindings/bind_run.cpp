@@ -64,7 +64,7 @@ double partials_seconds(PyCore& c, const Array& q, const Array& v, int repetitio
   const CoreLock lock(c);
   Index2System& s = c.core->system;
   if (!s.mechanics.expanded()) reject("partials need the expanded tree");
-  Numbers at = numbers(q, s.nq, "q"), u = numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
+  Numbers at = checked_numbers(q, s.nq, "q"), u = checked_numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
   u.resize(s.ny - s.nv);
   Numbers other(u);  // alternating: no cached point when partials are computed
   other[0] += 1;

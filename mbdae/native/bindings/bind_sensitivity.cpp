@@ -87,7 +87,7 @@ PyParameters bind_parameters(PyCore& c, int count, const nb::list& component_lis
 struct Nodes {
   Nodes(PyCore& c, nb::handle method, bool halved, bool project, const Array& t, const Array& y, const PyParameters* p = nullptr)
       : ny(c.core->system.ny), nodes(t.size()), ts(t.data(), t.data() + nodes),
-        ys(numbers(y, nodes * c.core->system.length, "y")),
+        ys(checked_numbers(y, nodes * c.core->system.length, "y")),
         segment{nb::isinstance<Tableau>(method) ? nb::cast<const Tableau*>(method) : nullptr,
                 nb::isinstance<Radau>(method) ? nb::cast<const Radau*>(method) : nullptr,
                 halved, project, nodes - 1, ts.data(), ys.data()},
@@ -131,7 +131,7 @@ std::optional<std::tuple<Out, std::vector<int>, size_t, Out>> recompute_steps(Py
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.controlled_components()))
     reject("atol has the wrong length");
   Recomputed out;
-  out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
+  out.carries = checked_numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
   if (!succeeds(c, [&](Index2System& s) { recompute(s, x.segment, like, out); })) return std::nullopt;
   return std::make_tuple(array(out.carries, {x.nodes, x.nc}), out.restarted, out.steps, vector(out.end));
 }
@@ -160,9 +160,9 @@ std::optional<std::pair<Out, Out>> adjoint_of_steps(PyCore& c, PyParameters& p, 
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, costs = bar.size() / width, k = p.partials->count();
-  const Numbers known = numbers(carries, x.nodes * x.nc, "carries");
-  const Numbers more = numbers(extra, x.nodes * costs * width, "extra");
-  Numbers by_start = numbers(bar, costs * width, "bar"), by_p(costs * k);
+  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries");
+  const Numbers more = checked_numbers(extra, x.nodes * costs * width, "extra");
+  Numbers by_start = checked_numbers(bar, costs * width, "bar"), by_p(costs * k);
   if (!succeeds(c, [&](Index2System& s) {
         adjoint(s, *p.partials, x.segment, known.data(), static_cast<int>(costs), more.data(), by_start.data(),
                 by_p.data());
@@ -178,9 +178,9 @@ std::optional<Out> tangent_of_steps(PyCore& c, PyParameters& p, nb::handle a, bo
   const WithFriction with_friction(c, *p.partials, friction);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
-  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.partials->count(), "dp");
-  const Numbers start = numbers(first, d * width, "first");
-  const Numbers late = dh ? numbers(*dh, d, "dh") : Numbers();
+  const Numbers known = checked_numbers(carries, x.nodes * x.nc, "carries"), along_p = checked_numbers(dp, d * p.partials->count(), "dp");
+  const Numbers start = checked_numbers(first, d * width, "first");
+  const Numbers late = dh ? checked_numbers(*dh, d, "dh") : Numbers();
   Numbers along(x.nodes * d * width);
   if (!succeeds(c, [&](Index2System& s) {
         tangent(s, *p.partials, x.segment, known.data(), static_cast<int>(d), along_p.data(),
@@ -197,7 +197,7 @@ std::optional<std::pair<Out, Out>> projection(PyCore& c, PyParameters& p, double
   if (p.core != &c) reject("the parameters are those of another core");
   if (!s.mechanics.expanded()) reject("partials need the expanded tree");
   const size_t ny = s.ny, k = p.partials->count(), d = ny + k;
-  Numbers at = numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
+  Numbers at = checked_numbers(y, s.length, "y"), moved(d * ny, 0.0), dp(d * k, 0.0);
   for (size_t i = 0; i < ny; ++i) moved[i * ny + i] = 1;
   for (size_t i = 0; i < k; ++i) dp[(ny + i) * k + i] = 1;
   if (!succeeds(c, [&](Index2System&) {

@@ -38,41 +38,33 @@ auto update_independent_rows(PyCore& c, double t, const Array& y, const nb::obje
   });
 }
 
-template <class F>
-std::optional<StepResult> one_step(PyCore& c, const Array& y, const nb::object& carry, const std::optional<Array>& low,
-                                   const Tableau* tableau, F&& take) {
-  return attempt(c, [&](Index2System& s) -> StepResult {
-    State in = state(y, carry, low), out;
-    c.check(in, tableau);
-    Numbers z(s.nz), errors;
-    take(in, out, z.data(), errors);
-    const size_t ny = s.ny;
-    return {vector(out.y), carried(out), maybe(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
-  });
+HalfExplicitMethod method_of(Core& c, const Tableau& a) { return {*c.step, a}; }
+CollocationMethod method_of(Core& c, const Radau& a) { return {*c.stages, a}; }
+FixedStepMethod<VariationalStep, Composition> method_of(Core& c, const Composition& a) {
+  return {c.variational, a, false};
+}
+FixedStepMethod<SecondOrderStep, GeneralizedAlpha> method_of(Core& c, const GeneralizedAlpha& a) {
+  return {c.second_order, a, true};
 }
 
-auto step(PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
-          const std::optional<Array>& low) {
-  return one_step(c, y, carry, low, &tableau, [&](const State& in, State& out, double* z, Numbers& errors) {
-    c.core->step->take(tableau, t, h, in, out, z, errors);
-  });
-}
-
-auto collocate(PyCore& c, const Radau& radau, double t, double h, const Array& y, const nb::object& carry,
-               const std::optional<Array>& low, bool controlled) {
-  return one_step(c, y, carry, low, nullptr, [&](const State& in, State& out, double* z, Numbers& errors) {
-    c.core->stages->take(radau, controlled, t, h, in, out, z, errors);
-  });
-}
-
-VariationalStep& stepper(Core& c, const Composition&) { return c.variational; }
-SecondOrderStep& stepper(Core& c, const GeneralizedAlpha&) { return c.second_order; }
+const Tableau* tableau_of(const Tableau& a) { return &a; }
 
 template <class Coefficients>
-auto newton_step(PyCore& c, const Coefficients& a, double t, double h, const Array& y, const nb::object& carry,
-                 const std::optional<Array>& low) {
-  return one_step(c, y, carry, low, nullptr, [&](const State& in, State& out, double* z, Numbers&) {
-    stepper(*c.core, a).take(a, t, h, in, out, z);
+const Tableau* tableau_of(const Coefficients&) {
+  return nullptr;
+}
+
+// Controlled: a flag for methods whose error estimate is not computed otherwise.
+template <class Coefficients, class... Controlled>
+std::optional<StepResult> step(PyCore& c, const Coefficients& a, double t, double h, const Array& y,
+                               const nb::object& carry, const std::optional<Array>& low, Controlled... controlled) {
+  return attempt(c, [&](Index2System& s) -> StepResult {
+    State in = state(y, carry, low), out;
+    c.check(in, tableau_of(a));
+    Numbers z(s.nz), errors;
+    method_of(*c.core, a).take((false || ... || controlled), t, h, in, out, z.data(), errors);
+    const size_t ny = s.ny;
+    return {vector(out.y), carried(out), maybe(out.low), vector(z), array(errors, {errors.size() / ny, ny})};
   });
 }
 
@@ -96,33 +88,17 @@ void run_loop(PyCore& c, Method& method, Run& run) {
   run_unlocked(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }
 
-void advance(PyCore& c, const Tableau& tableau, Run& run) {
-  const CoreLock lock(c);
-  c.check(run.state, &tableau);
-  HalfExplicitMethod method(*c.core->step, tableau);
-  run_loop(c, method, run);
-}
-
-void advance_stages(PyCore& c, const Radau& radau, Run& run) {
-  const CoreLock lock(c);
-  c.check(run.state);
-  CollocationMethod method(*c.core->stages, radau);
-  run_loop(c, method, run);
-}
-
 template <class Coefficients>
-void advance_newton(PyCore& c, const Coefficients& a, Run& run) {
+void advance(PyCore& c, const Coefficients& a, Run& run) {
   const CoreLock lock(c);
-  c.check(run.state);
-  constexpr bool carries = std::is_same_v<Coefficients, GeneralizedAlpha>;
-  FixedStepMethod<std::remove_reference_t<decltype(stepper(*c.core, a))>, Coefficients> method(stepper(*c.core, a), a,
-                                                                                               carries);
+  c.check(run.state, tableau_of(a));
+  auto method = method_of(*c.core, a);
   run_loop(c, method, run);
 }
 
 auto restored(PyCore& c, double t, const Array& y) {
   return attempt(c, [&](Index2System& s) {
-    Numbers at = numbers(y, s.length, "y");
+    Numbers at = checked_numbers(y, s.length, "y");
     project_state(s, t, at.data());
     return vector(at);
   });
@@ -228,18 +204,18 @@ NB_MODULE(_native, m) {
            "Set the rows that are inactive in the mode, an empty list for none, and whether joints stick.")
       .def("update_independent_rows", update_independent_rows, arg("t"), arg("y"), arg("carry").none(),
            "Select the rows of the next step: return whether they changed, y and carry, or None.")
-      .def("step", step, arg("tableau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
+      .def("step", step<Tableau>, arg("tableau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
            "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
-      .def("step", collocate, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
+      .def("step", step<Radau, bool>, arg("radau"), arg("t"), arg("h"), arg("y"), arg("carry").none(), arg("low").none(),
            arg("controlled"))
-      .def("step", newton_step<Composition>, arg("composition"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
+      .def("step", step<Composition>, arg("composition"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
            arg("low").none())
-      .def("step", newton_step<GeneralizedAlpha>, arg("alpha"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
+      .def("step", step<GeneralizedAlpha>, arg("alpha"), arg("t"), arg("h"), arg("y"), arg("carry").none(),
            arg("low").none())
-      .def("advance", advance, arg("tableau"), arg("run"), "Take many steps.")
-      .def("advance", advance_stages, arg("radau"), arg("run"))
-      .def("advance", advance_newton<Composition>, arg("composition"), arg("run"))
-      .def("advance", advance_newton<GeneralizedAlpha>, arg("alpha"), arg("run"))
+      .def("advance", advance<Tableau>, arg("tableau"), arg("run"), "Take many steps.")
+      .def("advance", advance<Radau>, arg("radau"), arg("run"))
+      .def("advance", advance<Composition>, arg("composition"), arg("run"))
+      .def("advance", advance<GeneralizedAlpha>, arg("alpha"), arg("run"))
       .def("expand", expand, arg("model"), "Set the expanded tree, which partials and implicit methods need.")
       .def("set_sampled_controllers", set_sampled_controllers, arg("controllers"))
       .def("set_friction_interfaces", set_friction_interfaces, arg("interfaces"), arg("active").noconvert(),

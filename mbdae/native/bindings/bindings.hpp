@@ -14,7 +14,7 @@ namespace mbdae {
 
 using Out = nb::ndarray<nb::numpy, double>;
 
-inline Numbers numbers(const Array& x, size_t n, const char* name) {
+inline Numbers checked_numbers(const Array& x, size_t n, const char* name) {
   if (x.size() != n)
     reject(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
   return Numbers(x.data(), x.data() + n);
@@ -34,13 +34,13 @@ inline nb::object carried(const State& s) { return s.memory ? nb::cast(s.memory)
 
 inline State state(const Array& y, const nb::object& carry, const std::optional<Array>& low = {}) {
   State s;
-  s.y = numbers(y, y.size(), "y");
-  if (low) s.low = numbers(*low, low->size(), "low");
+  s.y = checked_numbers(y, y.size(), "y");
+  if (low) s.low = checked_numbers(*low, low->size(), "low");
   if (nb::isinstance<StageMemory>(carry)) {
     s.memory = nb::cast<std::shared_ptr<StageMemory>>(carry);
   } else if (!carry.is_none()) {
     const auto x = nb::cast<Array>(carry);
-    s.carry = numbers(x, x.size(), "carry");
+    s.carry = checked_numbers(x, x.size(), "carry");
   }
   return s;
 }

@@ -78,7 +78,7 @@ void call_python(nb::handle f, bool* interrupted, const std::vector<std::pair<co
 void DescriptionReader::read(nb::handle h, TimeFunction& out) {
   read_fields(h, out, false);
   bool valid = out.kind == TimeFunction::python || out.a.size() == 4;
-  if (out.kind == TimeFunction::pieces)
+  if (out.kind == TimeFunction::polynomials)
     valid = out.degree >= 0 && (out.input < 0 || (out.degree == 1 && out.b.size() == 1)) && !out.b.empty() &&
             out.a.size() == out.b.size() * (static_cast<size_t>(out.degree) + 1);
   if (!valid) reject("the numbers of a function of time do not fit its kind");
@@ -94,10 +94,10 @@ void DescriptionReader::read(nb::handle h, TimeFunction& out) {
 void DescriptionReader::read(nb::handle h, std::shared_ptr<const Profile>& out) {
   auto p = std::make_shared<Profile>();
   read_fields(h, *p, true);
-  const size_t n = p->coefficients.size(), pieces = p->starts.size() - 1;
+  const size_t n = p->coefficients.size(), polynomials = p->starts.size() - 1;
   if (p->starts.size() < 2 || p->samples.empty() || p->degree < 0 || n < 2 || n % 2 ||
       !(p->starts.back() > p->starts[0]) || !std::is_sorted(p->starts.begin(), p->starts.end()) ||
-      (!p->harmonic && n != 2 * pieces * (static_cast<size_t>(p->degree) + 1)))
+      (!p->harmonic && n != 2 * polynomials * (static_cast<size_t>(p->degree) + 1)))
     reject("the numbers of a profile do not fit");
   for (double s : p->samples) {
     const Profile::Point x = p->at(s);
@@ -151,7 +151,7 @@ void DescriptionReader::read(nb::handle h, Row& out) {
     check_indices({j.iq}, n_.nq - j.nq + 1, "coordinate"), check_indices({j.iv}, n_.nv, "velocity");
   }
   if (out.kind == Row::sum && out.c.size() != n) reject("a sum has a coefficient for each joint");
-  if (out.kind == Row::curved && out.law.kind == TimeFunction::python) reject("a law is pieces or a harmonic");
+  if (out.kind == Row::curved && out.law.kind == TimeFunction::python) reject("a law is polynomials or a harmonic");
 }
 
 void DescriptionReader::check_states(int first, int count) const {

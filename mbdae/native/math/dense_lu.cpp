@@ -10,15 +10,15 @@ namespace {
 
 constexpr int PANEL = 4;  // columns that are applied to the others together
 
-template <int parts>
+template <int components>
 struct Scalar {  // entry i of a column
   double re, im = 0;
   Scalar(const double* column, int i, int n) : re(column[i]) {
-    if constexpr (parts == 2) im = column[n + i];
+    if constexpr (components == 2) im = column[n + i];
   }
   void write(double* column, int i, int n) const {
     column[i] = re;
-    if constexpr (parts == 2) column[n + i] = im;
+    if constexpr (components == 2) column[n + i] = im;
   }
   bool zero() const { return re == 0 && im == 0; }
   void times(const Scalar& f) {
@@ -28,9 +28,9 @@ struct Scalar {  // entry i of a column
 };
 
 // a[from..to] -= f b[from..to]
-template <int parts>
-void subtract(double* __restrict a, const double* __restrict b, const Scalar<parts>& f, int from, int to, int n) {
-  if constexpr (parts == 1) {
+template <int components>
+void subtract(double* __restrict a, const double* __restrict b, const Scalar<components>& f, int from, int to, int n) {
+  if constexpr (components == 1) {
     for (int i = from; i < to; ++i) a[i] -= f.re * b[i];
   } else {
     double* __restrict im = a + n;
@@ -42,11 +42,11 @@ void subtract(double* __restrict a, const double* __restrict b, const Scalar<par
 }
 
 // The same with four columns b, one after the other.
-template <int parts>
-void subtract_panel(double* __restrict a, const double* __restrict b, const Scalar<parts>* f, int from, int n) {
-  const double *p = b, *q = p + parts * n, *r = q + parts * n, *s = r + parts * n;
+template <int components>
+void subtract_panel(double* __restrict a, const double* __restrict b, const Scalar<components>* f, int from, int n) {
+  const double *p = b, *q = p + components * n, *r = q + components * n, *s = r + components * n;
   const double f0 = f[0].re, f1 = f[1].re, f2 = f[2].re, f3 = f[3].re;
-  if constexpr (parts == 1) {
+  if constexpr (components == 1) {
     for (int i = from; i < n; ++i) a[i] -= f0 * p[i] + f1 * q[i] + f2 * r[i] + f3 * s[i];
   } else {
     const double g0 = f[0].im, g1 = f[1].im, g2 = f[2].im, g3 = f[3].im;
@@ -59,37 +59,37 @@ void subtract_panel(double* __restrict a, const double* __restrict b, const Scal
   }
 }
 
-template <int parts>
+template <int components>
 void swap(double* b, int i, int j, int n) {
   if (i == j) return;
   std::swap(b[i], b[j]);
-  if constexpr (parts == 2) std::swap(b[n + i], b[n + j]);
+  if constexpr (components == 2) std::swap(b[n + i], b[n + j]);
 }
 
 }  // namespace
 
-template <int parts>
-void DenseLU<parts>::resize(int n) {
+template <int components>
+void DenseLU<components>::resize(int n) {
   n_ = n;
-  a_.assign(static_cast<size_t>(n) * n * parts, 0.0), swap_.assign(n, 0);
+  a_.assign(static_cast<size_t>(n) * n * components, 0.0), swap_.assign(n, 0);
 }
 
-template <int parts>
-bool DenseLU<parts>::factorize() {
-  using S = Scalar<parts>;
+template <int components>
+bool DenseLU<components>::factorize() {
+  using S = Scalar<components>;
   const int n = n_;
   for (int first = 0; first < n; first += PANEL) {
     const int end = std::min(first + PANEL, n);
     for (int k = first; k < end; ++k) {
       double *a = column(k), most = -1;
       for (int i = k; i < n; ++i) {
-        const double size = parts == 1 ? std::fabs(a[i]) : std::fabs(a[i]) + std::fabs(a[n + i]);
+        const double size = components == 1 ? std::fabs(a[i]) : std::fabs(a[i]) + std::fabs(a[n + i]);
         if (size > most) most = size, swap_[k] = i;
       }
       if (!(most > 0) || !std::isfinite(most)) return false;
-      for (int j = 0; j < n; ++j) swap<parts>(column(j), k, swap_[k], n);
+      for (int j = 0; j < n; ++j) swap<components>(column(j), k, swap_[k], n);
       S pivot(a, k, n);
-      if constexpr (parts == 1) {
+      if constexpr (components == 1) {
         pivot.re = 1 / pivot.re;
       } else {
         const std::complex<double> inverse = 1.0 / std::complex<double>(pivot.re, pivot.im);
@@ -103,7 +103,7 @@ bool DenseLU<parts>::factorize() {
       }
       for (int j = k + 1; j < end; ++j) {
         const S f(column(j), k, n);
-        if (!f.zero()) subtract<parts>(column(j), a, f, k + 1, n, n);
+        if (!f.zero()) subtract<components>(column(j), a, f, k + 1, n, n);
       }
     }
     for (int j = end; j < n; ++j) {
@@ -119,35 +119,35 @@ bool DenseLU<parts>::factorize() {
       }
       const S f[PANEL] = {{a, first, n}, {a, first + 1, n}, {a, first + 2, n}, {a, first + 3, n}};
       if (f[0].zero() && f[1].zero() && f[2].zero() && f[3].zero()) continue;
-      subtract_panel<parts>(a, column(first), f, end, n);
+      subtract_panel<components>(a, column(first), f, end, n);
     }
   }
   return true;
 }
 
-template <int parts>
-void DenseLU<parts>::solve(double* b) const {
-  using S = Scalar<parts>;
+template <int components>
+void DenseLU<components>::solve(double* b) const {
+  using S = Scalar<components>;
   const int n = n_;
   const double* a = a_.data();
-  for (int k = 0; k < n; ++k) swap<parts>(b, k, swap_[k], n);
-  for (int k = 0; k < n; ++k, a += parts * n) {
+  for (int k = 0; k < n; ++k) swap<components>(b, k, swap_[k], n);
+  for (int k = 0; k < n; ++k, a += components * n) {
     const S f(b, k, n);
-    if (!f.zero()) subtract<parts>(b, a, f, k + 1, n, n);
+    if (!f.zero()) subtract<components>(b, a, f, k + 1, n, n);
   }
   for (int k = n - 1; k >= 0; --k) {
-    a -= parts * n;
+    a -= components * n;
     S f(b, k, n);
     f.times(S(a, k, n));
     f.write(b, k, n);
-    subtract<parts>(b, a, f, 0, k, n);
+    subtract<components>(b, a, f, 0, k, n);
   }
 }
 
-template <int parts>
-bool DenseLU<parts>::positive_determinant() const {
+template <int components>
+bool DenseLU<components>::positive_determinant() const {
   bool out = true;
-  for (int k = 0; k < n_; ++k) out ^= (swap_[k] != k) != (a_[static_cast<size_t>(k) * (parts * n_ + 1)] < 0);
+  for (int k = 0; k < n_; ++k) out ^= (swap_[k] != k) != (a_[static_cast<size_t>(k) * (components * n_ + 1)] < 0);
   return out;
 }
 

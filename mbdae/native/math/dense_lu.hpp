@@ -8,12 +8,12 @@
 
 namespace mbdae {
 
-// By columns, of `parts` times n numbers each: real parts, followed by imaginary parts. The same for vectors.
-template <int parts>
+// By columns, of `components` times n numbers each: real components, followed by imaginary components. The same for vectors.
+template <int components>
 class DenseLU {
  public:
   void resize(int n);  // set the size, fill with zeros
-  double* column(int j) { return &a_[static_cast<std::size_t>(j) * parts * n_]; }
+  double* column(int j) { return &a_[static_cast<std::size_t>(j) * components * n_]; }
   int size() const { return n_; }
   bool factorize();  // false where a pivot is zero or not finite
   void solve(double* b) const;

@@ -7,21 +7,21 @@
 namespace mbdae {
 
 void BandLU::resize(int n, int half) {
-  n_ = n, half_ = std::max(0, std::min(half, n - 1)), width_ = 3 * half_ + 1;
+  n_ = n, half_bandwidth_ = std::max(0, std::min(half, n - 1)), width_ = 3 * half_bandwidth_ + 1;
   a_.assign(static_cast<size_t>(n) * width_, 0.0);
-  multiplier_.assign(static_cast<size_t>(n) * std::max(half_, 1), 0.0);
+  multiplier_.assign(static_cast<size_t>(n) * std::max(half_bandwidth_, 1), 0.0);
   swap_.assign(n, 0);
 }
 
 void BandLU::zero() {
   for (int i = 0; i < n_; ++i)
-    std::fill(&at(i, std::max(0, i - half_)), &at(i, std::min(n_ - 1, i + 2 * half_)) + 1, 0.0);
+    std::fill(&at(i, std::max(0, i - half_bandwidth_)), &at(i, std::min(n_ - 1, i + 2 * half_bandwidth_)) + 1, 0.0);
 }
 
 bool BandLU::factorize() {
   double smallest = INFINITY, largest = 0;
   for (int k = 0; k < n_; ++k) {
-    const int below = std::min(k + half_, n_ - 1), right = std::min(k + 2 * half_, n_ - 1);
+    const int below = std::min(k + half_bandwidth_, n_ - 1), right = std::min(k + 2 * half_bandwidth_, n_ - 1);
     int p = k;
     for (int i = k + 1; i <= below; ++i)
       if (std::fabs(at(i, k)) > std::fabs(at(p, k))) p = i;
@@ -35,7 +35,7 @@ bool BandLU::factorize() {
     for (int i = k + 1; i <= below; ++i) {
       double* __restrict row = &at(i, k);
       const double f = row[0] / top[0];
-      multiplier_[k * half_ + i - k - 1] = f;
+      multiplier_[k * half_bandwidth_ + i - k - 1] = f;
       if (f != 0)
         for (int j = 1; j <= right - k; ++j) row[j] -= f * top[j];
     }
@@ -47,12 +47,12 @@ bool BandLU::factorize() {
 void BandLU::solve(double* b) const {
   for (int k = 0; k < n_; ++k) {
     if (swap_[k] != k) std::swap(b[k], b[swap_[k]]);
-    const int below = std::min(k + half_, n_ - 1);
-    for (int i = k + 1; i <= below; ++i) b[i] -= multiplier_[k * half_ + i - k - 1] * b[k];
+    const int below = std::min(k + half_bandwidth_, n_ - 1);
+    for (int i = k + 1; i <= below; ++i) b[i] -= multiplier_[k * half_bandwidth_ + i - k - 1] * b[k];
   }
   for (int k = n_ - 1; k >= 0; --k) {
-    const double* row = &a_[k * width_ + half_];
-    const int right = std::min(k + 2 * half_, n_ - 1);
+    const double* row = &a_[k * width_ + half_bandwidth_];
+    const int right = std::min(k + 2 * half_bandwidth_, n_ - 1);
     for (int j = k + 1; j <= right; ++j) b[k] -= row[j - k] * b[j];
     b[k] /= row[0];
   }
@@ -60,12 +60,12 @@ void BandLU::solve(double* b) const {
 
 void BandLU::solve_transposed(double* b) const {
   for (int k = 0; k < n_; ++k) {
-    for (int i = std::max(0, k - 2 * half_); i < k; ++i) b[k] -= a_[i * width_ + half_ + k - i] * b[i];
-    b[k] /= a_[k * width_ + half_];
+    for (int i = std::max(0, k - 2 * half_bandwidth_); i < k; ++i) b[k] -= a_[i * width_ + half_bandwidth_ + k - i] * b[i];
+    b[k] /= a_[k * width_ + half_bandwidth_];
   }
   for (int k = n_ - 1; k >= 0; --k) {
-    const int below = std::min(k + half_, n_ - 1);
-    for (int i = k + 1; i <= below; ++i) b[k] -= multiplier_[k * half_ + i - k - 1] * b[i];
+    const int below = std::min(k + half_bandwidth_, n_ - 1);
+    for (int i = k + 1; i <= below; ++i) b[k] -= multiplier_[k * half_bandwidth_ + i - k - 1] * b[i];
     if (swap_[k] != k) std::swap(b[k], b[swap_[k]]);
   }
 }

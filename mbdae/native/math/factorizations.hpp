@@ -12,15 +12,15 @@ class BandLU {
  public:
   void resize(int n, int half_bandwidth);  // set the size, fill with zeros
   void zero();
-  double& at(int i, int j) { return a_[i * width_ + j - i + half_]; }
+  double& at(int i, int j) { return a_[i * width_ + j - i + half_bandwidth_]; }
   bool factorize();  // false where a pivot is zero or not finite
   void solve(double* b) const;
   void solve_transposed(double* b) const;
   double pivot_ratio() const { return ratio_; }  // smallest to largest pivot
-  int half_bandwidth() const { return half_; }
+  int half_bandwidth() const { return half_bandwidth_; }
 
  private:
-  int n_ = 0, half_ = 0, width_ = 1;
+  int n_ = 0, half_bandwidth_ = 0, width_ = 1;
   double ratio_ = 1;
   std::vector<double> a_, multiplier_;
   std::vector<int> swap_;

@@ -35,13 +35,13 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
     r.columns.erase(std::unique(r.columns.begin(), r.columns.end()), r.columns.end());
     if (r.has_a) pair.needs_Ra = true;
     if (r.has_b) pair.needs_Rb = true;
-    if (has_contact(r) || r.profile) pair.needs_Ra = pair.needs_Rb = true;
+    if (r.along_line()) pair.needs_Ra = pair.needs_Rb = true;
   }
   for (const Driver& d : drivers)
     if (d.speed) rows[d.row].positional = false;
 }
 
-bool Constraints::fits(const Constraints& x) const {
+bool Constraints::has_structure_of(const Constraints& x) const {
   if (x.rows.size() != rows.size() || x.pairs.size() != pairs.size() || x.drivers.size() != drivers.size()) return false;
   for (size_t k = 0; k < pairs.size(); ++k)
     if (x.pairs[k].a.joint != pairs[k].a.joint || x.pairs[k].b.joint != pairs[k].b.joint) return false;

@@ -1,6 +1,9 @@
 // Laws of single coordinates: a formula of (q, v), whose derivatives follow by dual numbers.
 #pragma once
 
+#include <type_traits>
+#include <utility>
+
 #include "math/dual.hpp"
 #include "mechanism/laws.hpp"
 
@@ -11,9 +14,23 @@ struct Effort {  // of a spring, and other
   S conservative, other;
 };
 
-// F::effort(law, k, q, v) is the Effort at velocity law.rows[k], q the coordinate law.columns[k] (0 without columns).
+template <class S>
+Effort<S> effort_of(const Effort<S>& tau) {
+  return tau;
+}
+
+template <class S>
+Effort<S> effort_of(const S& tau) {
+  return {0, tau};
+}
+
+// F::effort(law, k, q, v) is the Effort at velocity law.rows[k], or a number for a law without a potential; q is the
+// coordinate law.columns[k] (0 without columns).
 template <class F>
 struct JointLaw {
+  static constexpr bool conservative =
+      !std::is_same_v<decltype(F::effort(std::declval<const Law&>(), size_t(), double(), double())), double>;
+
   static double coordinate(const Law& law, const ForcePoint& p, size_t k) {
     return law.columns.empty() ? 0 : p.q[law.columns[k]];
   }
@@ -21,7 +38,7 @@ struct JointLaw {
   static void add(const Law& law, const ForcePoint& p, const Forces& f) {
     for (size_t k = 0; k < law.rows.size(); ++k) {
       const int i = law.rows[k];
-      const Effort<double> tau = F::effort(law, k, coordinate(law, p, k), p.v[i]);
+      const Effort<double> tau = effort_of(F::effort(law, k, coordinate(law, p, k), p.v[i]));
       f.conservative[i] += tau.conservative, f.other[i] += tau.other;
     }
   }
@@ -31,7 +48,7 @@ struct JointLaw {
       const int i = law.rows[k];
       Dual<2> q(coordinate(law, p, k)), v(p.v[i]);
       q.d[0] = 1, v.d[1] = 1;
-      const Effort<Dual<2>> tau = F::effort(law, k, q, v);
+      const Effort<Dual<2>> tau = effort_of(F::effort(law, k, q, v));
       double *conservative = out.conservative + i * out.width, *other = out.other + i * out.width;
       if (!law.columns.empty()) {
         const int at = p.m.tangent[law.columns[k]];
@@ -43,7 +60,13 @@ struct JointLaw {
 };
 
 template <class F>
-constexpr LawKind joint_law(LawKind::IsValid is_valid, LawKind::Potential potential = nullptr) {
+constexpr LawKind joint_law(LawKind::IsValid is_valid) {
+  static_assert(!JointLaw<F>::conservative, "a conservative part needs its potential: joint_law<F>(is_valid, potential)");
+  return {is_valid, JointLaw<F>::add, JointLaw<F>::partials};
+}
+
+template <class F>
+constexpr LawKind joint_law(LawKind::IsValid is_valid, LawKind::Potential potential) {
   return {is_valid, JointLaw<F>::add, JointLaw<F>::partials, potential};
 }
 

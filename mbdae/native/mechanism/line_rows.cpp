@@ -92,7 +92,7 @@ Line<S> line_of(const Row& r, const Frames<S>& x, const Contact<S>* contact) {
       return {contact->n, contact->p,
               dot(contact->n, contact->p - x.pa) - (r.shape.surface == Shape::Surface::plane ? 0 : r.shape.curve)};
     case Row::grip:
-      return {r.share[0] * contact->ahead + r.share[1] * contact->left, contact->p, 0};
+      return {r.direction[0] * contact->ahead + r.direction[1] * contact->left, contact->p, 0};
     case Row::roller:
       return of_roller(r, x);
     case Row::flat_face:

@@ -21,7 +21,7 @@ namespace {
 
 // A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
 // the constructor from a model allocates nv^3 numbers for second derivatives. See mechanism/tree/pinocchio_data.py.
-pinocchio::Data lean(const pinocchio::Model& model) {
+pinocchio::Data minimal_data(const pinocchio::Model& model) {
   using namespace pinocchio;
   Data data;
   const size_t n = model.njoints;
@@ -55,7 +55,7 @@ std::vector<FlexibleBody> bound(std::vector<ModalBody> bodies, const pinocchio::
 }  // namespace
 
 Mechanics::Workspace::Workspace(const pinocchio::Model& m, std::vector<FlexibleBody> flexible_)
-    : model(m), flexible(std::move(flexible_)), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {
+    : model(m), flexible(std::move(flexible_)), data(minimal_data(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {
   size_t nodes = 0, columns = 0;
   for (const FlexibleBody& x : flexible) nodes += x.data.nodes.size(), columns += x.data.nodes.size() * x.data.modes;
   data.oMi.resize(m.njoints + nodes, pinocchio::SE3::Identity());
@@ -206,15 +206,15 @@ void Mechanics::inertia(const double* q, const double* v) {
   auto& begun = w->begun;
   poses(q);
   // About a point among the bodies: far from the world's origin, digits would cancel.
-  Eigen::Vector3d amid = Eigen::Vector3d::Zero();
-  for (int j = 1; j < joints; ++j) amid += w->data.oMi[j].translation() / (joints - 1);
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();
+  for (int j = 1; j < joints; ++j) centroid += w->data.oMi[j].translation() / (joints - 1);
   for (int j = 1; j < joints; ++j) {
     Body here = body(j);
-    for (int i = 0; i < 3; ++i) here.centre[i] -= amid[i];
+    for (int i = 0; i < 3; ++i) here.centre[i] -= centroid[i];
     w->partials->set(expanded_joints[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
   }
   begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
-  for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), amid.data(), &begun.about(0, k));
+  for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), centroid.data(), &begun.about(0, k));
   begun.q = In(q, nq), begun.v = In(v, nv), begun.M.resize(nv, nv);
   w->partials->begin(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), w->nle.data());
   begun.M.diagonal() += w->model.armature;

@@ -107,7 +107,7 @@ double unit_gap(const Pair& pair, double* n) {
 
 double Row::wrench(const Pair& pair, double* w) const {
   double g = 0;
-  if (kind >= height) {
+  if (along_line()) {
     Wrench<double> line;
     g = line_wrench(*this, frames_of(pair), has_contact(*this) ? &pair.contact(shape) : nullptr, line);
     read(line, w, nullptr);
@@ -135,7 +135,7 @@ double Row::wrench(const Pair& pair, double* w) const {
 double Row::rate(const Pair& pair) const {
   double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, out = 0;
   const Six relative = difference(pair.Va, pair.Vb);
-  if (kind >= height) {  // a common motion of both frames, V_a, changes w by V_a x* w
+  if (along_line()) {  // a common motion of both frames, V_a, changes w by V_a x* w
     Wrench<Dual<1>> line;
     double common[6];
     const auto frames = moving_frames(pair, relative.data());
@@ -174,7 +174,7 @@ double Row::rate(const Pair& pair) const {
 }
 
 void Row::partials(const Pair& pair, WrenchPartials& t) const {
-  if (kind >= height) {
+  if (along_line()) {
     const Frames<Dual<6>> frames = moving_frames(pair);
     Contact<Dual<6>> contact;
     Wrench<Dual<6>> line;

@@ -85,7 +85,7 @@ struct Row {
   double other_length = 0;  // radius of b's bevel wheel
   Shape shape;              // of the rolling body
   std::shared_ptr<const Profile> profile;  // in contact with a roller or a flat face
-  double share[2] = {0, 0};  // of the tangents ahead and to the left in a no-slip row
+  double direction[2] = {0, 0};  // of a no-slip row, by the tangents ahead and to the left
   std::vector<RowJoint> joints;               // of a row between joints
   std::vector<double> c;                      // its polynomial, or its factors
   TimeFunction law;                           // of a motion-law row
@@ -97,13 +97,14 @@ struct Row {
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
   void partials(const Pair& pair, WrenchPartials& t) const;                 // the wrench, Da and Db
+  bool along_line() const { return kind >= height; }
   bool between_joints() const { return kind >= coordinate && kind <= ratio; }
   double coordinate_value(const double* q, double* first) const;   // g, and the factor of v_j
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
   // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,), unless they are null.
   void coordinate_partials(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
 
-  FIELDS(kind, positional, pair, a, b, length, other_length, shape, profile, share, joints, c, law, fold, period)
+  FIELDS(kind, positional, pair, a, b, length, other_length, shape, profile, direction, joints, c, law, fold, period)
 
  private:
   double folded(const double* q, double* rise) const;  // x_j within a period of the law
@@ -124,7 +125,7 @@ inline const std::map<Row::Kind, RowKind> ROW_KINDS = {{Row::dot_product_1, {"pa
                                                        {Row::function, {"positional"}},
                                                        {Row::ratio, {"joints, c, period", false}},
                                                        {Row::height, {"pair, shape"}},
-                                                       {Row::grip, {"pair, shape, share", false}},
+                                                       {Row::grip, {"pair, shape, direction", false}},
                                                        {Row::knife_edge, {"pair, b", false}},
                                                        {Row::gear, {"pair, a, length", false}},
                                                        {Row::bevel, {"pair, a, b, length, other_length", false}},
@@ -146,8 +147,8 @@ class Constraints {
   Constraints(const Mechanics& m, std::vector<Row> rows, const std::vector<std::pair<Anchor, Anchor>>& pairs,
               std::vector<Driver> drivers);
 
-  bool fits(const Constraints& other) const;  // are its rows of the same kinds, between the same joints?
-  void write(Constraints other);              // its numbers, where it fits; pairs stay where they are
+  bool has_structure_of(const Constraints& other) const;  // are its rows of the same kinds, between the same joints?
+  void write(Constraints other);              // its numbers, for the same structure; pairs stay where they are
 
   std::vector<Pair> pairs;
   std::vector<Row> rows;  // (ng,)

@@ -15,12 +15,12 @@ struct StepTooLong : FallBackToPython {};  // a step, for an iteration or for it
 struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: no other attempt
 
 struct TimeFunction {
-  NAMED_ENUM(enum, Kind, pieces, harmonic, python)
-  Kind kind = pieces;
-  std::vector<double> a, b;  // numbers; of pieces: coefficients, highest power first; starts of pieces
-  int degree = 0;            // of pieces
-  double period = 0, rise = 0;  // of pieces: period, and increase per period; 0: none
-  int input = -1;               // of pieces: the input whose present line this is; -1: none
+  NAMED_ENUM(enum, Kind, polynomials, harmonic, python)
+  Kind kind = polynomials;
+  std::vector<double> a, b;  // numbers; of polynomials: coefficients, highest power first; starts
+  int degree = 0;            // of polynomials
+  double period = 0, rise = 0;  // of polynomials: period, and increase per period; 0: none
+  int input = -1;               // of polynomials: the input whose present line this is; -1: none
   std::function<double(double t, int k)> call;  // Python
 
   FIELDS(kind, a, b, degree, period, rise, input)

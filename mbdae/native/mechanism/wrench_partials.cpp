@@ -81,7 +81,7 @@ PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* 
   for (size_t first, end = columns_.size(); end > 0; end = first) {
     const Column& last = columns_[end - 1];
     double* w = W[last.sign > 0];
-    for (first = end; first > 0 && columns_[first - 1].part == last.part; --first)
+    for (first = end; first > 0 && columns_[first - 1].joint == last.joint; --first)
       for (int i = 0; i < 6; ++i) w[i] += columns_[first - 1].J[i] * v[columns_[first - 1].at];
     for (size_t k = first; k < end; ++k) {
       double product[6];
@@ -145,7 +145,7 @@ void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) cons
     cross(m.J + 3, t.F, within), cross(m.J + 3, t.F + 3, within + 3), cross(m.J, t.F, more);
     for (int i = 0; i < 3; ++i) within[i] = dF[i] - within[i], within[3 + i] = dF[3 + i] - within[3 + i] - more[i];
     for (const Column& k : columns_)
-      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.part <= k.part ? within : dF);
+      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? within : dF);
   }
   for (const Turn& x : turns_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
 }

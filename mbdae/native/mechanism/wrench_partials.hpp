@@ -39,7 +39,7 @@ class PairPartials {
 
  private:
   struct Column {
-    int at, part;
+    int at, joint;  // of the expanded tree
     double sign;
     const double* J;
     double dV[6];

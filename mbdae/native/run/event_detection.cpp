@@ -66,13 +66,13 @@ class Search {
   double value(double t, const double* y) {
     const double f = event_.signal.at(values_, t, y) - event_.level;
     if (event_.signal.kind != SignalValue::Kind::angle) return f;
-    const double turns = (node_.f + (t - node_.t) * (node_.w + angle_rate(y)) / 2 - f) / (2 * M_PI);
-    return f + 2 * M_PI * std::nearbyint(turns);
+    const double revolutions = (node_.f + (t - node_.t) * (node_.w + angle_rate(y)) / 2 - f) / (2 * M_PI);
+    return f + 2 * M_PI * std::nearbyint(revolutions);
   }
 
   void check_interval(const Sample& a, const Sample& b) {
-    const int rising = sign(a.f == 0 ? b.f : b.f - a.f);
-    if (event_.direction * rising < 0) return;
+    const int direction = sign(a.f == 0 ? b.f : b.f - a.f);
+    if (event_.direction * direction < 0) return;
     if (a.f == 0 && b.f != 0 && a.theta == 0 && step_.t == all_.start)
       crossings_->push_back({0, number_, a.y});
     else if (a.f * b.f < 0 && a.theta == b.theta)  // a jump

@@ -34,17 +34,17 @@ bool Jumps::last_of_cluster(const std::vector<SampledController>& samplers, doub
 
 bool Jumps::next_interval(const std::vector<SampledController>& samplers, double t, SmoothInterval& interval) {
   const double s = interval.sign, scale = std::max(std::fabs(t), std::fabs(interval.t1));
-  const double stay = margin * (std::nextafter(scale, INFINITY) - scale);
+  const double gap = margin * (std::nextafter(scale, INFINITY) - scale);
   double from, after;
-  if (!last_of_cluster(samplers, t, s, 4 * stay, from)) return false;
-  const double first = next(samplers, from, s), stop = first - s * stay;
-  if (s * (first - interval.t1) > 4 * stay) {
+  if (!last_of_cluster(samplers, t, s, 4 * gap, from)) return false;
+  const double first = next(samplers, from, s), stop = first - s * gap;
+  if (s * (first - interval.t1) > 4 * gap) {
     interval.stop = interval.end = interval.t1, restart = NAN;
-  } else if (s * (interval.t1 - first) <= 4 * stay) {
+  } else if (s * (interval.t1 - first) <= 4 * gap) {
     interval.stop = stop, interval.end = interval.t1, restart = NAN;
   } else {
-    if (!last_of_cluster(samplers, first, s, 4 * stay, after)) return false;
-    interval.stop = interval.end = stop, restart = s > 0 ? after : after - stay;
+    if (!last_of_cluster(samplers, first, s, 4 * gap, after)) return false;
+    interval.stop = interval.end = stop, restart = s > 0 ? after : after - gap;
   }
   interval.t = t;
   return true;

@@ -8,7 +8,7 @@ namespace mbdae {
 bool StepControl::propose(const SmoothInterval& interval, Proposal& p) {
   const double left = std::fabs(interval.stop - interval.t);
   p.h = std::min(h, largest);
-  cut = p.h > left ? h : 0.0;
+  uncut_size = p.h > left ? h : 0.0;
   if (p.h >= left * (1 - agreement)) {
     p = {left, interval.end};
     return true;

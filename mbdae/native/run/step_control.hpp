@@ -23,7 +23,7 @@ struct Proposal {
 // Step-size control. The first four change from step to step.
 struct StepMemory {
   double h = 0;           // s: the next step
-  double cut = 0;         // s: the step size before truncation at the end of an interval
+  double uncut_size = 0;         // s: the step size before truncation at the end of an interval
   double last = 0;        // error norm of the last step
   bool rejected = false;  // was the last step?
 };
@@ -42,7 +42,7 @@ struct StepControl : StepMemory {
   double agreement = 0;                          // of the remaining time: a step this close to it takes all of it
   double spacings = 0;                           // of the times of a run: a smaller step is rejected
 
-  FIELDS(h, cut, last, rejected, largest, rtol, atol, tiny, companion, blend, power, exponent, last_exponent, safety,
+  FIELDS(h, uncut_size, last, rejected, largest, rtol, atol, tiny, companion, blend, power, exponent, last_exponent, safety,
          smallest_factor, largest_factor, steady, smallest_error, smallest_last, agreement, spacings)
 
   bool large_enough(const SmoothInterval& interval, double size) const;  // well above the rounding of times

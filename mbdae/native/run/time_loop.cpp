@@ -43,7 +43,7 @@ bool TimeLoop::accept(double h) {
   const double error = error_norm(errors_.data(), method_.errors, noise);
   control.h = control.next_step(h, error);
   if (error <= 1) {
-    control.h = std::max(control.h, control.cut);
+    control.h = std::max(control.h, control.uncut_size);
     return true;
   }
   if (!std::isfinite(error)) s_.point.invalidate();

@@ -146,7 +146,7 @@ double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Movin
 void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
   const Pair& pair = *w.pair;
   const double* J = s_.mechanics.J();
-  for (const Moving& by : ends_.at(&pair)) {
+  for (const Moving& by : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[by.component];
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
@@ -166,7 +166,7 @@ void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
 
 void Parameters::row_columns(const LinearisationPoint::ConstraintPoint& constrained, const Pair& pair, size_t r,
                              Numbers& Q) const {
-  for (const Moving& by : ends_.at(&pair))
+  for (const Moving& by : moved_frames_.at(&pair))
     for (const Direction* d : along_[by.component]) {
       double xi[6], dF[6], within[6];
       world_poses_[by.component].to_world(d->x.data(), xi);

@@ -46,7 +46,7 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
       by_a[j] += relative[i] * t.Da[6 * i + j], by_b[j] += relative[i] * t.Db[6 * i + j];
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
-  for (const Moving& m : ends_.at(&pair)) {
+  for (const Moving& m : moved_frames_.at(&pair)) {
     const ModelComponent& x = components_[m.component];
     Six g = m.second ? by_b : by_a;
     if (x.kind == ModelComponent::placement) {
@@ -66,7 +66,7 @@ void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vec
 }
 
 void Parameters::shifted(const Pair& pair, const double* F, std::vector<Numbers>& sums) {
-  for (const Moving& m : ends_.at(&pair)) {
+  for (const Moving& m : moved_frames_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.second ? F[i] : -F[i];
     add_motion(world_poses_[m.component], g.data(), sums[m.component].data());
@@ -101,7 +101,7 @@ void Parameters::contract(const LinearisationPoint& point, const double* above, 
     twists(above);
     if (!inertial_joints_.empty()) bodies();
     for (const ActingWrench& w : point.wrenches) {
-      if (ends_.at(w.pair).empty()) continue;
+      if (moved_frames_.at(w.pair).empty()) continue;
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];

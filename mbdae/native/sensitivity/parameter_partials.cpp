@@ -52,7 +52,7 @@ Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> c
   const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
-      std::vector<Moving>& found = ends_[&pairs[p]];
+      std::vector<Moving>& found = moved_frames_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(components_.size()); ++i) {
         const ModelComponent& x = components_[i];
         if (x.kind == ModelComponent::frame && x.of_law == of_laws && x.id == static_cast<int>(p))

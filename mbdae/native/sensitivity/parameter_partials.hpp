@@ -126,7 +126,7 @@ class Parameters {
   const std::vector<ModelComponent> components_;
   const std::vector<Direction> directions_;
   std::vector<ChangedElement> changed_;
-  std::map<const Pair*, std::vector<Moving>> ends_;  // of all pairs
+  std::map<const Pair*, std::vector<Moving>> moved_frames_;  // of all pairs
   bool moving_ = false, placing_ = false, kinematic_ = false, rows_change_ = false;
   bool rows_move_ = false;                            // with placements and frames
   std::vector<std::vector<int>> columns_;             // of J, of each joint
@@ -166,7 +166,7 @@ void Parameters::for_constraint_points(const LinearisationPoint& point, const Nu
     locate();
     for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
       Pair& pair = s_.constraints.pairs[p];
-      if (ends_.at(&pair).empty()) continue;
+      if (moved_frames_.at(&pair).empty()) continue;
       requested_.clear();
       for (int k : s_.constraints.of_pair[p]) {
         if (position[k] < 0) continue;

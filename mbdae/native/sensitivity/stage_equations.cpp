@@ -139,10 +139,10 @@ void StageEquations::friction() {
     by_unknowns(ny - 1, ny + i) -= by_lam(0, nv);
   }
   Numbers K(n * nv), D(n * n);
-  slid_.resize(parameters_.count() * n);
-  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, slid_);
+  friction_columns_.resize(parameters_.count() * n);
+  parameters_.friction(point_.q, Numbers(point_.u.begin(), point_.u.begin() + nv), point_.lam, K, D, friction_columns_);
   x.block(nv, 0, n_, nv) -= RowsIn(K.data(), n_, nv), x.block(nv, nv, n_, n_) -= RowsIn(D.data(), n_, n_);
-  if (forward_) p.middleRows(nv, n_) -= RowsIn(slid_.data(), p.cols(), n_).transpose();
+  if (forward_) p.middleRows(nv, n_) -= RowsIn(friction_columns_.data(), p.cols(), n_).transpose();
 }
 
 void StageEquations::positions(const StageValues& at) {
@@ -180,7 +180,7 @@ void StageEquations::add_parameters(const Eigen::MatrixXd& mu) {
   };
   gather(nv, ny - nv, ny, ny + r_);
   parameters_.add(point_, above, below);
-  if (!slid_.empty()) parameters_.add_columns(slid_, above);
+  if (!friction_columns_.empty()) parameters_.add_columns(friction_columns_, above);
   if (!position_rows_) return;
   gather(ny + r_, nv, ny + r_ + nv, m_);
   parameters_.add(slip_, above, below);

@@ -42,11 +42,11 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
   point.dynamics(q_.data(), v_.data(), with_partials_);
   s_.counts.M += 1, s_.counts.factorizations += 1;
-  const bool slides = static_cast<bool>(s_.friction);
-  const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;
+  const bool has_friction = static_cast<bool>(s_.friction);
+  const std::vector<int>& which = (last || has_friction) && !s_.rows.others().empty() ? constraints.all : rows;
   if (s_.ng) s_.counts.G += 1;
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
-  if (slides) s_.friction.update_slips(v_.data());
+  if (has_friction) s_.friction.update_slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
   if (!rows.empty()) constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());

@@ -15,11 +15,11 @@ void CollocationStep::residual(double t, const double* x, const double* dx, cons
   const double *v = u_.data(), *q = q_.data();
   s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
   s_.counts.G += s_.ng > 0;
-  const bool slides = static_cast<bool>(s_.friction);
-  constraints.value(s_.mechanics, q, slides ? constraints.all : rows, G_.data());
+  const bool has_friction = static_cast<bool>(s_.friction);
+  constraints.value(s_.mechanics, q, has_friction ? constraints.all : rows, G_.data());
   double* rates = R + 2 * nv_;
   s_.torque(t, q, v, v + nv_, R + nv_, rates);
-  if (slides) {
+  if (has_friction) {
     std::fill(lam_.begin(), lam_.end(), 0.0);
     for (size_t i = 0; i < rows.size(); ++i) lam_[rows[i]] = z[i];
     s_.friction.update_slips(v);

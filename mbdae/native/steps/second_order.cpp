@@ -92,7 +92,7 @@ void SecondOrderStep::correct(const GeneralizedAlpha& a, double t, Numbers& dx) 
 
 std::pair<double, double> SecondOrderStep::measure(const Numbers& dx) const {
   const Tolerances& limits = s_.mechanics.limits;
-  double speed = 0, change = 0, place = 0;
+  double speed = 0, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
     const double scale = limits.coordinate_scales[i];
     speed = std::max(speed, (std::fabs(y0_[nq_ + i]) + std::fabs(h_ * x_[i])) / scale);
@@ -100,8 +100,8 @@ std::pair<double, double> SecondOrderStep::measure(const Numbers& dx) const {
     if (!std::isfinite(dx[i])) change = dx[i];
   }
   speed += limits.tiny;
-  for (int i = 0; i < nq_; ++i) place = std::max(place, std::fabs(y0_[i]) / limits.q_scales[i]);
-  return {change / speed, 1 + (1 + place) / (std::fabs(h_) * speed)};
+  for (int i = 0; i < nq_; ++i) position = std::max(position, std::fabs(y0_[i]) / limits.q_scales[i]);
+  return {change / speed, 1 + (1 + position) / (std::fabs(h_) * speed)};
 }
 
 void SecondOrderStep::take(const GeneralizedAlpha& a, double t, double h, const State& in, State& out, double* z) {

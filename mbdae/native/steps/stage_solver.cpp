@@ -16,7 +16,7 @@ namespace {
 //   [ m P S J                0     P S J N  ] [dmu ]
 //
 // The work w' appears in no other equation: it is computed last, from `w_`.
-template <int parts>
+template <int components>
 class ModeSolver final : public StageSolver {
  public:
   ModeSolver(std::shared_ptr<const LinearizedStages> partials, int nv, Complex mu)
@@ -24,7 +24,7 @@ class ModeSolver final : public StageSolver {
     const EquationPartials& s = at_->partials;
     r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv;
     k_ = static_cast<int>(at_->P.size()) / nv, m_ = n_ - 1 + r_ + k_;
-    lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * parts, 0.0);
+    lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * components, 0.0);
     for (const TangentBlock& b : at_->tangents) blocks_.emplace_back(b, mu);
     for (int i = 0; i < n_; ++i) {
       for (int j = 0; j < n_ - 1; ++j) add(i, j, -mu * s.D[i * n_ + j]);
@@ -50,9 +50,9 @@ class ModeSolver final : public StageSolver {
   void solve(double* r, double* c, Numbers& work) const override {
     const EquationPartials& s = at_->partials;
     const int ny = nv_ + n_, nz = r_ + k_;
-    work.resize(static_cast<size_t>(parts) * (nv_ + m_));
-    double *x = work.data(), *b = x + parts * nv_;
-    for (int p = 0; p < parts; ++p) std::copy(r + p * ny, r + p * ny + nv_, x + p * nv_);
+    work.resize(static_cast<size_t>(components) * (nv_ + m_));
+    double *x = work.data(), *b = x + components * nv_;
+    for (int p = 0; p < components; ++p) std::copy(r + p * ny, r + p * ny + nv_, x + p * nv_);
     for (const TangentFactors& block : blocks_) block.apply_S(x, nv_);
     Complex w = 0;
     for (int i = 0; i < n_; ++i) {
@@ -62,7 +62,7 @@ class ModeSolver final : public StageSolver {
     for (int k = 0; k < nz; ++k) write(b, n_ - 1 + k, m_, number(c, k, nz) / mu_ - times(constraint_partials(k), x));
     lu_.solve(b);
     for (int i = 0; i < m_; ++i) w -= times(number(w_.data(), i, m_), number(b, i, m_));
-    for (int p = 0; p < parts; ++p) std::copy(b + p * m_, b + p * m_ + nv_, x + p * nv_);
+    for (int p = 0; p < components; ++p) std::copy(b + p * m_, b + p * m_ + nv_, x + p * nv_);
     for (const TangentFactors& block : blocks_) block.apply_J(x, nv_);
     for (int i = 0; i < nv_; ++i) {
       Complex sum = number(r, i, ny) + times(mu_, number(x, i, nv_));
@@ -70,7 +70,7 @@ class ModeSolver final : public StageSolver {
       write(x, i, nv_, sum);
     }
     for (const TangentFactors& block : blocks_) block.apply_S(x, nv_), block.apply_J(x, nv_);
-    for (int p = 0; p < parts; ++p) {
+    for (int p = 0; p < components; ++p) {
       std::copy(x + p * nv_, x + (p + 1) * nv_, r + p * ny);
       std::copy(b + p * m_, b + p * m_ + n_ - 1, r + p * ny + nv_);
       std::copy(b + p * m_ + n_ - 1, b + (p + 1) * m_, c + p * nz);
@@ -82,15 +82,15 @@ class ModeSolver final : public StageSolver {
   static Complex times(Complex a, Complex b) {  // without the test for nonfinite numbers
     return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
   }
-  static Complex number(const double* x, int i, int n) { return parts == 1 ? Complex(x[i]) : Complex(x[i], x[n + i]); }
+  static Complex number(const double* x, int i, int n) { return components == 1 ? Complex(x[i]) : Complex(x[i], x[n + i]); }
   static void write(double* x, int i, int n, Complex value) {
     x[i] = value.real();
-    if constexpr (parts == 2) x[n + i] = value.imag();
+    if constexpr (components == 2) x[n + i] = value.imag();
   }
 
   struct TangentFactors {  // J of a block, with S = ((1 - mu d(J v)/dx) J)^-1
     const TangentBlock& b;
-    DenseLU<parts> S;
+    DenseLU<components> S;
     Complex SJ[36];
 
     TangentFactors(const TangentBlock& block, Complex mu) : b(block) {
@@ -119,7 +119,7 @@ class ModeSolver final : public StageSolver {
     }
 
     void apply_J(double* x, int nv) const {  // x := J x
-      for (int p = 0; p < parts; ++p, x += nv) {
+      for (int p = 0; p < components; ++p, x += nv) {
         double part[6];
         std::copy(x + b.at, x + b.at + b.n, part);
         for (int i = 0; i < b.n; ++i) x[b.at + i] = dot(b.J + i * b.n, part, b.n);
@@ -130,7 +130,7 @@ class ModeSolver final : public StageSolver {
   void add(int i, int j, Complex value) {  // to row i, where n - 1 denotes that of w'
     double* at = i == n_ - 1 ? &w_[j] : lu_.column(j) + (i < n_ ? i : i - 1);
     at[0] += value.real();
-    if constexpr (parts == 2) at[m_] += value.imag();
+    if constexpr (components == 2) at[m_] += value.imag();
   }
 
   void add_KSJ(int i, const double* K, Complex factor) {  // factor K S J
@@ -150,7 +150,7 @@ class ModeSolver final : public StageSolver {
   void add_position_row(int k) {  // and the column of its multiplier
     const size_t at = static_cast<size_t>(k) * nv_;
     const int column = n_ - 1 + r_ + k;
-    Numbers y(static_cast<size_t>(parts) * nv_, 0.0);
+    Numbers y(static_cast<size_t>(components) * nv_, 0.0);
     std::copy_n(&at_->N[at], nv_, y.begin());
     for (const TangentFactors& block : blocks_) block.apply_J(y.data(), nv_);
     JN_.insert(JN_.end(), y.begin(), y.begin() + nv_);
@@ -170,7 +170,7 @@ class ModeSolver final : public StageSolver {
     double re = 0, im = 0;
     for (int j = 0; j < nv_; ++j) {
       re += K[j] * x[j];
-      if constexpr (parts == 2) im += K[j] * x[nv_ + j];
+      if constexpr (components == 2) im += K[j] * x[nv_ + j];
     }
     return {re, im};
   }
@@ -179,7 +179,7 @@ class ModeSolver final : public StageSolver {
   int nv_, n_, r_, k_, m_;
   Complex mu_;
   std::vector<TangentFactors> blocks_;
-  DenseLU<parts> lu_;
+  DenseLU<components> lu_;
   Numbers w_, JN_;
 };
 

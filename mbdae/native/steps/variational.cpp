@@ -22,7 +22,7 @@ VariationalStep::VariationalStep(Index2System& s)
       nv_(s.nv),
       q1_(s.nq),
       w_(s.nv),
-      still_(s.nv, 0.0),
+      zero_(s.nv, 0.0),
       G_(static_cast<size_t>(s.ng) * s.nv),
       g_(s.ng),
       matrix_(static_cast<size_t>(s.nv) * s.nv),
@@ -33,8 +33,8 @@ void VariationalStep::momentum_partials(const double* q, AppliedForces& out) {
   const size_t n = static_cast<size_t>(nv_) * nv_;
   out.N.resize(n), by_v_.resize(n);
   s_.counts.M += 1;
-  s_.mechanics.inertia(q, still_.data());
-  s_.mechanics.partials(q, still_.data(), w_.data(), out.N.data(), by_v_.data(), true);
+  s_.mechanics.inertia(q, zero_.data());
+  s_.mechanics.partials(q, zero_.data(), w_.data(), out.N.data(), by_v_.data(), true);
   out.M.assign(s_.mechanics.M(), s_.mechanics.M() + n);
 }
 
@@ -63,7 +63,7 @@ void VariationalStep::add_adjoint_rate(const double* p, double* matrix) {
   std::vector<TangentBlock> at;
   for (int k = 0; k < 6; ++k) {
     std::fill(unit.begin(), unit.end(), 0.0);
-    for (const TangentBlock& b : back_)
+    for (const TangentBlock& b : J_minus_)
       if (k < b.n) unit[b.at + k] = 1;
     s_.manifold.partials(minus.data(), unit.data(), at);
     for (const TangentBlock& b : at)
@@ -89,8 +89,8 @@ void VariationalStep::correct(Numbers& dx) {
   s_.constraints.value(s_.mechanics, q1_.data(), rows, G_.data(), g_.data());
   s_.constraints.complete_g(t_ + h_, g_.data());
   if (s_.manifold.curved()) {
-    s_.manifold.transfer(still_.data(), x, inverse_);
-    s_.manifold.partials(minus.data(), still_.data(), back_);
+    s_.manifold.transfer(zero_.data(), x, J_inverse_);
+    s_.manifold.partials(minus.data(), zero_.data(), J_minus_);
   }
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
@@ -101,10 +101,10 @@ void VariationalStep::correct(Numbers& dx) {
   multiply(mean, w_.data(), n, mean_.data());
   for (int i = 0; i < n; ++i) {
     double* row = &matrix_[static_cast<size_t>(i) * n];
-    multiply_transposed(inverse_, row);
+    multiply_transposed(J_inverse_, row);
     for (int j = 0; j < n; ++j) row[j] += mean[static_cast<size_t>(i) * n + j] / h_;
   }
-  for (int j = 0; j < n; ++j) multiply_transposed(back_, &matrix_[j], n);
+  for (int j = 0; j < n; ++j) multiply_transposed(J_minus_, &matrix_[j], n);
   add_adjoint_rate(mean_.data(), matrix_.data());
   lu_.resize(n + r);
   for (int i = 0; i < n; ++i)
@@ -112,13 +112,13 @@ void VariationalStep::correct(Numbers& dx) {
       const size_t at = static_cast<size_t>(i) * n + j;
       lu_.column(j)[i] = h_ * (matrix_[at] - start_.by_w[at] / 2);
     }
-  multiply_transposed(back_, mean_.data());
+  multiply_transposed(J_minus_, mean_.data());
   for (int i = 0; i < n; ++i) dx[i] = p_[i] - mean_[i] + h_ / 2 * start_.D[i];
   for (int k = 0; k < r; ++k) {
     const double* G = &G0_[static_cast<size_t>(k) * n];
     for (int i = 0; i < n; ++i) dx[i] += h_ / 2 * lam[k] * G[i], lu_.column(n + k)[i] = -G[i];
     double* row = &G_[static_cast<size_t>(rows[k]) * n];
-    multiply_transposed(inverse_, row);
+    multiply_transposed(J_inverse_, row);
     for (int j = 0; j < n; ++j) lu_.column(j)[n + k] = row[j];
     dx[n + k] = -g_[rows[k]];
   }
@@ -131,14 +131,14 @@ void VariationalStep::correct(Numbers& dx) {
 
 std::pair<double, double> VariationalStep::measure(const Numbers& dx) const {
   const Tolerances& limits = s_.mechanics.limits;
-  double size = limits.tiny, change = 0, place = 0;
+  double size = limits.tiny, change = 0, position = 0;
   for (int i = 0; i < nv_; ++i) {
     size = std::max(size, std::fabs(x_[i]) / limits.coordinate_scales[i]);
     change = std::max(change, std::fabs(dx[i]) / limits.coordinate_scales[i]);
     if (!std::isfinite(dx[i])) change = dx[i];
   }
-  for (int i = 0; i < nq_; ++i) place = std::max(place, std::fabs(q0_[i]) / limits.q_scales[i]);
-  return {change / size, (1 + place) / size};
+  for (int i = 0; i < nq_; ++i) position = std::max(position, std::fabs(q0_[i]) / limits.q_scales[i]);
+  return {change / size, (1 + position) / size};
 }
 
 void VariationalStep::rattle(const NewtonIteration& iteration, double t, double h, const State& in, State& out,
@@ -166,8 +166,8 @@ void VariationalStep::rattle(const NewtonIteration& iteration, double t, double 
   for (size_t i = 0; i < start_.M.size(); ++i) start_.M[i] += end_.M[i];
   multiply(start_.M, w_.data(), n, momentum.data());
   if (s_.manifold.curved()) {
-    s_.manifold.partials(x_.data(), still_.data(), fore_);
-    multiply_transposed(fore_, momentum.data());
+    s_.manifold.partials(x_.data(), zero_.data(), J_plus_);
+    multiply_transposed(J_plus_, momentum.data());
   }
   for (int i = 0; i < n; ++i) momentum[i] = momentum[i] / 2 + h / 2 * end_.D[i];
   s_.constraints.evaluate_g_t(t + h, g_t.data());

@@ -42,9 +42,9 @@ class VariationalStep {
   const int nq_, nv_;
   double t_ = 0, h_ = 0;
   Numbers q0_, v0_, q1_, G0_;       // start of the step, its end, (r, nv) rows in use at the start
-  Numbers x_, w_, still_;           // (nv + r,) displacement and lam; (nv,) w = x/h; zero
+  Numbers x_, w_, zero_;           // (nv + r,) displacement and lam; (nv,) w = x/h; zero
   AppliedForces start_, end_;
-  std::vector<TangentBlock> back_, fore_, inverse_;  // J(-x), J(x), J(x)^-1
+  std::vector<TangentBlock> J_minus_, J_plus_, J_inverse_;  // J(-x), J(x), J(x)^-1
   DenseLU<1> lu_;
   Numbers G_, g_, matrix_, mean_, p_, b_, by_v_;
 };

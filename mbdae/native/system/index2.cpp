@@ -55,7 +55,7 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
       return false;
   if (!mechanics.fits(d.flexible)) return false;
   Constraints others(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers));
-  if (!constraints.fits(others)) return false;
+  if (!constraints.has_structure_of(others)) return false;
   constraints.write(std::move(others));
   set_laws(std::move(d.laws), d.law_pairs);
   mechanics.write(model, limits, std::move(d.flexible)), reset();

@@ -27,14 +27,14 @@ bool contradicts(const Index2System& s, double t, const double* v) {
   Numbers g_t(s.ng, 0.0);
   s.constraints.evaluate_g_t(t, g_t.data());
   if (largest(g_t.data(), s.ng) == 0) return false;
-  double missed = 0, terms = 0;
+  double violation = 0, terms = 0;
   for (int k = 0; k < s.ng; ++k) {
     double sum = g_t[k], size = std::fabs(g_t[k]);
     const double* G = &s.point.G[static_cast<size_t>(k) * s.nv];
     for (int i : s.constraints.rows[k].columns) sum += G[i] * v[i], size += std::fabs(G[i] * v[i]);
-    missed = std::max(missed, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
+    violation = std::max(violation, std::fabs(sum) / limits.row_scales[k]), terms = std::max(terms, size / limits.row_scales[k]);
   }
-  return !(missed <= limits.visible * terms);
+  return !(violation <= limits.visible * terms);
 }
 
 void add_magnitude(const Index2System& s, const double* y, double* size) {

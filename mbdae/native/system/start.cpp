@@ -59,7 +59,7 @@ double first_step(Index2System& s, double t, const Numbers& y, const Numbers& F,
   };
   const double d0 = norm(size), d1 = norm(F);
   if (!std::isfinite(d0) || !std::isfinite(d1)) throw FallBackToPython();
-  const double h0 = std::min(std::min(d0, d1) < given.small ? given.least : given.change * d0 / d1, given.left);
+  const double h0 = std::min(std::min(d0, d1) < given.small ? given.default_step : given.change * d0 / d1, given.left);
   if (!(h0 > 0)) return 0;
   for (double& x : move) x *= given.sign * h0;
   s.add(y.data(), move.data(), next.data());
@@ -67,7 +67,7 @@ double first_step(Index2System& s, double t, const Numbers& y, const Numbers& F,
   for (int i = 0; i < s.ny; ++i) change[i] -= F[i];
   const double steepest = std::max(d1, norm(change) / h0);
   if (!std::isfinite(steepest)) throw FallBackToPython();
-  const double h1 = steepest <= given.flat ? std::max(given.least, given.share * h0)
+  const double h1 = steepest <= given.flat ? std::max(given.default_step, given.reduction * h0)
                                            : std::pow(given.change / steepest, 1 / given.power);
   return std::min(given.growth * h0, h1);
 }

@@ -15,7 +15,7 @@ struct FirstStep {
   double rtol;
   Numbers atol;               // (1,) or (measured,)
   double power;               // of h in the error estimate
-  double small, least, share; // norms that are small, and h_0 in s for them; h_1 of h_0 where nothing changes
+  double small, default_step, reduction; // norms that are small, and h_0 in s for them; h_1 of h_0 where nothing changes
   double change, growth;      // of y in a step of h_0; largest h_1 / h_0
   double flat, nothing;       // norm of no change; keeps scales positive
 };

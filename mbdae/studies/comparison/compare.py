@@ -93,7 +93,7 @@ def compare(
         UnknownNameError: for an unknown method or formulation.
     """
     problem = problem_of(problem, "compare")
-    motion = _motion(problem, t_span, q, v, outputs, max_steps)
+    motion = motion_of(problem, t_span, q, v, outputs, max_steps)
     chosen, omitted = selected(problem, methods, formulations, rtol, steps, backend)
     trials = trials_of(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
@@ -123,9 +123,14 @@ def compare(
     return queue.result(complete)
 
 
-def _motion(
+def motion_of(
     problem: Problem, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
 ) -> ReferenceMotion:
+    """Return the motion of a comparison; arguments as for `compare`.
+
+    Raises:
+        InputError: for an invalid span, or fewer than one output or step.
+    """
     t0, t1 = checked_span(problem.duration if t_span is None else t_span)
     if outputs < 1 or max_steps < 1:
         raise InputError(f"expected at least one output and one step, got {outputs = }, {max_steps = }")

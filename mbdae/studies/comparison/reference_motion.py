@@ -21,6 +21,7 @@ from ..method_variant import Variant
 from .comparison import TEXTBOOK_QUANTITIES
 from .run_result import COUNTS, RunResult
 
+UNDETERMINED = "q, v or lam is undetermined at a common time"
 TIGHTEST, LOOSEST = EVALUATION_ROUNDING, VISIBLE  # range of tolerances of a reference run
 Samples = dict[str, Array]  # at the common times: q (m, nq), v (m, nv), lam (m, ng); y (m, ny), z (m, nz)
 
@@ -112,12 +113,14 @@ class ReferenceMotion:
 
     def measure(self, trial: Trial, sol: Solution, reference: Samples) -> RunResult:
         """Return the result of a run, without times."""
-        row = RunResult(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS})
+        silent = sol.status == "finished" and "stiff" not in sol.stats
+        message = "" if silent else sol.message
+        row = RunResult(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS}, message=message)
         if not sol.ended:
             return row
         errors, drifted = self.difference(self.sample(sol), reference), drift(sol)
         if not np.isfinite(errors).all():
-            return row
+            return replace(row, message=UNDETERMINED)
         largest, ends = (dict(zip(reference, e.tolist(), strict=True)) for e in (errors.max(axis=0), errors[-1]))
         return replace(
             row, errors=largest, ends=ends, g=drifted.g_max, Gv=drifted.Gv_max, energy=drifted.energy_relative

@@ -112,7 +112,7 @@ class RunQueue:
         old = Comparison.load(path)
         if old.meta.get("key") != self.key():
             what = "another mechanism, span, reference or version of mbdae"
-            raise InputError(f"{path} has a comparison of {what}: give another file, or start afresh")
+            raise InputError(f"{path} has a comparison of {what}: give another file, or remove this one")
         self.points = {p.label: p for p in old.points}
         self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
 

@@ -36,6 +36,7 @@ class RunResult:
         solves: linear systems of a stage.
         factorizations: of any kind.
         times: wall times of the repeated runs in s.
+        message: why a run has no errors, or warnings; "" for none.
     """
 
     method: str
@@ -55,6 +56,7 @@ class RunResult:
     solves: int = 0
     factorizations: int = 0
     times: tuple[float, ...] = ()
+    message: str = ""
 
     @property
     def label(self) -> tuple[str, float | None, int | None]:
@@ -99,7 +101,7 @@ def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
             if len({x in (None, "") for x in found.values()}) > 1:
                 raise ValueError(f"a run lacks some of its {f.name}")
             values[f.name] = {name: nonnegative(x) for name, x in found.items() if x not in (None, "")}
-        elif f.name in ("method", "status"):
+        elif f.name in ("method", "status", "message"):
             values[f.name] = str(row[f.name])
         elif row[f.name] in (None, ""):
             values[f.name] = None

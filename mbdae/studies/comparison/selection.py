@@ -38,7 +38,7 @@ def selected(
     if names is None and formulations is None:
         chosen = default_variants(problem, METHODS, **({"rtol": TOLERANCES[0]} if controlled else {"step": 1.0}))
     elif names == [ALL]:
-        return _all_that_fit(problem, formulations, fixed, backend)
+        return suitable(problem, all_variants(formulations), fixed, backend)
     else:
         chosen = variants(METHODS if names is None else names, formulations)
     for v in chosen:
@@ -49,12 +49,29 @@ def selected(
     return chosen, {}
 
 
-def _all_that_fit(
-    problem: Problem, formulations: str | Iterable[str] | None, fixed: bool, backend: str
-) -> tuple[list[Variant], dict[str, str]]:
-    native = common_backend(problem, [("index2", None)], backend)[0] == "native"
+def all_variants(formulations: str | Iterable[str] | None = None) -> list[Variant]:
+    """Return all methods of `mbdae.METHODS` in these formulations; when left out with ``ida`` and index-1 methods."""
     others = [] if formulations else [IDA.name, *(f"index1:{name}" for name in EXPLICIT)]
-    candidates, omitted = variants([*variants(ALL_METHODS, formulations), *others]), {}
+    return variants([*variants(ALL_METHODS, formulations), *others])
+
+
+def suitable(
+    problem: Problem, candidates: Iterable[Variant], fixed: bool, backend: str
+) -> tuple[list[Variant], dict[str, str]]:
+    """Return the candidates that suit a problem, and the reasons why the others do not, by name.
+
+    Args:
+        problem: the problem.
+        candidates: methods.
+        fixed: whether methods that take fixed steps alone get numbers of steps.
+        backend: of all runs; the compiled core omits methods whose steps Python computes.
+
+    Raises:
+        InputError: if none does.
+    """
+    native = common_backend(problem, [("index2", None)], backend)[0] == "native"
+    omitted: dict[str, str] = {}
+    candidates = list(candidates)
     for v in candidates:
         reason = _reason(problem, v, fixed) or _reason_of_formulations(problem, [v])
         if not reason and native and not find_method(v.formulation, v.method).in_core:
@@ -95,9 +112,9 @@ def trials_of(methods: list[Variant], rtol: Sequence[float] | None, steps: Seque
     Raises:
         InputError: for invalid tolerances or numbers of steps.
     """
-    numbers = [] if steps is None else _step_numbers(steps)
-    tolerances = [] if rtol is None and numbers else _tolerances(TOLERANCES if rtol is None else rtol)
-    controlled = [m for m in methods if tolerances and find_method(m.formulation, m.method).error_power]
+    numbers = [] if steps is None else checked_steps(steps)
+    tolerances = [] if rtol is None and numbers else checked_tolerances(TOLERANCES if rtol is None else rtol)
+    controlled = [m for m in methods if tolerances and m.controlled]
     if controlled == methods and numbers:
         raise InputError("every method controls its steps: give tolerances or numbers of steps, not both")
     out = []
@@ -106,14 +123,24 @@ def trials_of(methods: list[Variant], rtol: Sequence[float] | None, steps: Seque
     return out
 
 
-def _step_numbers(steps: Sequence[int]) -> list[int]:
-    require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
+def checked_steps(steps: Sequence[int], name: str = "steps") -> list[int]:
+    """Return numbers of steps, in increasing order.
+
+    Raises:
+        InputError: for numbers that are not whole or below 1, or none.
+    """
+    require(steps, Sequence | np.ndarray, f"{name} is a list of whole numbers")
     if not len(steps) or any(n < 1 or n != int(n) for n in steps):
-        raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
+        raise InputError(f"{name} are whole numbers of at least 1, got {steps!r}")
     return sorted({int(n) for n in steps})
 
 
-def _tolerances(rtol: Sequence[float]) -> list[float]:
+def checked_tolerances(rtol: Sequence[float]) -> list[float]:
+    """Return tolerances, the loosest first.
+
+    Raises:
+        InputError: for numbers that are not between 0 and 1, or none.
+    """
     require(rtol, Sequence | np.ndarray, "rtol is a list of numbers")
     if not len(rtol) or not all(0 < r < 1 for r in rtol):
         raise InputError(f"rtol is a list of numbers between 0 and 1, got {rtol!r}")

@@ -8,6 +8,7 @@ import numpy as np
 from ...errors import InputError, MbdaeError, is_number
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
+from ...integrate.trajectory.signal_jacobian import differentiable
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import values_text
 from ...solution.signals import signals as computed_signals
@@ -15,7 +16,6 @@ from ...solution.solution import Solution, uninterrupted
 from ...system import Array
 from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sensitivity.sensitivity import trajectory_sensitivity
-from ..sensitivity.signal_jacobian import differentiable
 from .data import Recording
 
 SAMPLES_PER_PARAMETER = 3  # fewest samples of a span

@@ -12,6 +12,7 @@ from ...mechanism.assembly.position_search import close_position
 from ...mechanism.tree.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
+from ...tolerances import SMALLEST_PART
 from .branch_following import TracedCurve, is_same_point, other_branches
 from .branch_points import BranchPoint
 from .curve_sampling import branch_point_on_curve, events, sample
@@ -103,6 +104,8 @@ def _start_on_curve(driven: Mechanism, q: Array, span: tuple[float, float] | Non
     listed = list(span) if isinstance(span, Iterable) else []
     if not (len(listed) == 2 and all(is_number(u) for u in listed) and listed[0] != listed[1]):
         raise InputError(f"span is two different numbers, from and to, got {span!r:.60}")
+    if abs(listed[1] - listed[0]) < SMALLEST_PART * driven.row_scales[-1]:
+        raise InputError(f"span is too short to trace a curve, got {span!r:.60}")
     first = float(span[0])
     for u in np.linspace(here, first, int(abs(first - here) / (INPUT_STEP * driven.row_scales[-1])) + 2)[
         1:

@@ -16,9 +16,7 @@ INTERVAL = 0.2  # s in which an interrupt is noticed
 
 
 @command("range speed fps port paused shadows", RUN, shared="method rtol step", more=(SECONDS,))
-def live(
-    study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any
-) -> None:
+def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any) -> None:
     """Simulate a model in real time in a browser. Its inputs and joints have sliders; it ends with Ctrl-C.
 
     A drag on a body pulls it by a spring.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["linearize"]
 
 AXES = "xyz"
-BAND = 400  # frequencies of a frequency response
+N_FREQUENCIES = 400  # of a frequency response
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class LinearSystem(Tabular):
         """Return frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
         size = np.abs(spectrum(self.A, self.motion.noise).values)
         size = size[size > 0] if size.any() else np.array([2 * np.pi])
-        return np.geomspace(size.min() / 10, size.max() * 10, BAND) / (2 * np.pi)
+        return np.geomspace(size.min() / 10, size.max() * 10, N_FREQUENCIES) / (2 * np.pi)
 
     def plot(self, path: str | Path | None = None, hertz: Sequence[float] | Array | None = None) -> "Figure":
         """Draw gain and phase over frequencies in Hz, `band` when left out; saved if a path is given.

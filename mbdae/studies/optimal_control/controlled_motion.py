@@ -9,12 +9,12 @@ import numpy as np
 
 from ...errors import StepError
 from ...integrate.simulator.simulator import Simulator
+from ...integrate.trajectory.signal_jacobian import SignalJacobian, differentiable
 from ...mechanism.time_functions.input_functions import InputSetting
 from ...solution.signal_value import SignalValue, find_signal, value
 from ...solution.solution import Solution
 from ...system import Array
 from ..optimize.objective import CostEvaluation
-from ..sensitivity.signal_jacobian import SignalJacobian, differentiable
 
 SIMPSON = (4.0, 2.0)  # weights of odd and even points, over h/3; 1 at both ends
 

@@ -15,6 +15,7 @@ from ...mechanism.callbacks import call_and_report, values_text
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
+from ..kinematics.curve_derivatives import CurveSignals, require_monotonic
 from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
@@ -22,7 +23,6 @@ from ..sensitivity.cost import Cost, NamedCost, cost_name, evaluated
 from ..sensitivity.gradient import RunCost, adjoint_gradients, run_cost
 from ..sensitivity.run_parameters import MechanismFactory, VaryingParameters
 from ..sweep.sweep_run import check_settings
-from .curve_derivatives import CurveSignals, require_monotonic
 
 
 class CostEvaluation(NamedTuple):

@@ -41,11 +41,11 @@ class Extra(NamedTuple):
     legend: Sequence[Mapping[str, str]] = ()
 
 
-NOTHING = Extra()
+NO_EXTRAS = Extra()
 
 
 def scene_data(
-    scene: "Scene", model: Any, shown: Sequence[Motion], times: Array, seen: Array, extra: Extra = NOTHING
+    scene: "Scene", model: Any, shown: Sequence[Motion], times: Array, seen: Array, extra: Extra = NO_EXTRAS
 ) -> dict[str, Any]:
     """Return the data of a scene for the page.
 

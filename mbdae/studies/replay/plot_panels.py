@@ -194,4 +194,3 @@ def _user_curve(name: str, signal: Any, sol: "Solution", smooth: "Solution") -> 
     if y.shape != (len(t),):
         raise InputError(f"signal {name!r} has shape {y.shape}, expected ({len(t)},), one number for each time")
     return Curve(name, t, y)
-

@@ -17,6 +17,7 @@ from ...errors import InputError
 from ...file_io import write_page
 from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
+from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
 from ...solution.problem import mechanism_of
@@ -118,7 +119,7 @@ def report(
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
         methods: as for `mbdae.compare`, the default first when left out. The first one computes the run of the replay,
             as ``mbdae solve`` does, with projection if no formulation is given; orders are measured for those without
-            a formulation.
+            a formulation, except solvers of libraries, which take no fixed steps.
         rtol: relative tolerance of the run and of the drift table; that of `mbdae.solve` when left out.
         tolerances: relative tolerances of the comparison.
         repeats: runs for the median of the wall time.
@@ -187,8 +188,8 @@ class _Study:
 
     @property
     def order_methods(self) -> list[Any]:
-        """Methods whose order is measured: those without a formulation."""
-        return [v.method for v in self.chosen if not v.prefix]
+        """Methods whose order is measured: those without a formulation that take fixed steps."""
+        return [v.method for v in self.chosen if not v.prefix and v.name not in SOLVERS]
 
     def measure_orders(self) -> None:
         """Observe the orders of methods."""

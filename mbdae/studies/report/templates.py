@@ -10,9 +10,9 @@ from ...tabular import table
 
 
 @cache
-def _environment() -> Environment:
+def _environment(package: str) -> Environment:
     found = Environment(
-        loader=PackageLoader(__package__, ""),
+        loader=PackageLoader(package, ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -25,11 +25,15 @@ def _environment() -> Environment:
 def document(title: str, summary: str, version: str, sections: dict[str, str]) -> str:
     """Return a page of all non-empty sections, HTML by heading, with a table of contents."""
     shown = {name: Markup(body) for name, body in sections.items() if body}
-    template = _environment().get_template("report.htm")
-    return template.render(title=title, summary=summary, version=version, sections=shown)
+    return rendered(str(__package__), "report.htm", title=title, summary=summary, version=version, sections=shown)
+
+
+def rendered(package: str, name: str, **values: Any) -> str:
+    """Return a template in the folder of a package with values."""
+    return _environment(package).get_template(name).render(**values)
 
 
 @cache
 def elements() -> Any:
     """Return the macros of ``elements.htm`` as functions, which return HTML."""
-    return _environment().get_template("elements.htm").module
+    return _environment(str(__package__)).get_template("elements.htm").module

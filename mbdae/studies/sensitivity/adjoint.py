@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...integrate.trajectory.native_trajectory import NodeRange
+from ...integrate.trajectory.signal_jacobian import SignalJacobian
 from ...integrate.trajectory.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
-from .signal_jacobian import SignalJacobian
 from .terminal_event import EventTimeDerivative
 
 Cotangents = tuple[Array, Array, Array]  # of (y, carry), (costs, ny + nc), parameters, (costs, k), and time, (costs,)

@@ -117,8 +117,9 @@ def _bound(sol: Solution, names: Names, make: MechanismFactory) -> Parameters:
     from_file = isinstance(make, Template) and not isinstance(names, Mapping)
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
     indices = np.linspace(0, len(ts) - 1, CHECKS).round().astype(int)
-    along = [(float(ts[i]), q, v, s) for i in np.unique(indices) for q, v, s, _ in [np.split(ys[i], cuts)]]
-    parameters = Parameters(make.make, values, backend.load(), own=from_file, along=along, mode=sol.mode(0) or ())
+    points = [(i, *np.split(ys[i], cuts)[:3]) for i in np.unique(indices).tolist()]
+    along = [(float(ts[i]), q, v, s, sol.mode(i)) for i, q, v, s in points]
+    parameters = Parameters(make.make, values, backend.load(), own=from_file, along=along)
     _require_same_structure(mech, parameters.mech)
     return parameters
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...data_types import JsonObject
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events.event import Event
+from ...integrate.trajectory.signal_jacobian import SignalJacobian
 from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism.tree.coordinate_units import coordinate_units
 from ...solution.solution import Solution
@@ -18,7 +19,6 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from ...tolerances import COINCIDENT
 from .run_parameters import Model, Names, bind_parameters
-from .signal_jacobian import SignalJacobian
 from .terminal_event import terminal_event
 
 __all__ = ["sensitivity"]
@@ -161,10 +161,30 @@ def trajectory_sensitivity(
     trace: Trajectory, start: bool = False, event: Event | Callable[..., float] | str | None = None
 ) -> Sensitivity:
     """Differentiate a trajectory with bound parameters, see `sensitivity`."""
-    sol, values, end = trace.sol, trace.core.varied.values, terminal_event(trace, event)
+    values = trace.core.varied.values
     columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
-    dy, carry = start_tangent(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
+    return run_tangents(trace, columns, start_tangent(trace, dp, start), dp, event)
+
+
+def run_tangents(
+    trace: Trajectory,
+    columns: tuple[str, ...],
+    dy: Array,
+    dp: Array,
+    event: Event | Callable[..., float] | str | None = None,
+) -> Sensitivity:
+    """Return the tangents of a run for variations dy (ny, m) of its start and dp (k, m) of the parameters.
+
+    Args:
+        trace: the run.
+        columns: names of the m variations.
+        dy: of the start.
+        dp: of the parameters.
+        event: the terminal event in which the run ended.
+    """
+    sol, values, end = trace.sol, trace.core.varied.values, terminal_event(trace, event)
+    carry = np.zeros((trace.n_carry, len(columns)))
     dy, carry = _apply(trace.start_parts(), dy, carry, dp)
     out, i, ny = _Tangents(sol, trace, dp), 0, len(dy)
     while i + 1 < len(trace.ts):

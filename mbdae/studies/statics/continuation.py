@@ -17,15 +17,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ...data_types import JsonObject
-from ...errors import InputError, MbdaeError, StepError
+from ...errors import InputError, StepError
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.spectrum import CERTAIN, Curvature, curvature, null_space, scale_of
 from ...system import Array
 from ...tolerances import EPS, ITERATION_ROUNDING, SAME_STATE, SMALLEST_PART, VISIBLE
+from ..path_location import locate
 from .trust_region import symmetric
 
 MAX_STEP, MIN_STEP = 0.03, SMALLEST_PART  # in rad or characteristic lengths, and the range of the factor
-MAX_CORRECTIONS, MAX_POINTS, MAX_BISECTIONS = 8, 5000, 40
+MAX_CORRECTIONS, MAX_POINTS = 8, 5000
 MIN_COSINE = 0.95  # between tangents at both ends of a step
 LOWEST_FRACTION = -2.0  # of the factor range, at which a diverging path ends
 
@@ -212,25 +213,8 @@ class Continuation:
         return PathPoint(u, here, tau[:-1] * self.l, float(tau[-1]), bent, sign)
 
     def located(self, at: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
-        """Return the step length at a sign change of a value, and the point, by bisection and false position."""
-        low, high = 0.0, h
-        here, end = at, self.step(at, h)
-        if end is None:
-            raise MbdaeError("a point of a path of equilibria cannot be located")
-        a, b = value(at), value(end)
-        if a == 0:
-            return 0.0, at
-        best = h, end
-        for k in range(MAX_BISECTIONS):
-            middle = (low + high) / 2 if k % 3 == 2 or abs(a) == abs(b) == 1.0 else high - b * (high - low) / (b - a)
-            found = self.step(here, middle) if low < middle < high else None
-            if found is None:
-                break
-            c, best = value(found), (middle, found)
-            if c == 0:
-                break
-            low, high, a, b = (middle, high, c, b) if c * a > 0 else (low, middle, a, c)
-        return best
+        """Return the step length at a sign change of a value, and the point."""
+        return locate(self.step, at, h, value, "equilibria")
 
 
 def eigenvalue(p: PathPoint, k: int, flat: int) -> float:

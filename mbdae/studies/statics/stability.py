@@ -47,7 +47,7 @@ class Verdict:
 
     def __str__(self) -> str:
         k = len(self.squares)
-        dof = f"{k} degree{'s' if k != 1 else ''} of freedom"
+        dof = "1 degree of freedom" if k == 1 else f"{k} degrees of freedom"
         return {
             "rigid": "no degree of freedom",
             "singular": f"no verdict, the closures lose rank here ({dof} in this pose)",

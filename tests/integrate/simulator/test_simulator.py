@@ -209,7 +209,7 @@ def test_a_terminal_event_pauses():
 
 
 def test_memory_does_not_grow_without_a_record(monkeypatch):
-    monkeypatch.setattr("mbdae.integrate.simulator.simulator.FORGOTTEN", 50)
+    monkeypatch.setattr("mbdae.integrate.simulator.simulator.MAX_NODES", 50)
     kept = advanced(mbdae.Simulator("bricard", step=H), 400)
     lean = advanced(mbdae.Simulator("bricard", step=H, record=False), 400)
     assert len(lean._run.ts) < 60

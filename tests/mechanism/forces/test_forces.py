@@ -18,6 +18,9 @@ from mbdae import (
     finite_differences,
 )
 from mbdae.errors import InputError, StepError
+from mbdae.mechanism import forces
+from mbdae.mechanism.forces.force import PythonForce
+from mbdae.mechanism.forces.joint_law import JointElement
 from mbdae.mechanism.time_functions.time_functions import Harmonic, Polynomial
 
 MODEL = tree(["free", "prismatic", "spherical", "revolute", "universal", "planar"], [0, 1, 2, 3, 2, 5])
@@ -214,3 +217,30 @@ def test_friction_of_the_urdf_counts_when_asked_for(tmp_path):
     assert rubbing.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))
     with pytest.raises(InputError, match="model has no friction"):
         mbdae.load(tmp_path / "arm0.urdf", forces=[JointFriction()])
+
+
+class Undeclared(PythonForce):
+    """A spring beyond 0.4 rad whose element has no potential energy."""
+
+    name = "catch"
+
+    def bind(self, model, data):
+        class Spring(JointElement):
+            def effort(self, q, v):
+                return np.where(np.real(q) > 0.4, -3.0 * (q - 0.4), 0.0), 0.0
+
+        return Spring(self.name, [0], [0])
+
+
+def test_a_conservative_part_without_a_potential_is_refused_by_name(monkeypatch):
+    """The run ends where this part first acts, and keeps the steps before."""
+    monkeypatch.setattr(forces, "PYTHON_FORCES", (*forces.PYTHON_FORCES, Undeclared))
+    mech = mbdae.load("four_bar", forces=[Undeclared()])
+    q, v = mech.assemble(q={"crank": 0.3}, v={"crank": 2.0})
+    for method in ("pherk5", "radau5"):
+        sol = mbdae.solve(mech, (0, 1), q, v, method=method)
+        assert sol.status == "force"
+        assert "force 'catch' has a conservative part without a potential" in sol.message
+        assert "potential(q)" in sol.message
+        assert 0 < sol.t[-1] < 1
+        assert 0.3 < sol.q[-1, 0] <= 0.4 + 1e-9

@@ -212,6 +212,7 @@ def test_a_table_is_written(tmp_path):
         ("stewart_platform", {"drive": "platform"}, "'platform' has 6 coordinates"),
         ("four_bar", {"drive": "crank", "hold": "crank"}, "'crank' is driven: it cannot be locked, too"),
         ("four_bar", {"drive": "crank", "span": (1, 1)}, "two different numbers"),
+        ("four_bar", {"drive": "crank", "span": (1.2, 1.2 + 1e-9)}, "span is too short"),
         ("four_bar", {"drive": "crank", "turns": 0}, "turns must be"),
         ("four_bar", {"drive": "crank", "points": 1}, "at least 2"),
         ("four_bar", {"drive": "crank", "output_joint": "nosuch"}, "unknown joint 'nosuch'"),

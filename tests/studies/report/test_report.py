@@ -285,3 +285,13 @@ def test_ctrl_c_while_the_page_is_written_leaves_what_it_would_say(tmp_path, mon
     assert (code, err) == (1, "mbdae: stopped by the user before r.html was written\n")
     assert "drift of Cartesian pendulum" in out
     assert list(tmp_path.iterdir()) == []
+
+
+def test_solvers_of_libraries_have_no_orders():
+    """They take no fixed steps; everything else of the report is there."""
+    pytest.importorskip("sksundae")
+    result = mbdae.report("four_bar", 0.05, methods=("ida", "ggl:ida"), tolerances=(1e-3,), repeats=0)
+    assert result.orders is None
+    assert not result.missing
+    assert [d.method for d in result.drifts] == ["ida", "ggl:ida"]
+    assert {p.method for p in result.comparison.points if p.success} == {"ida", "ggl:ida"}

@@ -8,9 +8,9 @@ from frozen import compare, quotient, runs_of
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.integrate.trajectory.signal_jacobian import SignalJacobian
 from mbdae.solution.signals import signals as columns
 from mbdae.solution.signals import units
-from mbdae.studies.sensitivity.signal_jacobian import SignalJacobian
 
 ALL_SORTS = str(Path(__file__).parents[2] / "data" / "all_sorts.toml")
 WITHOUT = ("g", "Gv")  # a largest magnitude has no derivative

@@ -137,5 +137,5 @@ mjcf = Reader(
     "mjcf",
     (".xml", ".mjcf"),
     read_mjcf,
-    rejected={"free_flyer": "does not belong to an MJCF source: {} has free joints of its own"},
+    rejected={"free_flyer": "does not belong to an MJCF source: {} declares its free joints"},
 )

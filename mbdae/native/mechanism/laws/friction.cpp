@@ -12,10 +12,10 @@ static bool is_valid(Law& law, const Sizes& n) {
 
 struct Friction {
   template <class S>
-  static Effort<S> effort(const Law& law, size_t k, const S&, const S& v) {
+  static S effort(const Law& law, size_t k, const S&, const S& v) {
     const double d = law.a[k], width = law.a.back();
-    if (d == 0 || width == 0) return {0, -d};
-    return {0, -d * tanh(v / width)};
+    if (d == 0 || width == 0) return -d;
+    return -d * tanh(v / width);
   }
 };
 

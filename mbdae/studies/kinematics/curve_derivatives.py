@@ -5,12 +5,18 @@ v = dq/du,
 
     G dq = -g_p dp,    G dv = -(B dq + Q dp),    B = d(G v)/dq,  Q = d(G v)/dp
 
-and a frame's origin moves with q and with the placements of the joints that carry it. By virtual work, the driver
-effort that balances a pose at rest is -f(q) . v with the forces f.
+and an output o(q, v, p) changes by
+
+    do = (o_p - lam g_p - mu Q) dp,    G^T mu = o_v,    G^T lam = o_q - B^T mu
+
+one transposed solve for all parameters: lam are the reactions to a unit load along the output with the drive locked.
+A frame's origin moves with q and with the placements of the joints that carry it. By virtual work, the driver effort
+that balances a pose at rest is -f(q) . v with the forces f.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,10 +28,26 @@ from ...solution.columns import coordinates
 from ...solution.signal_value import signal_values
 from ...system import Array
 from ...tolerances import COINCIDENT, RANK
-from ..kinematics.result import Kinematics
+from .result import Kinematics
 
 HOLDING = "holding"
 AXES = "xyz"
+
+
+class Poses(NamedTuple):
+    """Rows of a curve's poses, linearised.
+
+    Attributes:
+        inverse: pseudoinverses of G, (n, nv, ng).
+        rates_by_q: dv/dq = -G^+ B, (n, nv, nv).
+        rows: g_p, (n, ng, k).
+        row_rates: Q, (n, ng, k).
+    """
+
+    inverse: Array
+    rates_by_q: Array
+    rows: Array
+    row_rates: Array
 
 
 class CurveSignals(Mapping[str, Array]):
@@ -85,49 +107,67 @@ class CurveSignals(Mapping[str, Array]):
         return self.system.force(0.0, q, np.zeros(self.system.nv), self.states)[0]
 
     @cached_property
-    def derivatives(self) -> tuple[Array, Array]:
-        """Derivatives of q in the tangent and of v = dq/du at fixed inputs, (n, nv, k) each."""
-        return tuple(np.array(x) for x in zip(*self._poses(), strict=True))  # type: ignore[return-value]
-
-    def _poses(self) -> Iterator[tuple[Array, Array]]:
+    def poses(self) -> Poses:
+        """Linearised rows in each pose."""
         s, all_rows = self.parameters.system, np.arange(self.parameters.system.ng)
+        found = []
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
             G, B = s.rate_partials(u, q, v, all_rows)
             Q, g = self.parameters.row_partials(u, q, v)
-            G_inverse = np.linalg.pinv(G, rcond=RANK)
-            dq = -G_inverse @ g
-            yield dq, -G_inverse @ (B @ dq + Q)
+            inverse = np.linalg.pinv(G, rcond=RANK)
+            found.append((inverse, -inverse @ B, g, Q))
+        return Poses(*(np.array(x) for x in zip(*found, strict=True)))
+
+    def reactions(self, name: str) -> Array:
+        """Return the reactions lam of all rows to a unit load along a signal, with the drive locked, (n, ng).
+
+        A displacement dg of the rows changes the signal by -lam . dg.
+        """
+        by_q, by_v, _ = self.partials(name)
+        adjoint = by_q + np.einsum("ni,nij->nj", by_v, self.poses.rates_by_q)
+        return np.einsum("ni,nij->nj", adjoint, self.poses.inverse)
 
     def derivative(self, name: str) -> Array:
         """Return derivatives of a signal with respect to the parameters at fixed inputs, (n, k)."""
-        dq, dv = self.derivatives
+        _, by_v, by_p = self.partials(name)
         if name == "u":
-            return np.zeros((len(dq), len(self.parameters)))
-        if name == HOLDING:
-            return self._holding_derivatives(dq, dv)
-        if name in self.known:
-            at, nq, nv = self.known[name], self.system.nq, self.system.nv
-            if at.kind == "angle":
-                return dq[:, at.rate]
-            if at.i >= nq:
-                return dv[:, at.i - nq]
-            by_q = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.found.q]
-            return np.einsum("ni,nik->nk", np.reshape(by_q, (-1, nv)), dq)
-        frame, axis = _point(name)
-        partials = [frame_partials(self.parameters, q, [frame]) for q in self.found.q]
-        row = AXES.index(axis)
-        return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(partials, dq, strict=True)])
+            return by_p
+        lam, mu = self.reactions(name), np.einsum("ni,nij->nj", by_v, self.poses.inverse)
+        return np.asarray(
+            by_p - np.einsum("nj,njk->nk", lam, self.poses.rows) - np.einsum("nj,njk->nk", mu, self.poses.row_rates)
+        )
 
-    def _holding_derivatives(self, dq: Array, dv: Array) -> Array:
+    def partials(self, name: str) -> tuple[Array, Array, Array]:
+        """Return the partial derivatives of a signal by q in the tangent and v, (n, nv) each, and parameters (n, k)."""
+        n, nq, nv, k = len(self.found.u), self.system.nq, self.system.nv, len(self.parameters)
+        by_q, by_v, by_p = np.zeros((n, nv)), np.zeros((n, nv)), np.zeros((n, k))
+        if name == HOLDING:
+            return self._holding_partials()
+        if name in self.known:
+            at = self.known[name]
+            if at.kind == "angle":
+                by_q[:, at.rate] = 1.0
+            elif at.i >= nq:
+                by_v[:, at.i - nq] = 1.0
+            else:
+                by_q[:] = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.found.q]
+        elif name != "u":
+            frame, axis = _point(name)
+            both, row = [frame_partials(self.parameters, q, [frame]) for q in self.found.q], AXES.index(axis)
+            by_q, by_p = (np.array([pair[i][0, row] for pair in both]) for i in (0, 1))
+        return by_q, by_v, by_p
+
+    def _holding_partials(self) -> tuple[Array, Array, Array]:
         s, nv, out = self.parameters.system, self.system.nv, []
         zero_v, zero_lam = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([zero_v, self.states, [0.0]])
-        for q, v, q_p, v_p in zip(self.found.q, self.found.rates, dq, dv, strict=True):
+        for q, v in zip(self.found.q, self.found.rates, strict=True):
             self.parameters.require_directions(0.0, q)
             K = s.partials(0.0, q, u, zero_v, zero_lam, np.arange(s.ng)).K[:nv]
             P = self.parameters.force_partials(0.0, q, zero_v, self.states, zero_v, zero_lam)[:nv]
-            out.append(-v @ (K @ q_p + P) - self._at_rest(q) @ v_p)
-        return np.array(out)
+            out.append((-v @ K, -self._at_rest(q), -v @ P))
+        by_q, by_v, by_p = (np.array(x) for x in zip(*out, strict=True))
+        return by_q, by_v, by_p
 
 
 def _point(name: str) -> tuple[str, str]:

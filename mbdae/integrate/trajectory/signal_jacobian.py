@@ -1,17 +1,19 @@
 """Derivatives of signals with respect to state, parameters and time."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
-from ...integrate.trajectory.trajectory import Trajectory
 from ...mechanism import Mechanism
 from ...mechanism.signal_derivatives import MotionTangent, TangentDirections
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
 from ...system import Array
 from .column_derivatives import DerivativeFamily, find_column
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
 
 ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
 KNOWN = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
@@ -60,7 +62,7 @@ class SignalJacobian:
         InputError: for a signal that has no gradient.
     """
 
-    def __init__(self, trace: Trajectory, names: Sequence[str]) -> None:
+    def __init__(self, trace: "Trajectory", names: Sequence[str]) -> None:
         self.trace, self.names = trace, list(names)
         mech = trace.system.mechanism
         known = signal_values(mech)

@@ -1,0 +1,139 @@
+"""Events at which the state jumps (`mbdae.Reset`): located on steps of the method, then the run continues from R(y)."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...data_types import JsonObject
+from ...errors import InputError, StepError
+from ...mechanism import Mechanism
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.hybrid.reset import StateReset
+from ...system import Array
+from ...tolerances import SOLUTION_ROUNDING
+from .level_crossing import SignalEvent, parse_level_crossing
+from .source import EventSource, Occurrence
+
+if TYPE_CHECKING:
+    from ..run.run_state import RunState
+    from ..run.step_map import StepMap
+
+MAX_RESETS = 100  # at one time
+
+
+class Resets(EventSource):
+    """Detection of events, and jumps of the state.
+
+    Args:
+        system: workspace of the run.
+
+    Attributes:
+        done: first node after each jump, and the name of its event.
+
+    Raises:
+        InputError, UnknownNameError: for an event of an unknown signal, or without its function.
+    """
+
+    each_step = True
+
+    def __init__(self, system: Index2System) -> None:
+        self.system, resets = system, system.mechanism.resets
+        self.maps = [StateReset(system, reset) for reset in resets]
+        self.workspace = workspace = system.new_workspace()
+        self.signals = [_bound(workspace, reset.name, reset.signal) for reset in resets]
+        self.conditions = [_condition(workspace, reset.name, reset.when) if reset.when else None for reset in resets]
+        self.done: list[tuple[int, str]] = []
+        self.times: list[float] = []
+        self._found = 0  # event of the last step
+        self._checked_until = np.nan  # nan after a jump
+
+    @classmethod
+    def from_run(cls, run: "RunState") -> "Resets | None":
+        if not isinstance(run.problem, Mechanism) or not isinstance(run.system, Index2System):
+            return None
+        if not run.problem.resets:
+            return None
+        name, formulation = run.problem.resets[0].name, run.options.formulation
+        if formulation == "index1":
+            raise InputError(f"event {name!r}: states jump in formulations 'index2' and 'ggl', got {formulation!r}")
+        if run.sign < 0:
+            raise InputError(f"event {name!r}: a run whose state jumps cannot go backward in time")
+        return cls(run.system)
+
+    def begin_interval(self, run: "RunState") -> None:
+        """Start to track the signals."""
+        if len(run.ts) == 1:
+            self._checked_until = run.t
+            for signal in self.signals:
+                signal.start_at(run.t, run.ys[-1])
+
+    def after_discontinuity(self, run: "RunState", mode_changed: bool) -> None:
+        """Note that signals may have jumped."""
+        if mode_changed:
+            self._checked_until = np.nan
+
+    def first_event(self, step: "StepMap") -> Occurrence | None:
+        """Return the first event of a step whose condition holds."""
+        jumped = SOLUTION_ROUNDING if np.isnan(self._checked_until) else 0.0
+        tangency = None if step.t == self._checked_until else jumped
+        self._checked_until, hits = step.t1, list[tuple[float, int]]()
+        for i, signal in enumerate(self.signals):
+            hits += [(theta, i) for theta, y in signal.zeros(step, tangency) if self._counts(i, step, theta, y)]
+        if not hits:
+            return None
+        theta, self._found = min(hits)
+        if theta >= 1:
+            return Occurrence(step.t1)
+        t = step.t + theta * step.h
+        return Occurrence(t, step.end(theta) if t != step.t else None)
+
+    def _counts(self, i: int, step: "StepMap", theta: float, y: Array) -> bool:
+        """Return whether an event is not at the start of the run, and its condition holds."""
+        condition, t = self.conditions[i], step.t + theta * step.h
+        if step.first and theta == 0:
+            return False
+        return condition is None or condition.direction * condition.value(t, y) > 0
+
+    def act(self, run: "RunState") -> bool:
+        """Let the state jump, unless the run ends at this node."""
+        if run.time_left() <= 0:
+            return False
+        found = self.maps[self._found]
+        self.times = [*self.times[-MAX_RESETS:], run.t]
+        if len(self.times) > MAX_RESETS and self.times[0] == run.t:
+            raise StepError("switching", f"event {found.reset.name!r} repeats without end at t = {run.t:.17g}")
+        run.end_interval()
+        self.done.append((len(run.ts), found.reset.name))
+        run.switch_mode(found(run.t, run.ys[-1]))
+        return False
+
+    def release(self) -> None:
+        self.system.mechanism.workspaces.release(self.workspace)
+
+    def results(self, run: "RunState") -> dict[str, Any]:
+        return {"resets": [(i, name) for i, name in self.done if i < len(run.ts)]}
+
+    def statistics(self, run: "RunState") -> JsonObject:
+        return {"resets": len(self.done)}
+
+
+def _bound(workspace: Index2System, name: str, text: str) -> SignalEvent:
+    """Return the signal of an event.
+
+    Raises:
+        InputError: with the name of the event.
+        UnknownNameError: for an unknown signal.
+    """
+    return SignalEvent.from_text(workspace, workspace.mechanism, text, 0)
+
+
+def _condition(workspace: Index2System, name: str, text: str) -> SignalEvent:
+    """Return the condition of an event.
+
+    Raises:
+        InputError: unless it compares a signal by > or <.
+        UnknownNameError: for an unknown signal.
+    """
+    if not parse_level_crossing(text).direction:
+        raise InputError(f"event {name!r}: when is a signal, > or <, and a number, got {text!r:.80}")
+    return _bound(workspace, name, text)

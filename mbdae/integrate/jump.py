@@ -1,0 +1,209 @@
+"""Jump of tangents and adjoints at a change of mode (saltation).
+
+At an event h(t, y-) = 0 the state jumps, y+ = R(t, y-), and its rates are F- before and F+ after. A variation Y- of the
+state at fixed time, and dp, give
+
+    dt = -(h_y Y- + h_p dp)/(h_y F- + h_t),    Y+ = R_y (Y- + F- dt) + R_t dt + R_p dp - F+ dt
+
+R is the impact (`mbdae.mechanism.discrete_sensitivity.impact_sensitivity`), or 1 where only rows change, followed by
+the projection of the run. Switches at known times have dt = 0. The adjoint is the transpose.
+
+Source: M. A. Aizerman, F. R. Gantmacher, Q. J. Mech. Appl. Math. 11 (1958); P. C. Mueller, Chaos, Solitons & Fractals 5
+(1995).
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..mechanism.discrete_sensitivity.guard_partials import GuardPartials
+from ..mechanism.discrete_sensitivity.impact_sensitivity import impact_partials, row_rate_partials
+from ..mechanism.hybrid.impact import row_impacts
+from ..mechanism.hybrid.mode_point import AllRows, ModePoint
+from ..mechanism.hybrid.switches import unswitched_rows
+from ..system import Array
+from ..tolerances import INPUT_DIGITS, RANK, SAME_STATE, VISIBLE
+from .trajectory.native_trajectory import NativeStep
+
+if TYPE_CHECKING:
+    from .trajectory.trajectory import Trajectory
+
+COMMANDS = ("command", "speed step")  # guards of switches at known times
+
+
+class Jump(NamedTuple):
+    """Derivatives of the state after a change of mode.
+
+    Attributes:
+        matrix: of y after it by (y, p) before it, both at fixed time, (ny, ny + k).
+        time: of the time of the event, (ny + k,); 0 at known times.
+    """
+
+    matrix: Array
+    time: Array
+
+    def tangent(self, dy: Array, dp: Array) -> Array:
+        """Return the tangents after the event, (ny, m), from those before, (ny, m), and of the parameters, (k, m)."""
+        return np.asarray(self.matrix @ np.concatenate([dy, dp]))
+
+    def adjoint(self, bar: Array) -> tuple[Array, Array]:
+        """Return the cotangents of y before, (ny, m), and of the parameters, (k, m), from those of y after, (ny, m)."""
+        at_y, at_p = np.split(self.matrix.T @ bar, [len(bar)])
+        return at_y, at_p
+
+
+class ModeJumps:
+    """Jumps of the changes of mode of a trajectory.
+
+    Args:
+        trace: the trajectory.
+    """
+
+    def __init__(self, trace: "Trajectory") -> None:
+        self.trace, self.system, self.sensitivity = trace, trace.system, trace.sensitivity
+        self.switches = trace.system.mechanism.switches
+        self.all_rows = AllRows(trace.system)
+        self.unswitched = unswitched_rows(self.switches, trace.system.ng)
+        self.first_nodes = [i for i, _ in trace.sol.modes]
+        self._known: dict[int, Jump] = {}
+
+    def __getitem__(self, i: int) -> Jump:
+        """Return the jump from node i to node i + 1, which have the same time.
+
+        Raises:
+            InputError: where it has no derivative: grazing, or simultaneous events; names the switch and the time.
+        """
+        if i not in self._known:
+            self._known[i] = self._jump(i)
+        return self._known[i]
+
+    def _jump(self, i: int) -> Jump:
+        trace, t, ny = self.trace, float(self.trace.ts[i]), self.sensitivity.ny
+        trace.enter_node(i)
+        before, jumped = trace.ys[i], np.eye(ny, ny + self.sensitivity.k + 1)
+        if at_known_time := trace.ts[i + 1] != t:
+            t = float(trace.ts[i + 1])
+            jumped[:, :-1] = self.sensitivity.jump(t, before)
+            before = self.system.jump(t, before)
+        point = ModePoint(self.system, self.all_rows, t, before)
+        rates, time = np.zeros(ny), np.zeros(ny + self.sensitivity.k)
+        if varies := not at_known_time and self._varies(i):
+            rates = self._rate_before(i)
+            time = self._event(i, point, rates)
+        R = self._map(point, jumped)
+        if not varies:
+            return self._projected(i, Jump(R[:, :-1], time))
+        trace.enter_node(i + 1)
+        after = self.system.derivative(t, trace.ys[i + 1])[0]
+        change = R[:, :ny] @ rates + R[:, -1] - after
+        return self._projected(i, Jump(R[:, :-1] + np.outer(change, time), time))
+
+    def _projected(self, i: int, jump: Jump) -> Jump:
+        """Return a jump with the projection in the mode after it."""
+        if not self.trace.project:
+            return jump
+        self.trace.enter_node(i + 1)
+        P, ny = self.sensitivity.projection(float(self.trace.ts[i + 1]), self.trace.ys[i + 1]), self.sensitivity.ny
+        matrix = P[:, :ny] @ jump.matrix
+        matrix[:, ny:] += P[:, ny:]
+        return jump._replace(matrix=matrix)
+
+    def _map(self, point: ModePoint, jumped: Array) -> Array:
+        """Return the partials of the point after the impact by (y, p, t), (ny, ny + k + 1)."""
+        impacts = row_impacts(point, self.unswitched, self._recent(point.t))
+        if not impacts:
+            return jumped
+        nv, ny, k = self.system.nv, self.sensitivity.ny, self.sensitivity.k
+        found = impact_partials(self.sensitivity.parameters, point.t, point.q, impacts)
+        out = np.eye(ny, ny + k + 1)
+        out[nv : 2 * nv] = 0.0
+        out[nv : 2 * nv, np.r_[0 : 2 * nv, ny : ny + k + 1]] = found
+        kinetic = [self.sensitivity.energy(point.q, v)[0] for v in (point.v, impacts[-1].after)]
+        moved = np.vstack([out, np.eye(k, ny + k + 1, ny)])
+        out[-1] += kinetic[1] @ moved
+        out[-1, :-1] -= kinetic[0]
+        R = out[:, :ny] @ jumped
+        R[:, ny:] += out[:, ny:]
+        return R
+
+    def _recent(self, t: float) -> set[int]:
+        """Return the switches with an impact within their rest time before t."""
+        last = {name: x.t for x in self.trace.sol.impacts if x.t < t for name in x.where}
+        return {s.index for s in self.switches if t - last.get(s.name, -np.inf) < s.rest}
+
+    def _rate_before(self, i: int) -> Array:
+        """Return F-, (ny,): the derivative of the end of the last step by its size, equal to y' within its error.
+
+        Friction that changes its sign with the normal force within that step has kinks, which y' does not show.
+        """
+        ny, k = self.sensitivity.ny, self.sensitivity.k
+        zeros = np.zeros((ny, 1)), np.zeros((self.trace.n_carry, 1)), np.zeros((k, 1))
+        rate = NativeStep(self.trace.core, i - 1).forward(*zeros, np.ones(1))[0][:, 0]
+        self.trace.enter_node(i)
+        return rate
+
+    def _event(self, i: int, point: ModePoint, rates: Array) -> Array:
+        """Return the derivatives of the time at which a guard ends a mode by (y, p), (ny + k,).
+
+        Raises:
+            InputError: for grazing and for simultaneous events of different derivatives.
+        """
+        trace, ny = self.trace, self.sensitivity.ny
+        m = max(k for k in self.first_nodes if k <= i)
+        first = ModePoint(self.system, self.all_rows, float(trace.ts[m]), trace.ys[m])
+        mode = self.system.mode
+        guards = [g for s in self.switches for g in s.guards(mode[s.index]) if g.kind not in COMMANDS]
+        for g in guards:
+            g.value(first)
+        partials, found = GuardPartials(self.sensitivity, first, point), list[tuple[str, Array]]()
+        length, grazing = float(trace.ts[i] - trace.ts[i - 1]), ""
+        for g in guards:
+            gradient = partials.of(g)
+            terms = np.append(gradient[:ny] * rates, gradient[-1])
+            total, value = float(terms.sum()), g.value(point)
+            if abs(value) > (SAME_STATE * length + trace.near) * np.abs(terms).sum():
+                continue
+            if abs(total) <= VISIBLE * np.abs(terms).sum():
+                grazing = grazing or g.name
+            elif total < 0:
+                found.append((g.name, -gradient[:-1] / total))
+        if not found:
+            name = grazing or self.switches[0].name
+            raise InputError(f"{name!r} only grazes its limit at t = {point.t:.9g} s: no derivative of the run")
+        self._require_one_time(point, found)
+        return found[0][1]
+
+    def _varies(self, i: int) -> bool:
+        """Return whether the time of a change of mode varies: not at the start, or just after a jump at a known time.
+
+        Raises:
+            InputError: just after an event, whose time varies.
+        """
+        first = i
+        while first > 0 and self.trace.jumped[first - 1]:
+            first -= 1
+        if first == i:
+            return i > 0
+        if first > 0 and self.trace.ts[first] == self.trace.ts[first + 1]:
+            raise InputError(f"the mode changes twice at t = {self.trace.ts[i]:.9g} s: no derivative of the run")
+        return False
+
+    def _require_one_time(self, point: ModePoint, found: list[tuple[str, Array]]) -> None:
+        """Require that simultaneous events remain simultaneous: the derivatives of their times agree.
+
+        Raises:
+            InputError: if their order depends on the variation; names the switches.
+        """
+        if len(found) < 2:
+            return
+        nv, ny = self.system.nv, self.sensitivity.ny
+        g, rate = row_rate_partials(self.sensitivity.parameters, point.t, point.q, point.v)
+        active = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.inactive)
+        rows = np.vstack([g[active][self.system.constraints.positional[active]], rate[active]])[:, :-1]
+        _, sizes, right = np.linalg.svd(rows)
+        free = right[int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0))) :]
+        times = [x[np.r_[0 : 2 * nv, ny : len(x)]] @ free.T for _, x in found]
+        if any(np.abs(x - times[0]).max() > INPUT_DIGITS * np.abs(times[0]).max() for x in times[1:]):
+            names = " and ".join(repr(name) for name, _ in found)
+            raise InputError(f"{names} switch at the same time, t = {point.t:.9g} s: their order has no derivative")

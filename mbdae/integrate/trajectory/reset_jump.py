@@ -1,0 +1,63 @@
+"""Jumps of tangents and adjoints at events of the user's: h and R of an event in `mbdae.integrate.jump`."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism.hybrid.reset import Reset, StateReset
+from ...tolerances import VISIBLE
+from ..events.level_crossing import parse_level_crossing
+from ..jump import Jump
+from .signal_jacobian import SignalJacobian
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
+
+
+class ResetJumps:
+    """Jumps of the events of a trajectory.
+
+    Args:
+        trace: the trajectory.
+    """
+
+    def __init__(self, trace: "Trajectory") -> None:
+        self.trace = trace
+        self.resets = {reset.name: reset for reset in trace.system.mechanism.resets}
+        self.names = {i - 1: name for i, name in trace.sol.resets}  # by the last node before each jump
+
+    def __contains__(self, i: int) -> bool:
+        """Return whether an event leads from node i to node i + 1."""
+        return i in self.names
+
+    def __getitem__(self, i: int) -> Jump:
+        """Return the jump from node i to node i + 1, which have the same time.
+
+        Raises:
+            InputError: for grazing, and for signals without derivatives; names the event and the time.
+        """
+        trace, reset, sensitivity = self.trace, self.resets[self.names[i]], self.trace.sensitivity
+        t, y, ny = float(trace.ts[i]), trace.ys[i], sensitivity.ny
+        if i and trace.jumped[i - 1]:
+            raise InputError(f"event {reset.name!r} follows another one at t = {t:.9g} s: no derivative of the run")
+        trace.enter_node(i)
+        before = trace.system.derivative(t, y)[0]
+        gradient = SignalJacobian(trace, [parse_level_crossing(reset.signal).signal]).rows(i, t, y)[0]
+        total = float(gradient[:ny] @ before + gradient[-1])
+        if abs(total) <= VISIBLE * float(np.abs(gradient[:ny] * before).sum() + abs(gradient[-1])):
+            raise InputError(f"event {reset.name!r} only grazes its level at t = {t:.9g} s: no derivative of the run")
+        state_reset = StateReset(trace.system, reset)
+        for k, (p, others) in enumerate(
+            zip(sensitivity.parameters.all, state_reset.of_parameters(sensitivity), strict=True)
+        ):
+            gradient[ny + k] -= p.quotient({j: np.array(_level(other)) for j, other in others.items()})
+        R = state_reset.partials(sensitivity, t, y)
+        trace.enter_node(i + 1)
+        after = trace.system.derivative(float(trace.ts[i + 1]), trace.ys[i + 1])[0]
+        time = -gradient[:-1] / total
+        return Jump(R[:, :-1] + np.outer(R[:, :ny] @ before + R[:, -1] - after, time), time)
+
+
+def _level(reset: Reset) -> float:
+    return parse_level_crossing(reset.signal).level

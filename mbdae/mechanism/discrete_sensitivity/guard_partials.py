@@ -1,0 +1,87 @@
+"""Partial derivatives of guards by y, parameters and time.
+
+A guard is a small function of g, G v + g_t, q, v and lam of a point. These have exact derivatives; the guard itself is
+differentiated along them by sixth-order differences, which are exact for the linear guards of contacts, loads and
+speeds.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...finite_differences import numerical_derivative
+from ...system import Array
+from ...tolerances import TINY
+from ..hybrid.mode_point import AllRows, ModePoint
+from .impact_sensitivity import row_rate_partials
+
+if TYPE_CHECKING:
+    from ..hybrid.switch import Guard
+    from .point_sensitivity import PointSensitivity
+
+WIDTH = 1e-3  # relative change of the quantities of a point, for differences of guards
+
+
+class GuardPartials:
+    """Derivatives of the guards of a mode at a point.
+
+    Args:
+        sensitivity: of the mode, whose workspace is in it.
+        first: first point of the mode, at which guards fix their references (the last tooth, a direction of slip).
+        point: the point.
+    """
+
+    def __init__(self, sensitivity: "PointSensitivity", first: ModePoint, point: ModePoint) -> None:
+        self.sensitivity, self.first, self.point = sensitivity, first, point
+        parameters, s = sensitivity.parameters, sensitivity.system
+        g, rate = row_rate_partials(parameters, point.t, point.q, point.v)
+        self.columns = np.r_[0 : 2 * s.nv, s.ny : s.ny + len(parameters) + 1]  # of y without (s, w), p and t
+        self.n = s.ny + len(parameters) + 1
+        self.g, self.rate = np.zeros((2, s.ng, self.n))
+        self.g[:, self.columns], self.rate[:, self.columns] = g, rate
+        self.loads: tuple[Array, Array] | None = None
+
+    def of(self, guard: "Guard") -> Array:
+        """Return the derivatives of a guard by (dy, dp, dt), (ny + k + 1,)."""
+        if guard.needs_multipliers and self.loads is None:
+            at = self.sensitivity.rate(self.point.t, self.point.y)
+            self.loads = at.rate, at.lam
+        out = np.array([self._along(guard, j) for j in range(self.n)])
+        ny = self.sensitivity.ny
+        out[ny:-1] += self._of_constants(guard)
+        return out
+
+    def _along(self, guard: "Guard", j: int) -> float:
+        """Return the derivative along one direction: of y, of a parameter, or of time."""
+        h = WIDTH
+        if self.loads:  # guards are linear in all but the loads
+            h /= max(1.0, float(np.abs(self.loads[1][:, j]).max() / (np.abs(self.point.lam).max() + TINY)))
+        return float(numerical_derivative(lambda x: guard.value(self._moved(j, x)), h))
+
+    def _moved(self, j: int, x: float, rows: AllRows | None = None) -> ModePoint:
+        """Return the point moved by x along a direction, with its rows and loads to first order."""
+        point, s, dy = self.point, self.sensitivity.system, np.zeros(self.sensitivity.ny)
+        if j < len(dy):
+            dy[j] = x
+        t = point.t + (x if j == self.n - 1 else 0.0)
+        out = ModePoint(s, rows or point.all_rows, t, s.add(point.y, dy))
+        vars(out)["_values_and_rates"] = point.g + x * self.g[:, j], point.rate + x * self.rate[:, j]
+        if self.loads:
+            F, lam = point.derivative
+            vars(out)["derivative"] = F + x * self.loads[0][:, j], lam + x * self.loads[1][:, j]
+        return out
+
+    def _of_constants(self, guard: "Guard") -> Array:
+        """Return the derivatives by parameters that a guard contains: limits, teeth, ranges, directions of rows."""
+        parameters, out = self.sensitivity.parameters, np.zeros(len(self.sensitivity.parameters))
+        state = self.point.system.mode[guard.switch]
+        kinds = [g.kind for g in self.point.system.mechanism.switches[guard.switch].guards(state)]
+        for i, p in enumerate(parameters.all):
+            values = {}
+            for k, mech in p.perturbed.items():
+                rows = AllRows(parameters.perturbed_systems[i][k]) if guard.kind == "slip" else None
+                other = mech.switches[guard.switch].guards(state)[kinds.index(guard.kind)]
+                other.value(self.first)
+                values[k] = np.array(other.value(self._moved(0, 0.0, rows)))
+            out[i] = p.quotient(values)
+        return out

@@ -1,0 +1,134 @@
+"""Symmetries of a mechanism: motions that its equations do not see, and by which a periodic motion may advance.
+
+A group element g(sigma) moves all bodies as one, oM_i -> exp(sigma xi) oM_i, or adds sigma to a cyclic joint. Its
+tangent D acts on dq and v; w = d(q)/d(sigma).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, UnknownNameError
+from ...system import Array
+from ...tolerances import CLOSED, EPS, SUM_ROUNDING
+from ..formulations.index2 import Index2System
+
+TWISTS = {"x": 0, "y": 1, "z": 2, "turn": 5}  # component of a world twist: translations, and the turn about z
+ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """One continuous symmetry.
+
+    Attributes:
+        name: ``"x"``, ``"y"``, ``"z"``, ``"turn"``, or a joint of one coordinate.
+        system: a workspace.
+    """
+
+    name: str
+    system: Index2System
+
+    @classmethod
+    def named(cls, system: Index2System, names: Sequence[str]) -> "tuple[Symmetry, ...]":
+        """Return symmetries by name.
+
+        Raises:
+            UnknownNameError: lists the valid names.
+        """
+        mech = system.mechanism
+        cyclic = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
+        for name in names:
+            if name not in (*TWISTS, *cyclic):
+                raise UnknownNameError("symmetry", name, (*TWISTS, *cyclic))
+        if len(set(names)) < len(names):
+            raise InputError(f"a symmetry is named once, got {', '.join(names)}")
+        return tuple(cls(name, system) for name in names)
+
+    def direction(self, q: Array) -> Array:
+        """Return w (nv,), the velocity at which all bodies move by the symmetry.
+
+        Raises:
+            InputError: if the joints do not allow the motion.
+        """
+        if self.name not in TWISTS:
+            return np.eye(self.system.nv)[self._index]
+        twist = np.eye(6)[TWISTS[self.name]]
+        J, bodies = self._jacobians(q), self._bodies
+        A, b = J[bodies].reshape(-1, self.system.nv), np.tile(twist, len(bodies))
+        w = np.linalg.lstsq(A, b, rcond=None)[0]
+        if not np.abs(A @ w - b).max(initial=0.0) <= CLOSED * max(1.0, np.abs(w).max()):
+            raise InputError(f"symmetry {self.name!r}: the joints of {self.system.mechanism.title} do not allow it")
+        return w
+
+    def moved(self, q: Array, sigma: float) -> Array:
+        """Return g(sigma) q, (nq,)."""
+        s = self.system.manifold
+        w = sigma * self.direction(q)
+        if self.name not in TWISTS:
+            return s.integrate(q, w)
+        motion = pin.exp6(np.eye(6)[TWISTS[self.name]] * sigma)
+        targets = [motion * place for place in self._placements(q)]
+        target = s.integrate(q, w)
+        for _ in range(ITERATIONS):
+            here = self._placements(target)
+            errors = [pin.log6(t * h.inverse()).vector for t, h in zip(targets, here, strict=True)]
+            size = np.abs(errors).max(initial=0.0)
+            if size <= SUM_ROUNDING:
+                break
+            A = self._jacobians(target).reshape(-1, self.system.nv)
+            target = s.integrate(target, np.linalg.lstsq(A, np.concatenate(errors), rcond=EPS)[0])
+        return target
+
+    def tangent(self, q: Array, moved: Array, sigma: float) -> Array:
+        """Return D (nv, nv), which maps dq and v at q to those at g(sigma) q."""
+        if self.name not in TWISTS:
+            return np.eye(self.system.nv)
+        action = pin.exp6(np.eye(6)[TWISTS[self.name]] * sigma).action
+        before, after = (self._jacobians(x).reshape(-1, self.system.nv) for x in (q, moved))
+        turned = np.vstack([action @ J for J in before.reshape(-1, 6, self.system.nv)])
+        return np.linalg.lstsq(after, turned, rcond=None)[0]
+
+    def velocity_change(self, q: Array, v: Array) -> Array:
+        """Return d(D v)/d(sigma) at sigma = 0, (nv,): v turns where it is not in the body's axes."""
+        if self.name not in TWISTS:
+            return np.zeros(self.system.nv)
+        twist = pin.Motion(np.eye(6)[TWISTS[self.name]])
+        J = self._jacobians(q)
+        rates = self._jacobian_rates(q)
+        right = np.concatenate([twist.cross(pin.Motion(A @ v)).vector for A in J]) - (rates @ v).ravel()
+        return np.linalg.lstsq(J.reshape(-1, self.system.nv), right, rcond=None)[0]
+
+    def _jacobian_rates(self, q: Array) -> Array:
+        """Return the rates of `_jacobians` while the bodies move by the symmetry, (njoints - 1, 6, nv)."""
+        s = self.system
+        pin.computeJointJacobiansTimeVariation(s.model, s.workspace, q, self.direction(q))
+        world = pin.ReferenceFrame.WORLD
+        rates = [pin.getJointJacobianTimeVariation(s.model, s.workspace, i, world) for i in range(1, s.model.njoints)]
+        return np.array(rates)
+
+    @property
+    def _index(self) -> int:
+        model = self.system.mechanism.model
+        return int(model.joints[model.getJointId(self.name)].idx_v)
+
+    @property
+    def _bodies(self) -> list[int]:
+        """Joints that carry mass, and those at the ends of the tree."""
+        model = self.system.mechanism.model
+        ends = set(range(1, model.njoints)) - set(model.parents)
+        return [i - 1 for i in range(1, model.njoints) if i in ends or model.inertias[i].mass > 0]
+
+    def _placements(self, q: Array) -> list[pin.SE3]:
+        s = self.system
+        pin.forwardKinematics(s.model, s.workspace, q)
+        return [pin.SE3(s.workspace.oMi[i]) for i in range(1, s.model.njoints)]
+
+    def _jacobians(self, q: Array) -> Array:
+        """Return the Jacobians of all joints in world axes at the origin, (njoints - 1, 6, nv)."""
+        s = self.system
+        pin.computeJointJacobians(s.model, s.workspace, q)
+        world = pin.ReferenceFrame.WORLD
+        return np.array([pin.getJointJacobian(s.model, s.workspace, i, world) for i in range(1, s.model.njoints)])

@@ -1,0 +1,246 @@
+"""Events of the user's at which the state jumps: legs that are exchanged, velocities after an impact.
+
+At the event the state becomes R(t, y): first the coordinates of a table or a function; then, with closures, the
+positions that are not in the table close them, and velocities satisfy them by the impact law
+
+    M (v+ - v) = G^T P,   G v+ + g_t = 0
+
+The energy that is lost or added counts as work.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field, PrivateAttr, model_validator
+
+from ...errors import InputError, StepError, UnknownNameError
+from ...finite_differences import numerical_jacobian
+from ...system import Array
+from ...tolerances import EPS, SUM_ROUNDING
+from ..callbacks import call_with_views, checked_value, function_name
+from ..checked_table import Table
+from ..formulations.index2 import Index2System
+from .state_expressions import Expression, state_columns
+
+if TYPE_CHECKING:
+    from ..discrete_sensitivity.point_sensitivity import PointSensitivity
+    from ..mechanism import Mechanism
+
+ITERATIONS = 20
+WIDTH = 1e-3  # of difference quotients of a user's function, relative to rad, characteristic lengths and speeds
+StateMap = Callable[[float, Array, Array], tuple[Array, Array]]
+
+
+class Reset(Table):
+    """An event at which the state jumps.
+
+    Attributes:
+        name: of the event.
+        signal: signal and level whose crossing is the event, as for `mbdae.Event`: ``"position.foot.z < 0"`` falling.
+        when: signal and level as a condition, ``"q.swing > 0.1"``: crossings elsewhere do not count.
+        state: new values of coordinates and states, as numbers or expressions of the old ones:
+            ``{ "q.left" = "q.right", "v.left" = "-v.left" }``; others remain, or close the loops.
+        function: name of a Python function that returns (q, v) after the event, see `of_function`; not in a file.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is created, for an unknown coordinate.
+    """
+
+    name: str = Field(min_length=1)
+    signal: str = Field(min_length=1)
+    when: str = ""
+    state: dict[str, float | str] = Field(default_factory=dict)
+    function: str = ""
+    _call: StateMap | None = PrivateAttr(None)
+    _partials: Callable[[float, Array, Array], Array] | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _check_map(self) -> "Reset":
+        if bool(self.state) == bool(self.function):
+            raise ValueError("an event needs a table state of new values")
+        return self
+
+    @classmethod
+    def of_function(
+        cls,
+        function: StateMap,
+        signal: str,
+        when: str = "",
+        *,
+        partials: Callable[[float, Array, Array], Array] | None = None,
+        name: str = "",
+    ) -> "Reset":
+        """Return an event whose state after it is a Python function (q, v) = function(t, q, v).
+
+        Args:
+            function: returns q (nq,) and v (nv,); closures are satisfied afterwards, by the impact law.
+            signal: signal and level whose crossing is the event.
+            when: signal and level as a condition.
+            partials: derivatives of (q, v) after the event by (q, v) before, (2 nv, 2 nv), those of q in the tangents
+                at both; differences when left out.
+            name: the function's name when left out.
+
+        Raises:
+            InputError: for values that are not functions.
+        """
+        for what, given in (("function", function), ("partials", partials)):
+            if not (callable(given) or (given is None and what == "partials")):
+                raise InputError(f"{what} of an event is a function of (t, q, v), got {given!r:.60}")
+        out = cls(name=name or function_name(function), signal=signal, when=when, function=function_name(function))
+        out._call, out._partials = function, partials
+        return out
+
+
+class StateReset:
+    """The map R of an event, bound to a workspace.
+
+    Args:
+        system: a workspace.
+        reset: the event.
+
+    Raises:
+        InputError: for a value of an unknown coordinate, an invalid expression, or a function that is not available.
+    """
+
+    def __init__(self, system: Index2System, reset: Reset) -> None:
+        self.system, self.reset, mech = system, reset, system.mechanism
+        if reset.function and reset._call is None:
+            gone = f"{reset.function!r} is a Python function and not in the file: load the mechanism with it again"
+            raise InputError(f"event {reset.name!r}: {gone}")
+        self.columns, self.values = state_columns(mech), assignments(mech, reset)
+        listed = {self.columns[name][1] for name in self.values if name.startswith("q.")}
+        self.free = np.array([i for i in range(mech.nv) if i not in listed], int)
+
+    def __call__(self, t: float, y: Array) -> Array:
+        """Return y after the event, (n,).
+
+        Raises:
+            StepError: if a value cannot be computed, or closures cannot be satisfied.
+        """
+        out = self._closed(t, self._assigned(t, y))
+        if self.system.ng:
+            out = self.system.restore(t, out)
+        out[-1] += sum(self._energy(out)) - sum(self._energy(y))
+        return out
+
+    def partials(self, sensitivity: "PointSensitivity", t: float, y: Array) -> Array:
+        """Return the derivatives of y after the event by (y, p, t), (ny, ny + k + 1)."""
+        s, nv, ny, k = self.system, self.system.nv, sensitivity.ny, sensitivity.k
+        assigned = self._assigned(t, y)
+        closed = self._closed(t, assigned)
+        out = np.zeros((ny, ny + k + 1))
+        out[:, np.r_[0:ny, -1]] = self._assigned_partials(t, y, assigned)
+        for i, (p, others) in enumerate(zip(sensitivity.parameters.all, self.of_parameters(sensitivity), strict=True)):
+            if any(other != self.reset for other in others.values()):
+                maps = {j: StateReset(s, other) for j, other in others.items()}
+                out[:, ny + i] = p.quotient({j: s.difference(assigned, m._assigned(t, y)) for j, m in maps.items()})
+        if s.ng:
+            q, rows = s.split(closed)[0], s.constraints.positional
+            G = s.jacobian(q)[rows]
+            residual = G @ out[:nv]
+            residual[:, ny : ny + k] += sensitivity.parameters.row_partials(t, q, np.zeros(nv))[1][rows]
+            if not self.reset.function:
+                out[self.free] -= np.linalg.lstsq(G[:, self.free], residual, rcond=SUM_ROUNDING)[0]
+            P = sensitivity.projection(t, closed)
+            out, after = P[:, :ny] @ out, s.restore(t, closed)
+            out[:, ny : ny + k] += P[:, ny:]
+        else:
+            after = closed
+        energy = [sensitivity.energy(*s.split(x)).sum(axis=0) for x in (y, after)]
+        moved = np.vstack([out, np.eye(k, ny + k + 1, ny)])
+        out[-1] += energy[1] @ moved
+        out[-1, :-1] -= energy[0]
+        return out
+
+    def of_parameters(self, sensitivity: "PointSensitivity") -> list[dict[int, Reset]]:
+        """Return this event of the mechanisms with perturbed parameters, by their numbers."""
+        i = [reset.name for reset in self.system.mechanism.resets].index(self.reset.name)
+        return [{j: mech.resets[i] for j, mech in p.perturbed.items()} for p in sensitivity.parameters.all]
+
+    def _energy(self, y: Array) -> tuple[float, float]:
+        return self.system.energy(*self.system.split(y))
+
+    def _assigned(self, t: float, y: Array) -> Array:
+        """Return y with the values of the table or of the function."""
+        out, s = y.copy(), self.system
+        if self.reset._call is None:
+            for name, value in self.values.items():
+                out[self.columns[name][0]] = value.value(t, y)
+            return out
+        q, v = s.split(y)
+        what = f"event {self.reset.name!r}"
+        found = call_with_views(what, self.reset._call, t, q, v)
+        if not isinstance(found, tuple | list) or len(found) != 2:
+            raise StepError("force", f"{what} returned {found!r:.60}, expected (q, v)")
+        out[: s.nq] = checked_value(found[0], (s.nq,), t, f"q of {what}")
+        out[s.nq : s.nq + s.nv] = checked_value(found[1], (s.nv,), t, f"v of {what}")
+        return out
+
+    def _assigned_partials(self, t: float, y: Array, after: Array) -> Array:
+        """Return the derivatives of `_assigned` by (y, t), (ny, ny + 1)."""
+        s, ny, nv = self.system, self.system.ny, self.system.nv
+        out = np.eye(ny, ny + 1)
+        for name, value in self.values.items():
+            out[self.columns[name][1]] = value.partials(t, y, ny)
+        if self.reset._partials is not None:
+            what = f"partials of event {self.reset.name!r}"
+            found = call_with_views(what, self.reset._partials, t, *s.split(y))
+            out[: 2 * nv, : 2 * nv] = checked_value(found, (2 * nv, 2 * nv), t, what)
+        elif self.reset._call is not None:
+            out[:, :ny] = numerical_jacobian(lambda x: s.difference(after, self._assigned(t, s.add(y, x))), ny, WIDTH)
+        return out
+
+    def _closed(self, t: float, y: Array) -> Array:
+        """Return y with closures satisfied by the positions that the table does not have.
+
+        Raises:
+            StepError: if they cannot be.
+        """
+        s, q = self.system, y[: self.system.nq]
+        rows, scales = s.constraints.positional, s.mechanism.row_scales
+        if not rows.any() or self.reset.function:
+            return y
+        last = np.inf
+        for _ in range(ITERATIONS):
+            g, G = (x[rows] for x in s.closures(q, t))
+            size = float(np.abs(g / scales[rows]).max())
+            if not EPS < size < last:
+                break
+            last, x = size, np.zeros(s.nv)
+            x[self.free] = -np.linalg.lstsq(G[:, self.free], g, rcond=SUM_ROUNDING)[0]
+            q = s.manifold.integrate(q, x)
+        return np.concatenate([q, y[s.nq :]])
+
+
+def assignments(mech: "Mechanism", reset: Reset) -> dict[str, Expression]:
+    """Return the expressions of an event by coordinate.
+
+    Raises:
+        InputError, UnknownNameError: for an unknown coordinate, or an invalid expression.
+    """
+    columns = state_columns(mech)
+    for name in reset.state:
+        if name not in columns:
+            raise UnknownNameError(f"coordinate of event {reset.name!r}", name, columns)
+    return {name: Expression(value, columns) for name, value in reset.state.items()}
+
+
+def checked_resets(mech: "Mechanism", resets: Sequence[Reset]) -> tuple[Reset, ...]:
+    """Return the events of a mechanism.
+
+    Raises:
+        InputError, UnknownNameError: for unknown coordinates, equal names, or a mechanism whose rows open and close.
+    """
+    names = [reset.name for reset in resets]
+    if len(set(names)) < len(names):
+        raise InputError(f"events need different names, got {', '.join(names)}")
+    for reset in resets:
+        assignments(mech, reset)
+        if mech.switches:
+            raise InputError(f"event {reset.name!r}: {mech.switches[0].name!r} switches rows, which events do not know")
+        if mech.drivers:
+            driver = mech.drivers[0].name
+            raise InputError(f"event {reset.name!r}: impacts of an event do not act against driver {driver!r}")
+    return tuple(resets)

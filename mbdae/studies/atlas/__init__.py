@@ -1,0 +1,1 @@
+"""Atlas of integrators: all methods on many models."""

@@ -1,0 +1,146 @@
+"""Atlas of integrators: all methods on many models, with errors, work, drift and energy."""
+
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ...backend import machine_description, select_core
+from ...discovery import model_names
+from ...errors import InputError, as_list
+from ...mechanism.formats.model_library import find
+from ...solution.archive import versions
+from ..comparison.selection import ALL, checked_steps, checked_tolerances
+from ..method_variant import variants
+from ..workers import Stop, pool
+from .data_file import AtlasData
+from .method_runs import MethodRuns, MethodTask
+from .model_motion import ModelMotion, MotionTask, Settings
+from .result import Atlas
+
+__all__ = ["atlas"]
+
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+REFINEMENTS = (1, 4, 16, 64)
+MOTIONS = 0.1  # of the progress: when the references are computed
+Progress = Callable[[float, str], None]
+
+
+def atlas(
+    models: str | Iterable[str] | None = None,
+    *,
+    methods: str | Iterable[str] | None = None,
+    rtol: Sequence[float] | None = None,
+    refinements: Sequence[int] | None = None,
+    data: str | Path | None = None,
+    executor: str | Executor = "processes",
+    workers: int | None = None,
+    fresh: bool = False,
+    backend: str = "auto",
+    progress: Progress | None = None,
+) -> Atlas:
+    """Run all methods on many models, from their starts over their durations, and measure errors, work and drift.
+
+    Errors are those of `mbdae.compare`, at 20 common times, relative to a run by a method of another family. Methods
+    run with tolerances, or with fixed steps if they take those alone. Conservative models also run over ten durations
+    with fixed steps, twice as many as the coarsest ones, for the trend of their energy. Times are CPU times.
+
+    With ``data`` each finished result is stored, and the same call resumes from the file; with more models or methods
+    it computes what is missing. After Ctrl-C it returns the finished results.
+
+    Args:
+        models: names, or paths of mechanism files. All that come with mbdae when left out.
+        methods: names, also with a formulation, ``"ggl:radau5"``. All when left out, or ``"all"``.
+        rtol: relative tolerances, 1e-3 to 1e-8 when left out. Tighter ones follow until an error is below that of the
+            reference, or a run takes more than 20000 linear solves.
+        refinements: numbers of fixed steps, over those of ``radau5`` at rtol 1e-3; 1, 4, 16, 64 when left out.
+        data: file of the results, .jsonl. The same command resumes from it.
+        executor: ``"processes"``, ``"threads"`` or any executor of concurrent.futures; scripts with processes need
+            ``if __name__ == "__main__":``.
+        workers: processes or threads; one per processor when left out.
+        fresh: do not resume from the file, but replace it.
+        backend: of all runs. ``"auto"`` takes the compiled core, or Python without it. Methods and models that it does
+            not support are listed with the reason.
+        progress: called with the fraction done and a text.
+
+    Raises:
+        UnknownNameError: for an unknown model, method, back end or executor.
+        InputError: for wrong arguments; for a file of another back end, machine, version or settings, or a model that
+            has changed since.
+        MbdaeError: if a worker fails; finished results are stored.
+    """
+    names = list(dict.fromkeys(model_names() if models is None else as_list(models, "models is a list of names")))
+    if not names:
+        raise InputError("an atlas needs at least one model")
+    for name in names:
+        find(name)
+    chosen = [] if methods is None or as_list(methods, "methods is a list of names") == [ALL] else variants(methods)
+    settings = Settings(
+        tuple(map(str, chosen)),
+        tuple(checked_tolerances(TOLERANCES if rtol is None else rtol)),
+        tuple(checked_steps(REFINEMENTS if refinements is None else refinements, "refinements")),
+        "native" if select_core(backend) else "python",
+    )
+    about = {
+        "backend": settings.backend, "machine": machine_description(), "versions": versions(),
+        "rtol": list(settings.rtol), "refinements": list(settings.refinements),
+    }  # fmt: skip
+    if data is not None and not isinstance(data, str | Path):
+        raise InputError(f"data is the name of a file, got {data!r:.60}")
+    work = _Work(AtlasData(Path(data) if data else None, about, fresh), names, settings, progress)
+    with suppress(KeyboardInterrupt), pool(executor, workers, compute, settings, "executor='threads'") as workers_pool:
+        workers_pool.run(work.motions(), work.add)
+        workers_pool.run(work.pending(), work.add)
+    return work.result({**about, "command": sys.argv, "date": datetime.now(UTC).date().isoformat()})
+
+
+def compute(settings: Settings, task: Any, stop: Stop | None = None) -> Any:
+    """Run a task in a worker. Warnings of runs are among its results."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return task.run(settings, stop)
+
+
+class _Work:
+    """Tasks of an atlas and their results."""
+
+    def __init__(self, found: AtlasData, names: list[str], settings: Settings, progress: Progress | None) -> None:
+        self.found, self.names, self.settings = found, names, settings
+        self.progress: Progress = progress or (lambda done, text: None)
+        self.seen: set[str] = set()  # models whose motion is known to be current
+
+    def motions(self) -> list[MotionTask]:
+        """Return the tasks of the motions, also of known ones, whose models may have changed."""
+        return [MotionTask(name, self.found.motions.get(name)) for name in self.names]
+
+    def methods(self) -> list[tuple[str, str]]:
+        """Return the models and methods of all runs."""
+        motions = [self.found.motions[name] for name in self.names if name in self.found.motions]
+        return [(m.model, method) for m in motions for method in m.methods]
+
+    def pending(self) -> list[MethodTask]:
+        """Return the tasks of methods without results."""
+        motions, runs = self.found.motions, self.found.runs
+        return [MethodTask(motions[model], method) for model, method in self.methods() if (model, method) not in runs]
+
+    def add(self, task: Any, found: ModelMotion | MethodRuns) -> None:
+        """Store a result, and report the progress."""
+        self.found.add(found)
+        if isinstance(task, MotionTask):
+            self.seen.add(task.model)
+            self.progress(MOTIONS * len(self.seen) / len(self.names), str(task))
+        else:
+            every = self.methods()
+            done = sum(key in self.found.runs for key in every)
+            self.progress(MOTIONS + (1 - MOTIONS) * done / len(every), str(task))
+
+    def result(self, meta: dict[str, Any]) -> Atlas:
+        """Return the finished results."""
+        motions = tuple(self.found.motions[name] for name in self.names if name in self.found.motions)
+        runs = tuple(self.found.runs[key] for key in self.methods() if key in self.found.runs)
+        complete = len(self.seen) == len(self.names) and len(runs) == len(self.methods())
+        return Atlas(motions, runs, complete, len(self.names), len(self.methods()), meta)

@@ -1,0 +1,115 @@
+"""The page of an atlas: one HTML file with all data, which is filtered and sorted in the browser, also offline."""
+
+import json
+import shlex
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from ...tabular import finite
+from ..comparison.comparison import QUANTITIES
+from ..comparison.run_result import RunResult
+from ..figures import line_style
+from ..method_variant import Variant
+from ..report.templates import rendered
+from .result import WORKS, Atlas
+
+if TYPE_CHECKING:
+    from .method_runs import LongRun, MethodRuns
+
+SECTIONS = {
+    "wins": "Which method wins",
+    "chart": "Error over work",
+    "runs": "Runs",
+    "long": "Energy",
+    "failed": "Failures",
+}
+COUNTS = ("steps", "rejected", "solves", "f", "factorizations")
+DIGITS = 4  # of numbers on the page
+
+
+def page(atlas: Atlas) -> str:
+    """Return the page as text."""
+    package = str(__package__)
+    here = files(package)
+    style, script = (Markup(here.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
+    text = json.dumps(finite(_data(atlas)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    meta = atlas.meta
+    program, *words = meta["command"]
+    return rendered(
+        package, "atlas.htm",
+        counts=atlas.counts, complete=atlas.complete, meta=meta, noise=f"{atlas.noise:.2f}", sections=SECTIONS,
+        command=shlex.join([Path(program).name, *words]), versions=_listed(meta["versions"].items()),
+        families=sorted({Variant.parse(r.method).family for r in atlas.runs}),
+        style=style, script=script, data=Markup(text),
+    )  # fmt: skip
+
+
+def _listed(pairs: Iterable[tuple[str, str]]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in pairs)
+
+
+def _data(atlas: Atlas) -> dict[str, Any]:
+    """Return the data of the page; models and methods are numbered in their order."""
+    methods = list(dict.fromkeys(r.method for r in atlas.runs))
+    models = [m for m in atlas.motions if m.model in atlas.comparisons]
+    return {
+        "backend": atlas.meta["backend"],
+        "noise": atlas.noise,
+        "quantities": QUANTITIES,
+        "methods": [
+            {"name": m, "typed": shlex.quote(m), "family": Variant.parse(m).family, "colour": line_style(m)["color"]}
+            for m in methods
+        ],
+        "models": [
+            {
+                "name": m.model, "typed": shlex.quote(m.model), "title": m.title, "duration": m.duration,
+                "reference": m.reference, "witness": m.witness, "floors": _floors(atlas, m.model),
+                "ranks": {name: _ranks(atlas, m.model, name, methods) for name in QUANTITIES},
+            }
+            for m in models
+        ],
+        "runs": _runs(atlas.runs, [m.model for m in models], methods),
+        "long": [_long(r, r.long) for r in atlas.runs if r.long],
+        "failed": atlas.failures,
+    }  # fmt: skip
+
+
+def _floors(atlas: Atlas, model: str) -> dict[str, float | None]:
+    """Return the smallest known errors, by quantity."""
+    return {name: short(atlas.comparisons[model].floor(name)) for name in QUANTITIES}
+
+
+def _ranks(atlas: Atlas, model: str, quantity: str, methods: list[str]) -> list[list[Any]]:
+    """Return error, and by work [number of the method, work, whether it is an upper bound], the best first."""
+    return [
+        [target, *([[methods.index(x.method), short(x.work), int(x.bound)] for x in found[w] if x.work] for w in WORKS)]
+        for target, found in atlas.rankings(model, quantity).items()
+    ]
+
+
+def _runs(runs: tuple["MethodRuns", ...], models: list[str], methods: list[str]) -> list[list[Any]]:
+    return [[models.index(r.model), methods.index(r.method), *_run(p)] for r in runs for p in r.points]
+
+
+def _run(p: RunResult) -> list[Any]:
+    """Return rtol, number of steps, errors, residuals, counts, CPU time and status of a run."""
+    errors = [p.errors.get(name) for name in QUANTITIES]
+    values = [p.rtol, p.n, *errors, p.g, p.Gv, p.energy, *(getattr(p, name) for name in COUNTS), p.seconds]
+    return [*(short(x) for x in values), p.status]
+
+
+def _long(r: "MethodRuns", x: "LongRun") -> dict[str, Any]:
+    """Return a long run; its step has all digits, since the command that repeats it has them."""
+    values = {"trend": x.trend, "trend_error": x.trend_error, "rate": x.largest_rate, "energy": x.energy}
+    more = {"g": x.g, "Gv": x.Gv, "solves": x.solves}
+    known = {name: short(value) for name, value in {**values, **more}.items()}
+    return {"model": r.model, "method": r.method, "step": x.step, "end": x.t_end, "status": x.status, **known}
+
+
+def short(x: float | None) -> float | None:
+    """Return a number with few digits; whole numbers unchanged."""
+    return x if x is None or isinstance(x, int) else float(f"{x:.{DIGITS - 1}e}")

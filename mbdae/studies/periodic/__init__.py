@@ -1,0 +1,1 @@
+"""Periodic motions: shooting, Floquet multipliers, branches over a parameter."""

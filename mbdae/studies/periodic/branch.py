@@ -1,0 +1,185 @@
+"""Branches of periodic motions over a parameter, with their bifurcations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...data_types import JsonObject
+from ...errors import InputError, is_number
+from ...system import Array
+from ...tabular import Columns, Tabular
+from ..sweep.sweep_run import maker_of
+from .branch_path import FIRST_STEP, BranchPath, Range
+from .guess import guess_of
+from .periodic import GAP, RTOL, require_positive_period, run_options, start_point
+from .result import Bifurcation, BranchPoint, multiplier_text
+from .shooting import newton
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["periodic_branch"]
+
+KINDS = {
+    "fold": "fold, two motions meet",
+    "doubling": "period doubling, a multiplier is -1",
+    "neimark-sacker": "Neimark-Sacker, a complex pair of multipliers has magnitude 1",
+    "branch": "branch point, a multiplier is 1",
+}
+
+
+@dataclass(frozen=True)
+class Branch(Tabular):
+    """Result of `periodic_branch`.
+
+    Attributes:
+        name: of the parameter.
+        points: of the branch, in order.
+        bifurcations: located on it.
+        message: why it ended; empty at the end of the range.
+        path: the equations, for branches that begin on this one.
+    """
+
+    name: str
+    points: tuple[BranchPoint, ...]
+    bifurcations: tuple[Bifurcation, ...]
+    message: str
+    path: BranchPath
+
+    @property
+    def values(self) -> Array:
+        """Values of the parameter, (n,)."""
+        return np.array([p.value for p in self.points])
+
+    @property
+    def multipliers(self) -> Array:
+        """Multipliers at each point, (n, m), complex, by decreasing magnitude."""
+        return np.array([p.motion.multipliers for p in self.points])
+
+    def amplitudes(self, signal: str) -> tuple[Array, Array]:
+        """Return the least and the largest value of a signal at the nodes of the runs of each motion, (n,) each.
+
+        Raises:
+            UnknownNameError: for an unknown signal.
+        """
+        found = [p.motion.extrema(signal) for p in self.points]
+        low, high = np.array(found).T
+        return low, high
+
+    def doubled(self, at: Bifurcation, *, step: float = FIRST_STEP) -> "Branch":
+        """Return the branch of twice the period that begins at a period doubling.
+
+        Args:
+            at: a period doubling of this branch.
+            step: first distance along it, in rad and characteristic lengths.
+
+        Raises:
+            InputError: for another bifurcation, or if no motion of twice the period is found.
+        """
+        if at.kind != "doubling":
+            raise InputError(f"a branch of twice the period begins at a period doubling, got {at.kind!r}")
+        points, found, message = self.path.doubled(at, step)
+        return Branch(self.name, tuple(points), tuple(found), message, self.path)
+
+    def tabulated(self) -> Columns:
+        """Return period, stability and multipliers over the parameter."""
+        columns: dict[str, Any] = {self.name: self.values, "T": np.array([p.motion.T for p in self.points])}
+        for i in range(self.multipliers.shape[1]):
+            columns |= {f"re.{i + 1}": self.multipliers[:, i].real, f"im.{i + 1}": self.multipliers[:, i].imag}
+        return Columns(columns, {"T": "s"}, self.name)
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data."""
+        return {
+            "parameter": self.name,
+            "points": [{"value": p.value, **p.motion.to_dict()} for p in self.points],
+            "bifurcations": [b.to_dict() for b in self.bifurcations],
+            "message": self.message,
+        }
+
+    def plot(self, path: str | Path | None = None, *, signal: str = "") -> "Figure":
+        """Draw amplitudes, period and magnitudes of multipliers over the parameter; optionally saved.
+
+        Args:
+            path: file to write.
+            signal: whose extrema are drawn; the first coordinate when left out.
+
+        Raises:
+            InputError: for another format, or an unwritable path.
+            UnknownNameError: for an unknown signal.
+        """
+        from .. import figures
+        from .figure import branch
+
+        return figures.save_if_path(branch(self, signal), path)
+
+    def __str__(self) -> str:
+        first, last = self.points[0], self.points[-1]
+        title = f"periodic motions of {first.motion.mechanism.title} over {self.name}"
+        lines = [f"{title}, {first.value:.9g} to {last.value:.9g}: {len(self.points)} points"]
+        for p in (first, last):
+            largest = p.motion.multipliers[0] if len(p.motion.multipliers) else 0j
+            lines.append(
+                f"  {self.name} = {p.value:.9g}: T = {p.motion.T:.9g} s, {p.motion.stability},"
+                f" largest multiplier {multiplier_text(complex(largest.real, abs(largest.imag)))}"
+            )
+        lines += [f"  {self.name} = {b.value:.12g}: {KINDS[b.kind]}" for b in self.bifurcations]
+        return "\n".join([*lines, *([f"  {self.message}"] if self.message else [])])
+
+
+def periodic_branch(
+    model: Any,
+    name: str,
+    first: float,
+    last: float,
+    *,
+    T: float | None = None,
+    q: Mapping[str, float] | Array | None = None,
+    v: Mapping[str, float] | Array | None = None,
+    s: Array | None = None,
+    section: str | None = None,
+    symmetry: Sequence[str] = (),
+    parts: int | None = None,
+    method: str | None = None,
+    rtol: float = RTOL,
+    start: Mapping[str, Any] | None = None,
+) -> Branch:
+    """Follow a periodic motion over a parameter, through folds, and locate where its stability changes.
+
+    Args:
+        model: an argument of `mbdae.load`, or a function of the parameter that returns a Mechanism.
+        name: of the parameter, as in `mbdae.sweep`.
+        first: its value at the beginning.
+        last: its value at the end.
+        T: period in s: given if the mechanism is driven, else an estimate.
+        q: guess of the configuration at ``first``: joint = value, or (nq,).
+        v: guess of the velocity: joint = value, or (nv,).
+        s: guess of the states of forces, (ns,).
+        section: signal and level at which a period begins and ends.
+        symmetry: along which the motion advances in a period, see `mbdae.periodic`.
+        parts: of the period that are shot separately.
+        method: of the runs.
+        rtol: relative tolerance of the runs.
+        start: other parameters, constant.
+
+    Raises:
+        InputError: if no periodic motion is found at ``first``.
+        UnknownNameError: for an unknown model, parameter, signal or symmetry.
+    """
+    require_positive_period(T)
+    if not (is_number(first) and is_number(last) and first != last):
+        raise InputError(f"the range of {name!r} is two different numbers, got {first!r:.40} and {last!r:.40}")
+    maker, rest = maker_of(model), dict(start or {})
+    maker.check({n: x for n, x in {**rest, name: first}.items() if n not in maker.parameters})
+    mech = maker.make({**rest, name: first})
+    path = BranchPath(maker, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
+    y = start_point(mech, q, v, s)
+    cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, parts)
+    found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
+    path.options = found.flow.options
+    begin = path.point(newton(found, path.tolerance), None)
+    points, bifurcations, message = path.run(begin)
+    return Branch(name, tuple(points), tuple(bifurcations), message, path)

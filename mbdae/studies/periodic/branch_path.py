@@ -1,0 +1,248 @@
+"""Continuation of periodic motions over a parameter.
+
+The equations of shooting rho(x, T, sigma, p) = 0 (`mbdae.studies.periodic.shooting`) are a curve of unit tangent tau,
+
+    A tau = 0,   predictor h tau,   corrector [A; tau^T] dz = [-rho; 0]
+
+in rad, characteristic lengths, periods and fractions of the parameter's range. Test functions change sign at
+
+    fold: tau_p;   period doubling: prod (mu_i + 1);   Neimark-Sacker: prod_{i<j} (mu_i mu_j - 1), of a complex pair;
+    branch point: prod (mu_i - 1), where the parameter does not turn back
+
+Source: Keller (1977); Seydel, Practical bifurcation and stability analysis; Kuznetsov, Elements of applied bifurcation
+theory, chapter 10.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ... import backend
+from ...errors import InputError, MbdaeError
+from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...mechanism.equations.symmetry import Symmetry
+from ...system import Array
+from ...tolerances import EVALUATION_ROUNDING, HALF_DIGITS, SMALLEST_PART
+from ..path_location import locate
+from ..sweep.sweep_run import Maker
+from .flow import Flow
+from .motion import motion_of
+from .result import Bifurcation, BranchPoint
+from .shooting import Cycle, Guess, Linearisation
+
+FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, parts of the range
+MAX_POINTS, MAX_CORRECTIONS, MAX_HALVINGS, GROWTH, MIN_COSINE = 500, 8, 10, 1.5, 0.9
+
+
+class Range(NamedTuple):
+    """A parameter and its range."""
+
+    name: str
+    first: float
+    last: float
+
+
+class BranchPath:
+    """The equations of a periodic motion over a parameter.
+
+    Args:
+        maker: of the mechanisms.
+        over: the parameter and its range.
+        rest: other parameters, constant.
+        options: of the runs.
+        tolerance: of the residual.
+    """
+
+    def __init__(
+        self, maker: Maker, over: Range, rest: Mapping[str, Any], options: Mapping[str, Any], tolerance: float
+    ) -> None:
+        self.maker, self.over, self.rest, self.options, self.tolerance = maker, over, rest, options, tolerance
+
+    def flow(self, value: float, t: float, y: Array) -> Flow:
+        """Return the runs at a value of the parameter, whose derivatives are accurate at a point.
+
+        Raises:
+            UnknownNameError, InputError: for an invalid value.
+        """
+        name = self.over.name
+
+        def make(values: Mapping[str, float]) -> Any:
+            return self.maker.make({**self.rest, **values})
+
+        mech = make({name: value})
+        q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
+        parameters = Parameters(make, {name: value}, backend.load(), along=[(t, q, v, s, ())])
+        return Flow(parameters.mech, parameters, self.options)
+
+    def equations(self, cycle: Cycle, guess: Guess, value: float) -> Linearisation:
+        """Return the equations at a guess and a value of the parameter; its nodes are made consistent.
+
+        Raises:
+            MbdaeError: if that is not possible, or the runs fail.
+        """
+        flow = self.flow(value, cycle.t, guess.nodes[0])
+        system = flow.mechanism.system()
+        symmetries = Symmetry.named(system, [x.name for x in cycle.symmetries])
+        for y in guess.nodes:
+            system.derivative(cycle.t, y)
+        nodes = [system.restore(cycle.t + guess.T * i / cycle.parts, y) for i, y in enumerate(guess.nodes)]
+        return Linearisation(system, flow, replace(cycle, symmetries=symmetries), replace(guess, nodes=nodes))
+
+    def scales(self, at: Linearisation) -> Array:
+        """Return the units of the unknowns: 1, T, 1, and the range of the parameter."""
+        out = np.ones(at.matrix.shape[1])
+        if at.cycle.unknown_period:
+            out[at.n * at.cycle.parts] = at.at.T
+        out[-1] = self.over.last - self.over.first
+        return out
+
+    def point(self, at: Linearisation, before: BranchPoint | None, along: Array | None = None) -> BranchPoint:
+        """Return a point of the branch with its tangent, in the direction of that before, or of growing parameter."""
+        value = at.flow.parameters.values[self.over.name]
+        x = np.linalg.svd(at.matrix * self.scales(at))[2][-1]
+        direction = self.transported(at, before) if before else along
+        if direction is None:
+            direction = np.eye(len(x))[-1]
+        x *= 1.0 if x @ direction >= 0 else -1.0
+        return BranchPoint(value, motion_of(at), self.physical(at, x))
+
+    def physical(self, at: Linearisation, x: Array) -> tuple[Array, Array]:
+        """Return a tangent as variations of the nodes, (k, ny), and of the other unknowns in their units."""
+        k, n = at.cycle.parts, at.n
+        nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
+        return nodes, x[n * k :]
+
+    def transported(self, at: Linearisation, point: BranchPoint) -> Array:
+        """Return the tangent of a point in the coordinates of other equations, of unit length."""
+        nodes, rest = point.tangent
+        parts = [
+            chart.coordinate_tangents(y, dy[:, None])[:, 0]
+            for chart, y, dy in zip(at.charts, at.at.nodes, nodes, strict=True)
+        ]
+        x = np.concatenate([*parts, rest])
+        return np.asarray(x / np.linalg.norm(x))
+
+    def step(self, here: BranchPoint, h: float) -> BranchPoint | None:
+        """Return the point after a step of length h; None if it fails."""
+        try:
+            return self._step(here, h)
+        except (MbdaeError, np.linalg.LinAlgError):
+            return None
+
+    def _step(self, here: BranchPoint, h: float) -> BranchPoint | None:
+        at = here.motion.shooting
+        x = self.transported(at, here) * self.scales(at)
+        at = self.equations(at.cycle, at.moved(h * x[:-1]), here.value + h * float(x[-1]))
+        return self.corrected(at, here)
+
+    def corrected(self, at: Linearisation, before: BranchPoint) -> BranchPoint | None:
+        """Return the point of the branch across the tangent of the point before; None if Newton's method fails."""
+        last = np.inf
+        for _ in range(MAX_CORRECTIONS):
+            if at.size <= EVALUATION_ROUNDING or (at.size <= self.tolerance and at.size > last / 2):
+                break
+            last, scales, direction = at.size, self.scales(at), self.transported(at, before)
+            right = np.zeros(len(at.matrix) + 1)
+            right[: len(at.residual)] = -at.residual
+            x = np.linalg.lstsq(np.vstack([at.matrix * scales, direction]), right)[0] * scales
+            value = at.flow.parameters.values[self.over.name] + float(x[-1])
+            at = self.equations(at.cycle, at.moved(x[:-1]), value)
+        if at.size > self.tolerance:
+            return None
+        found = self.point(at, before)
+        cosine = self.transported(at, before) @ self.transported(at, found)
+        return found if cosine >= MIN_COSINE else None
+
+    def run(self, first: BranchPoint, h: float = FIRST_STEP) -> tuple[list[BranchPoint], list[Bifurcation], str]:
+        """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
+        here, points, found = first, [first], list[Bifurcation]()
+        low, high = sorted(self.over[1:])
+        while len(points) < MAX_POINTS:
+            there = self.step(here, h)
+            if there is None:
+                h /= 2
+                if h < MIN_STEP:
+                    return points, found, f"ends at {self.over.name} = {here.value:.9g}: no motion is found beyond"
+                continue
+            if ended := not low <= there.value <= high:
+                h, there = self.located(here, h, partial(_beyond, low if there.value < low else high))
+            found += self.bifurcations(here, there, h)
+            points.append(there)
+            if ended:
+                return points, found, ""
+            here, h = there, min(MAX_STEP, GROWTH * h)
+        return points, found, f"ends at {self.over.name} = {here.value:.9g} after {MAX_POINTS} points"
+
+    def located(self, here: BranchPoint, h: float, value: Callable[[BranchPoint], float]) -> tuple[float, BranchPoint]:
+        """Return the step length at a sign change of a value, and the point."""
+        return locate(self.step, here, h, value, "periodic motions")
+
+    def bifurcations(self, here: BranchPoint, there: BranchPoint, h: float) -> list[Bifurcation]:
+        """Return the bifurcations of a step, in order."""
+        out = list[tuple[float, Bifurcation]]()
+        crossed = [kind for kind, test in TESTS.items() if test(here) * test(there) < 0]
+        if "fold" in crossed:
+            crossed = [kind for kind in crossed if kind != "branch"]
+        for kind in crossed:
+            length, at = self.located(here, h, TESTS[kind])
+            if kind != "neimark-sacker" or _has_complex_pair(at.motion.multipliers):
+                out.append((length, Bifurcation(kind, at.value, at.motion)))
+        return [x for _, x in sorted(out, key=lambda pair: pair[0])]
+
+    def doubled(self, at: Bifurcation, h: float) -> tuple[list[BranchPoint], list[Bifurcation], str]:
+        """Follow the branch of twice the period from a period doubling; see `mbdae.studies.periodic.branch`.
+
+        Raises:
+            InputError: if no motion of twice the period is found.
+        """
+        base, k = at.motion.shooting, at.motion.shooting.cycle.parts
+        cycle = replace(base.cycle, parts=2 * k)
+        guess = replace(base.at, nodes=[*base.at.nodes, *base.at.nodes], T=2 * base.at.T, sigma=2 * base.at.sigma,
+                        turns=2 * base.at.turns)  # fmt: skip
+        product = np.linalg.multi_dot([*base.factors[::-1], np.eye(base.n)])
+        values, vectors = np.linalg.eig(product)
+        x = vectors[:, np.abs(values + 1).argmin()].real
+        flips = []
+        for M in base.factors:
+            flips.append(x)
+            x = M @ x
+        double = self.equations(cycle, guess, at.value)
+        along = np.zeros(double.matrix.shape[1])
+        along[: 2 * k * base.n] = np.concatenate([*flips, *(-x for x in flips)])
+        along /= np.linalg.norm(along)
+        first = BranchPoint(at.value, motion_of(double), self.physical(double, along))
+        start = None
+        for _ in range(MAX_HALVINGS):
+            if start := self.step(first, h):
+                break
+            h /= 2
+        if start is None:
+            raise InputError(f"no motion of twice the period is found near {self.over.name} = {at.value:.9g}")
+        points, found, message = self.run(start, h)
+        return [first, *points], found, message
+
+
+def _beyond(limit: float, p: BranchPoint) -> float:
+    return p.value - limit
+
+
+def _pairs(p: BranchPoint) -> float:
+    return float(np.prod([a * b - 1 for a, b in combinations(p.motion.multipliers, 2)]).real)
+
+
+def _has_complex_pair(multipliers: Array) -> bool:
+    """Return whether a complex pair of multipliers has magnitude 1, rather than two real ones the product 1."""
+    z = multipliers[np.abs(np.abs(multipliers) - 1) < HALF_DIGITS**0.5]
+    return bool(len(z) and np.abs(z.imag).max() > HALF_DIGITS**0.5)
+
+
+TESTS: dict[str, Callable[[BranchPoint], float]] = {
+    "fold": lambda p: float(p.tangent[1][-1]),
+    "doubling": lambda p: float(np.prod(p.motion.multipliers + 1).real),
+    "neimark-sacker": _pairs,
+    "branch": lambda p: float(np.prod(p.motion.multipliers - 1).real),
+}

@@ -1,0 +1,72 @@
+"""Figures of periodic motions: one period in the phase plane, multipliers, and both over a parameter."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...mechanism.tree.coordinate_units import coordinate_units
+from ..figures import COLOURS, WIDTH, empty_figure, escaped, fixed_layout
+from .branch import Branch
+from .result import PeriodicMotion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHORT = {"fold": "fold", "doubling": "period doubling", "neimark-sacker": "Neimark-Sacker", "branch": "branch point"}
+
+
+@fixed_layout
+def motion(found: PeriodicMotion) -> "Figure":
+    """Draw one period in the phase planes of the joints, and the multipliers at the unit circle."""
+    figure = empty_figure(WIDTH, 3.2)
+    left, right = figure.subplots(1, 2)
+    columns = found.tabulated().values
+    joints = [name[2:] for name in columns if name.startswith("q.") and f"v.{name[2:]}" in columns]
+    breaks = np.flatnonzero(np.diff(columns["t"]) == 0) + 1
+    for k, joint in enumerate(joints[: len(COLOURS)]):
+        for i, (q, v) in enumerate(zip(*(np.split(columns[f"{x}.{joint}"], breaks) for x in "qv"), strict=True)):
+            left.plot(q, v, color=COLOURS[k], label=escaped(joint) if i == 0 else None)
+    left.set_xlabel("coordinate (rad, m)")
+    left.set_ylabel("velocity (rad/s, m/s)")
+    left.legend(loc="best", fontsize=6)
+    _unit_circle(right, found.multipliers)
+    figure.suptitle(escaped(f"{found.mechanism.title}: T = {found.T:.6g} s, {found.stability}"), fontsize=9)
+    return figure
+
+
+@fixed_layout
+def branch(found: Branch, signal: str) -> "Figure":
+    """Draw extrema of a signal, the magnitudes of the multipliers over the parameter, and their paths."""
+    figure = empty_figure(WIDTH, 2.6)
+    amplitude, magnitude, plane = figure.subplots(1, 3)
+    mech = found.points[0].motion.mechanism
+    signal = signal or next(iter(coordinate_units(mech)))
+    for x in found.amplitudes(signal):
+        amplitude.plot(found.values, x, color=COLOURS[0])
+    amplitude.set_ylabel(escaped(signal))
+    sizes = np.sort(np.abs(found.multipliers), axis=1)[:, ::-1]
+    for k in range(sizes.shape[1]):
+        magnitude.plot(found.values, sizes[:, k], color=COLOURS[k % len(COLOURS)])
+    magnitude.axhline(1, color="black", linewidth=0.7)
+    magnitude.set_ylabel("magnitude of multipliers")
+    for axes in (amplitude, magnitude):
+        axes.set_xlabel(escaped(found.name))
+        for b in found.bifurcations:
+            axes.axvline(b.value, color="0.5", linestyle=":", linewidth=0.9)
+    for b in found.bifurcations:
+        magnitude.annotate(SHORT[b.kind], (b.value, 0.02), rotation=90, fontsize=6, ha="right")
+    _unit_circle(plane, found.multipliers.ravel())
+    figure.suptitle(escaped(mech.title), fontsize=9)
+    return figure
+
+
+def _unit_circle(axes: "Axes", multipliers: np.ndarray) -> None:
+    phi = np.linspace(0, 2 * np.pi, 181)
+    axes.plot(np.cos(phi), np.sin(phi), color="0.5", linewidth=0.8)
+    stable = np.abs(multipliers) <= 1
+    for chosen, colour in ((stable, COLOURS[0]), (~stable, COLOURS[1])):
+        axes.plot(multipliers[chosen].real, multipliers[chosen].imag, ".", color=colour, markersize=3.5)
+    axes.set_aspect("equal", "datalim")
+    axes.set_xlabel("Re $\\mu$")
+    axes.set_ylabel("Im $\\mu$")

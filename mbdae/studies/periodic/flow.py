@@ -1,0 +1,94 @@
+"""The flow over a part of a period, and its tangent."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...integrate.events.event import Event
+from ...integrate.solve import solve
+from ...integrate.trajectory.trajectory import Trajectory
+from ...mechanism import Mechanism
+from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...solution.solution import Solution
+from ...system import Array
+from ..sensitivity.sensitivity import run_tangents
+
+LONGEST = 20.0  # expected durations, within which a run must return to its section
+
+
+@dataclass(frozen=True)
+class FlowEnd:
+    """The end of a part of a period.
+
+    Attributes:
+        sol: the run.
+        y: its end (n,).
+        fixed: tangent of the end at a fixed time, (ny, m).
+        dt: tangent of the time of the section, (m,); zeros for a fixed duration.
+        rate: y' there, in the tangent, (ny,).
+        start: tangent of the first node, (ny, m).
+        energy: gradient of the energy at the first node, (ny,).
+    """
+
+    sol: Solution
+    y: Array
+    fixed: Array
+    dt: Array
+    rate: Array
+    start: Array
+    energy: Array
+
+    @property
+    def moving(self) -> Array:
+        """Tangent of the end on the section, (ny, m)."""
+        return self.fixed + np.outer(self.rate, self.dt)
+
+
+@dataclass
+class Flow:
+    """Runs of a mechanism with their tangents, for k varied parameters.
+
+    Attributes:
+        mechanism: the mechanism.
+        parameters: the varied parameters, bound to it.
+        options: of `mbdae.solve`.
+    """
+
+    mechanism: Mechanism
+    parameters: Parameters
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def run(self, t: float, y: Array, duration: float, section: str | None) -> Solution:
+        """Return the run over a duration, or up to the next crossing of a section.
+
+        Raises:
+            InputError: if the run fails, or does not reach the section.
+        """
+        m = self.mechanism
+        q, v, s, _ = np.split(y, np.cumsum([m.nq, m.nv, len(m.states)]))
+        events = [Event(section, terminal=True)] if section else None
+        end = t + duration * (LONGEST if section else 1.0)
+        sol = solve(m, (t, end), q, v, s, events=events, **self.options)
+        if section and sol.status == "finished":
+            raise InputError(f"the motion does not reach the section {section!r} within {end - t:.3g} s")
+        if sol.status not in ("finished", "event", "doubtful"):
+            raise InputError(f"the run over a period stopped at t = {sol.t[-1]:.9g} s: {sol.message}")
+        return sol
+
+    def end(self, t: float, y: Array, dy: Array, duration: float, section: str | None) -> FlowEnd:
+        """Return the end of a run and its tangent for variations dy (ny, m) of the start; the last k are parameters'.
+
+        Raises:
+            InputError: as `run`, and for runs without derivatives.
+        """
+        sol, k = self.run(t, y, duration, section), len(self.parameters)
+        trace = Trajectory(sol, self.parameters)
+        dp = np.eye(k, dy.shape[1], dy.shape[1] - k)
+        found = run_tangents(trace, tuple(map(str, range(dy.shape[1]))), dy, dp, section)
+        trace.enter_node(len(trace.ts) - 1)
+        rate = trace.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
+        dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
+        return FlowEnd(sol, sol.y[-1], found.dy[-1] - np.outer(rate, dt), dt, rate, found.dy[0], energy)

@@ -1,0 +1,57 @@
+"""The periodic motion of solved equations, and its Floquet multipliers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...system import Array
+from ...tolerances import HALF_DIGITS, SAME_STATE
+from .multipliers import on_quotient, periodic_eigenvalues
+from .result import Neutral, PeriodicMotion
+from .shooting import Linearisation
+
+
+def motion_of(found: Linearisation) -> PeriodicMotion:
+    """Return the periodic motion of solved equations, with its multipliers."""
+    cycle, at, mech = found.cycle, found.at, found.flow.mechanism
+    q, v, s, _ = np.split(at.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
+    multipliers, neutral = floquet(found)
+    T = float(found.ends[-1].sol.t[-1]) - cycle.t
+    advances = {x.name: float(-sigma) for x, sigma in zip(cycle.symmetries, at.sigma, strict=True)}
+    runs = tuple(end.sol for end in found.ends)
+    return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, found.size, runs, found)
+
+
+def floquet(found: Linearisation) -> tuple[Array, tuple[Neutral, ...]]:
+    """Return the multipliers that are not neutral, and the neutral ones with their errors."""
+    factors, k = found.factors, found.cycle.parts
+    names = [x.name for x in found.cycle.symmetries]
+    known = [found.symmetry_directions(i) for i in range(k)]
+    flows = [found.flow_direction(i) for i in range(k)]
+    if found.cycle.free and min(np.linalg.norm(x) for x in flows) > HALF_DIGITS:
+        names, known = ["time", *names], [np.column_stack([f, w]) for f, w in zip(flows, known, strict=True)]
+    neutral = [Neutral(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
+    energies = [found.energy_gradient(i) for i in range(k)]
+    error = _left_error(factors, energies)
+    if error <= SAME_STATE:
+        neutral.append(Neutral("energy", error))
+        known = [np.column_stack([w, e]) for w, e in zip(known, energies, strict=True)]
+    return periodic_eigenvalues(on_quotient(factors, known)), tuple(neutral)
+
+
+def _right_error(factors: Sequence[Array], known: Sequence[Array], j: int) -> float:
+    """Return the largest relative distance of M_i w_i from the span of the known directions at the next node."""
+    errors = [0.0]
+    for M, here, there in zip(factors, known, [*known[1:], known[0]], strict=True):
+        image = M @ here[:, j]
+        rest = image - there @ np.linalg.lstsq(there, image, rcond=None)[0]
+        errors.append(float(np.linalg.norm(rest) / np.linalg.norm(here[:, j])))
+    return max(errors)
+
+
+def _left_error(factors: Sequence[Array], rows: Sequence[Array]) -> float:
+    """Return the largest relative distance of e_i+1 M_i from e_i; 1 for rows that vanish."""
+    if not all(row.any() for row in rows):
+        return 1.0
+    triples = zip(factors, rows, [*rows[1:], rows[0]], strict=True)
+    return max(float(np.linalg.norm(b @ M - a) / np.linalg.norm(a)) for M, a, b in triples)

@@ -1,0 +1,82 @@
+"""Floquet multipliers: eigenvalues of the product of the tangents over the parts of one period.
+
+The product M_k ... M_1 has entries as large as the largest multiplier, so its small eigenvalues have no digits left.
+Orthogonal iteration over the factors, M_i Q_i-1 = Q_i R_i, leads to a periodic Schur form: the diagonal blocks of the
+R_i, multiplied block by block, have all multipliers.
+Source: Bojanczyk, Golub, Van Dooren, The periodic Schur decomposition (1992); Lust,
+Int. J. Bifurcation Chaos 11 (2001).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import schur
+
+from ...system import Array
+from ...tolerances import RANK, SUM_ROUNDING
+
+MAX_SWEEPS = 100
+
+
+def periodic_eigenvalues(factors: Sequence[Array]) -> Array:
+    """Return the eigenvalues of M_k ... M_1, (n,), complex, by decreasing magnitude.
+
+    Args:
+        factors: M_1, ..., M_k, each (n, n), in the order in which they act.
+    """
+    n = len(factors[0])
+    if not n:
+        return np.empty(0, complex)
+    if len(factors) == 1:
+        return _sorted(np.linalg.eigvals(factors[0]))
+    Q = schur(np.linalg.multi_dot(factors[::-1]))[1]
+    for _ in range(MAX_SWEEPS):
+        triangular, Z = [], Q
+        for M in factors:
+            Z, R = np.linalg.qr(M @ Z)
+            triangular.append(R)
+        closing, Q = Q.T @ Z, Z
+        blocks = _blocks(closing)
+        if max(b.stop - b.start for b in blocks) == 1:
+            break
+    return _sorted(np.concatenate([_block_eigenvalues(closing[b, b], [R[b, b] for R in triangular]) for b in blocks]))
+
+
+def _blocks(closing: Array) -> list[slice]:
+    """Return the diagonal blocks of an orthogonal matrix (n, n) that couple with no others, up to rounding."""
+    n, starts = len(closing), [0]
+    for i in range(1, n):
+        coupling = max(np.abs(closing[i:, :i]).max(), np.abs(closing[:i, i:]).max())
+        if coupling <= SUM_ROUNDING * n:
+            starts.append(i)
+    return [slice(a, b) for a, b in zip(starts, [*starts[1:], n], strict=True)]
+
+
+def _block_eigenvalues(closing: Array, factors: Sequence[Array]) -> Array:
+    """Return the eigenvalues of closing R_k ... R_1 of one block, whose multipliers have similar magnitudes."""
+    product, scale = np.eye(len(closing)), 0.0
+    for R in factors:  # scaled, since products overflow
+        size = np.linalg.norm(R) or 1.0
+        product, scale = (R / size) @ product, scale + np.log(size)
+    return np.linalg.eigvals(closing @ product).astype(complex) * np.exp(scale)
+
+
+def _sorted(values: Array) -> Array:
+    return values[np.lexsort((-values.imag, -np.abs(values)))].astype(complex)
+
+
+def on_quotient(factors: Sequence[Array], known: Sequence[Array]) -> list[Array]:
+    """Return the factors without known directions, on their orthogonal complements.
+
+    Right directions W_i, M_i W_i-1 in span W_i, leave a quotient; rows E_i, E_i M_i in span E_i-1, with E_i W_i = 0, a
+    subspace of it.
+
+    Args:
+        factors: M_1, ..., M_k, each (n, n).
+        known: [W_i, E_i^T] at the start of each part, (n, m_i), the same number of independent columns everywhere.
+    """
+    bases = []
+    for columns in known:
+        U, S, _ = np.linalg.svd(columns)
+        bases.append(U[:, np.count_nonzero(RANK * S[:1].max(initial=0.0) < S) :])
+    return [there.T @ M @ here for M, here, there in zip(factors, bases, [*bases[1:], bases[0]], strict=True)]

@@ -1,0 +1,106 @@
+"""Periodic motions of mechanisms, and their stability."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError, is_number
+from ...mechanism import Mechanism
+from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...solution.problem import mechanism_of
+from ...solution.solution import Solution
+from ...system import Array
+from .flow import Flow
+from .guess import guess_of, settled_start
+from .motion import motion_of
+from .result import PeriodicMotion
+from .shooting import Cycle, Guess, Linearisation, newton
+
+__all__ = ["periodic"]
+
+METHOD, RTOL = "pherk6", 1e-12
+GAP = 100.0  # of rtol: residual of shooting, which step-size control makes uneven
+
+
+def periodic(
+    model: Mechanism | Solution | str | Path,
+    T: float | None = None,
+    *,
+    q: Mapping[str, float] | Array | None = None,
+    v: Mapping[str, float] | Array | None = None,
+    s: Array | None = None,
+    section: str | None = None,
+    symmetry: Sequence[str] = (),
+    parts: int | None = None,
+    method: str | None = None,
+    rtol: float = RTOL,
+) -> PeriodicMotion:
+    """Find a periodic motion near a state, and its Floquet multipliers.
+
+        y(t + T) = g(sigma) y(t),   mu: eigenvalues of dy(T)/dy(0)
+
+    Shooting by Newton's method with the exact tangents of the computed steps, in local coordinates of the closed
+    manifold. If forces or drivers depend on time, T is a period of theirs; otherwise it is found, too.
+
+    Args:
+        model: a mechanism, a name or path, see `mbdae.load`; or a run that has nearly settled, whose end is the guess.
+        T: period in s: given if the mechanism is driven, else an estimate, not needed with a section or a run.
+        q: guess of the configuration: joint = value, or (nq,); the model's start when left out.
+        v: guess of the velocity: joint = value, or (nv,).
+        s: guess of the states of forces, (ns,).
+        section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
+        symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"turn"`` about the vertical,
+            or names of joints on whose angles nothing depends.
+        parts: of the period that are shot separately; for long or strongly unstable motions.
+        method: of the runs; pherk6, or the model's, when left out.
+        rtol: relative tolerance of the runs.
+
+    Raises:
+        InputError: if no periodic motion is found, or for a motion without derivatives.
+        UnknownNameError: for an unknown signal, joint, method or symmetry.
+    """
+    require_positive_period(T)
+    mech = mechanism_of(model.mechanism if isinstance(model, Solution) else model, "periodic")
+    given = settled_start(model, T, symmetry) if isinstance(model, Solution) else None
+    t, y0, T = given or (0.0, start_point(mech, q, v, s), T)
+    flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
+    return converged(flow, guess_of(flow, y0, T, t, section, symmetry, parts), rtol)
+
+
+def run_options(mech: Mechanism, method: str | None, rtol: float) -> dict[str, Any]:
+    """Return the options of the runs.
+
+    Raises:
+        InputError: for a tolerance that is not a positive number.
+    """
+    if not (is_number(rtol) and 0 < rtol < 1):
+        raise InputError(f"rtol is a number between 0 and 1, got {rtol!r:.60}")
+    return {"method": method or mech.settings.method or METHOD, "rtol": rtol}
+
+
+def require_positive_period(T: float | None) -> None:
+    """Reject a period that is not a positive number.
+
+    Raises:
+        InputError: naming it.
+    """
+    if T is not None and not (is_number(T) and T > 0):
+        raise InputError(f"the period T must be a positive number of seconds, got {T!r:.60}")
+
+
+def start_point(mech: Mechanism, q: Any, v: Any, s: Array | None) -> Array:
+    """Return the consistent point (q, v, s, 0) near a guess."""
+    if isinstance(q, Mapping) or isinstance(v, Mapping):
+        q, v = mech.assemble(q, v)
+    return mech.point(q, v, s=s)
+
+
+def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMotion:
+    """Return the periodic motion near a guess.
+
+    Raises:
+        InputError: if none is found.
+    """
+    cycle, guess = kind
+    found = newton(Linearisation(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
+    return motion_of(newton(found.refined(), GAP * rtol))

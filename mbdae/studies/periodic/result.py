@@ -1,0 +1,208 @@
+"""A periodic motion with its Floquet multipliers."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...data_types import JsonObject
+from ...integrate.run.result import joined
+from ...mechanism import Mechanism
+from ...mechanism.tree.coordinate_units import coordinate_units
+from ...solution.signals import signals
+from ...solution.solution import Solution
+from ...system import Array
+from ...tabular import Columns, Tabular
+from ...tolerances import HALF_DIGITS
+from .shooting import Linearisation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__: list[str] = []
+
+
+@dataclass(frozen=True)
+class Neutral:
+    """A multiplier of magnitude 1 that a symmetry, the free phase or a conserved energy causes.
+
+    Attributes:
+        name: ``"time"``, a symmetry, or ``"energy"``.
+        error: relative distance of the tangent over a period from the known map of its direction.
+    """
+
+    name: str
+    error: float
+
+
+@dataclass(frozen=True)
+class PeriodicMotion(Tabular):
+    """Result of `periodic`.
+
+    Attributes:
+        mechanism: the mechanism.
+        T: period in s.
+        t: time of the start.
+        q: configuration at the start, (nq,).
+        v: velocity, (nv,).
+        s: states of forces, (ns,).
+        multipliers: Floquet multipliers without the neutral ones, complex, by decreasing magnitude.
+        neutral: the neutral ones, with their errors.
+        advances: of the symmetries over a period, by name, in rad or m.
+        gap: largest relative distance of the end from the start, of a whole period in rad, characteristic lengths.
+        runs: one run for each part of the period.
+        shooting: the equations at the solution.
+    """
+
+    mechanism: Mechanism
+    T: float
+    t: float
+    q: Array
+    v: Array
+    s: Array
+    multipliers: Array
+    neutral: tuple[Neutral, ...]
+    advances: dict[str, float]
+    gap: float
+    runs: tuple[Solution, ...]
+    shooting: Linearisation = field(repr=False)
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest magnitude of the multipliers that are not neutral; 0 if there are none."""
+        return float(np.abs(self.multipliers).max(initial=0.0))
+
+    @property
+    def stability(self) -> str:
+        """``"stable"``, ``"unstable"``, ``"neutral"`` within 1e-8, or ``"doubtful"`` if a neutral one is not 1."""
+        if any(not x.error <= HALF_DIGITS for x in self.neutral):
+            return "doubtful"
+        if abs(self.spectral_radius - 1) <= HALF_DIGITS:
+            return "neutral"
+        return "unstable" if self.spectral_radius > 1 else "stable"
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Coordinates and velocities at the start by name."""
+        first = self.runs[0]
+        return {name: float(x[0]) for name, x in signals(first, list(coordinate_units(self.mechanism))).items()}
+
+    @property
+    def after(self) -> dict[str, dict[str, float]]:
+        """Coordinates and velocities just after each event at which the state jumps, by its name."""
+        out: dict[str, dict[str, float]] = {}
+        for run in self.runs:
+            columns = signals(run, list(coordinate_units(self.mechanism)))
+            for i, name in run.resets:
+                key = name if name not in out else f"{name} {sum(x.startswith(name) for x in out) + 1}"
+                out[key] = {name: float(x[i]) for name, x in columns.items()}
+        return out
+
+    @property
+    def run(self) -> Solution:
+        """One period as one run."""
+        return joined(self.runs)
+
+    def animate(self, path: str | Path) -> Path:
+        """Write a replay page of one period, which repeats.
+
+        Raises:
+            InputError: for another suffix, or an unwritable path.
+        """
+        from ..replay.replay import animate
+
+        return animate(self.run, path)
+
+    def extrema(self, signal: str) -> tuple[float, float]:
+        """Return the least and the largest value of a signal at the nodes of the runs.
+
+        Raises:
+            UnknownNameError: for an unknown signal.
+        """
+        values = np.concatenate([signals(run, [signal])[signal] for run in self.runs])
+        return float(values.min()), float(values.max())
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data; multipliers as pairs [re, im]."""
+        return {
+            "title": self.mechanism.title,
+            "T": self.T,
+            "t": self.t,
+            "q": self.q.tolist(),
+            "v": self.v.tolist(),
+            "s": self.s.tolist(),
+            "start": self.start,
+            "after": self.after,
+            "multipliers": [[z.real, z.imag] for z in self.multipliers.tolist()],
+            "neutral": {x.name: x.error for x in self.neutral},
+            "advances": self.advances,
+            "stability": self.stability,
+            "gap": self.gap,
+        }
+
+    def tabulated(self) -> Columns:
+        """Return coordinates and velocities over one period."""
+        units = {"t": "s", **coordinate_units(self.mechanism)}
+        pieces = [signals(run, list(units)) for run in self.runs]
+        return Columns({name: np.concatenate([piece[name] for piece in pieces]) for name in units}, units, "t")
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw one period in the phase plane, and the multipliers at the unit circle; optionally saved.
+
+        Raises:
+            InputError: for another format, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import motion
+
+        return figures.save_if_path(motion(self), path)
+
+    def __str__(self) -> str:
+        lines = [f"periodic motion of {self.mechanism.title}: T = {self.T:.12g} s, {self.stability}"]
+        lines += [f"  {name:24s} {x: .12g}" for name, x in self.start.items()]
+        for event, values in self.after.items():
+            lines += [f"  after {event!r}", *(f"    {name:22s} {x: .12g}" for name, x in values.items())]
+        lines += [f"  {name} advances by {x:.12g} per period" for name, x in self.advances.items()]
+        lines += [f"  multiplier {multiplier_text(z)}" for z in self.multipliers.tolist() if z.imag >= 0]
+        lines += [f"  neutral: {x.name}, to {x.error:.1e}" for x in self.neutral]
+        return "\n".join(lines)
+
+
+class BranchPoint(NamedTuple):
+    """A point of a branch.
+
+    Attributes:
+        value: of the parameter.
+        motion: the periodic motion.
+        tangent: of the nodes, (k, ny), then of T, sigma and the parameter.
+    """
+
+    value: float
+    motion: PeriodicMotion
+    tangent: tuple[Array, Array]
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A named point of a branch.
+
+    Attributes:
+        kind: ``"fold"``, ``"doubling"``, ``"neimark-sacker"`` or ``"branch"``.
+        value: of the parameter.
+        motion: the periodic motion there.
+    """
+
+    kind: str
+    value: float
+    motion: PeriodicMotion
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data."""
+        return {"kind": self.kind, "value": self.value, "motion": self.motion.to_dict()}
+
+
+def multiplier_text(z: complex) -> str:
+    """Return a multiplier, a conjugate pair or a real one, with its magnitude."""
+    number = f"{z.real:.10g}" if z.imag == 0 else f"{z.real:.10g} +- {z.imag:.10g} i"
+    return f"{number}, magnitude {abs(z):.10g}"

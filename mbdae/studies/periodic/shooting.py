@@ -1,0 +1,280 @@
+"""Multiple shooting for periodic motions in local coordinates of the closed manifold.
+
+Unknown: the states at k nodes of a period, the period T unless it is given, advances sigma along symmetries,
+
+    0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(S g(sigma) phi_k-1(y_k-1)) - x_0
+
+with coordinates x of states near y_i+1 (`mbdae.mechanism.equations.local_coordinates`): closures are not among the
+equations. S takes multiples of 2 pi from angles. An autonomous motion without a section has free phases: the first node
+moves across F = y' and across the symmetries. Newton's matrix consists of exact tangents of the computed steps.
+Source: Lust, Roose, An adaptive Newton-Picard algorithm (1998); Seydel, Practical bifurcation and stability analysis.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError
+from ...mechanism.equations.local_coordinates import LocalCoordinates
+from ...mechanism.equations.symmetry import Symmetry
+from ...mechanism.formulations.index2 import Index2System
+from ...system import Array
+from ...tolerances import AGREEMENT, TRUNCATION
+from .flow import Flow, FlowEnd
+
+MAX_ITERATIONS, MAX_HALVINGS, MAX_REFINEMENTS = 30, 8, 12
+GAIN = 0.1  # of the residual: less is rounding
+SHORTEST = 0.5  # of the period before: one iteration may not do more
+TWO_PI = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """Kind of a periodic motion.
+
+    Attributes:
+        t: time of its start.
+        parts: number k of parts.
+        section: signal and level at which a period ends; None for phases that are free, or given by the time.
+        forced: whether the period is given.
+        free: whether the equations do not depend on time.
+        symmetries: along which it advances.
+    """
+
+    t: float
+    parts: int
+    section: str | None
+    forced: bool
+    free: bool
+    symmetries: tuple[Symmetry, ...]
+
+    @property
+    def unknown_period(self) -> bool:
+        """Whether the period is one of Newton's unknowns."""
+        return not self.forced and not self.section
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Nodes (k, n) of a period, its duration, advances (m,), and full turns (nv,) of revolute joints."""
+
+    nodes: list[Array]
+    T: float
+    sigma: Array
+    turns: Array
+
+
+class Linearisation:
+    """The equations of shooting at a guess: residual and tangents.
+
+    Args:
+        system: a workspace.
+        flow: the runs.
+        cycle: kind of the motion.
+        at: the guess.
+    """
+
+    def __init__(self, system: Index2System, flow: Flow, cycle: Cycle, at: Guess) -> None:
+        self.system, self.flow, self.cycle, self.at = system, flow, cycle, at
+        k, self.p = cycle.parts, len(flow.parameters)
+        last = at.T - at.T * (k - 1) / k
+        self.durations = [at.T / k] * (k - 1) + [last]
+        self.times = [cycle.t + sum(self.durations[:i]) for i in range(k)]
+        self.charts = [LocalCoordinates(system, t, y) for t, y in zip(self.times, at.nodes, strict=True)]
+        self.n = self.charts[0].n
+        if any(chart.n != self.n for chart in self.charts):
+            raise InputError("degrees of freedom differ along the motion")
+        self.lifts, self.ends = [], list[FlowEnd]()
+        for i, (chart, t) in enumerate(zip(self.charts, self.times, strict=True)):
+            found = chart.partials(t, chart.x0)
+            lift = np.vstack([found.dq, found.dv, found.ds, np.zeros((1, self.n + 1))])[:, : self.n]
+            self.lifts.append(lift)
+            dy = np.hstack([lift, np.zeros((len(lift), self.p))])
+            section = cycle.section if i == k - 1 else None
+            self.ends.append(flow.end(t, at.nodes[i], dy, self.durations[i], section))
+
+    @cached_property
+    def closing(self) -> tuple[Array, Array, Array]:
+        """The end of the last part after S and g(sigma): y (n,), tangent map (ny, ny), directions w (ny, m)."""
+        s, y = self.system, self.ends[-1].y.copy()
+        q, nq, nv = s.split(y)[0].copy(), s.nq, s.nv
+        q = s.manifold.integrate(q, -TWO_PI * self.at.turns) if self.at.turns.any() else q
+        D, v = np.eye(nv), y[nq : nq + nv]
+        directions: list[Array] = []
+        for symmetry, sigma in zip(self.cycle.symmetries, self.at.sigma.tolist(), strict=True):
+            moved = symmetry.moved(q, sigma)
+            turn = symmetry.tangent(q, moved, sigma)
+            directions = [turn @ w for w in directions]
+            D, v, q = turn @ D, turn @ v, moved
+            directions.append(symmetry.direction(q))
+        y[:nq], y[nq : nq + nv] = q, v
+        whole = np.eye(s.ny)
+        whole[:nv, :nv] = whole[nv : 2 * nv, nv : 2 * nv] = D
+        w = np.zeros((s.ny, len(directions)))
+        w[:nv] = np.array(directions).reshape(-1, nv).T
+        w[nv : 2 * nv] = self._turned_velocities(y)
+        return y, whole, w
+
+    def _turned_velocities(self, y: Array) -> Array:
+        """Return d(v)/d(sigma), (nv, m), of the closing at its end, by the action of each symmetry near sigma = 0."""
+        s, (q, v) = self.system, self.system.split(y)
+        out = np.zeros((s.nv, len(self.cycle.symmetries)))
+        for k, symmetry in enumerate(self.cycle.symmetries):
+            out[:, k] = symmetry.velocity_change(q, v)
+        return out
+
+    @cached_property
+    def residual(self) -> Array:
+        """Distance of the end of each part from the next node, in coordinates there, (k n,)."""
+        charts = [*self.charts[1:], self.charts[0]]
+        ends = [*(end.y for end in self.ends[:-1]), self.closing[0]]
+        return np.concatenate([chart.coordinates_of(y) - chart.x0 for chart, y in zip(charts, ends, strict=True)])
+
+    def _into_next(self, i: int, dy: Array) -> Array:
+        """Return tangents at the end of part i in coordinates of the next node, (n, m)."""
+        k = self.cycle.parts
+        if i < k - 1:
+            return self.charts[i + 1].coordinate_tangents(self.ends[i].y, dy)
+        y, whole, _ = self.closing
+        return self.charts[0].coordinate_tangents(y, whole @ dy)
+
+    @cached_property
+    def factors(self) -> list[Array]:
+        """Tangents over each part at fixed times, (n, n): their product is the monodromy matrix."""
+        return [self._into_next(i, end.fixed[:, : self.n]) for i, end in enumerate(self.ends)]
+
+    def flow_direction(self, i: int) -> Array:
+        """Return y' at node i in its coordinates, (n,)."""
+        F = self.system.derivative(self.times[i], self.at.nodes[i])[0]
+        return self.charts[i].coordinate_tangents(self.at.nodes[i], F[:, None])[:, 0]
+
+    def symmetry_directions(self, i: int) -> Array:
+        """Return the directions of the symmetries at node i in its coordinates, (n, m)."""
+        s, y = self.system, self.at.nodes[i]
+        q, v = s.split(y)
+        out = np.zeros((s.ny, len(self.cycle.symmetries)))
+        for j, symmetry in enumerate(self.cycle.symmetries):
+            out[: s.nv, j] = symmetry.direction(q)
+            out[s.nv : 2 * s.nv, j] = symmetry.velocity_change(q, v)
+        return self.charts[i].coordinate_tangents(y, out)
+
+    def energy_gradient(self, i: int) -> Array:
+        """Return the derivatives of the energy at node i by its coordinates, (n,)."""
+        return self.ends[i].energy @ self.lifts[i]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Newton's matrix: derivatives of residual and phase conditions by (x_0, ..., x_k-1, T, sigma, p)."""
+        n, k, m = self.n, self.cycle.parts, len(self.cycle.symmetries)
+        period = int(self.cycle.unknown_period)
+        A = np.zeros((n * k, n * k + period + m + self.p))
+        for i, end in enumerate(self.ends):
+            rows, following = slice(i * n, (i + 1) * n), (i + 1) % k
+            whole = self._into_next(i, end.moving)
+            A[rows, i * n : (i + 1) * n] += whole[:, :n]
+            A[rows, following * n : (following + 1) * n] -= np.eye(n)
+            if period:
+                A[rows, n * k] = self._into_next(i, end.rate[:, None])[:, 0] / k
+            if self.p:
+                nodes = self.charts[following].coordinate_tangents(
+                    self.at.nodes[following], self.ends[following].start[:, n:]
+                )
+                A[rows, n * k + period + m :] = whole[:, n:] - nodes
+        y, _, w = self.closing
+        A[n * (k - 1) :, n * k + period : n * k + period + m] = self.charts[0].coordinate_tangents(y, w)
+        phases = np.zeros((period + m, A.shape[1]))
+        if period:
+            phases[0, :n] = _unit(self.flow_direction(0))
+        phases[period:, :n] = _unit(self.symmetry_directions(0)).T
+        return np.vstack([A, phases])
+
+    def moved(self, step: Array) -> Guess:
+        """Return the guess after a step of (x_0, ..., x_k-1, T, sigma)."""
+        n, k, at = self.n, self.cycle.parts, self.at
+        nodes = []
+        for i, chart in enumerate(self.charts):
+            q, v, s = chart.state(self.times[i], chart.x0 + step[i * n : (i + 1) * n])
+            nodes.append(np.concatenate([q, v, s, [0.0]]))
+        period = int(self.cycle.unknown_period)
+        T = at.T + (step[n * k] if period else 0.0)
+        if not SHORTEST * sum(self.durations) < T:
+            raise InputError(f"the period shrank to {T:.3g} s: give a better guess of the motion or of T")
+        advance = step[n * k + period : n * k + period + len(at.sigma)]
+        return replace(at, nodes=nodes, T=float(T), sigma=at.sigma + advance)
+
+    @property
+    def size(self) -> float:
+        """Largest residual relative to the sizes of states."""
+        scale = 1 + np.abs(np.concatenate([c.x0 for c in [*self.charts[1:], self.charts[0]]]))
+        return float(np.abs(self.residual / scale).max(initial=0.0))
+
+    @cached_property
+    def longest_step(self) -> float:
+        """Longest step of the runs in s."""
+        return max(float(np.diff(end.sol.nodes[0]).max()) for end in self.ends)
+
+    def refined(self) -> "Linearisation":
+        """Return the equations with steps that resolve the tangents of the motion, not only the motion.
+
+        Step-size control does not see variations: a steady motion has long steps, however fast its neighbours vary. So
+        the longest step is halved until the monodromy matrix changes no more.
+        """
+        here, h = self, self.longest_step
+        for _ in range(MAX_REFINEMENTS):
+            h /= 2
+            there = Linearisation(
+                self.system, replace(self.flow, options={**self.flow.options, "max_step": h}), self.cycle, self.at
+            )
+            change = max(np.abs(a - b).max(initial=0.0) for a, b in zip(here.factors, there.factors, strict=True))
+            size = max(np.abs(a).max(initial=1.0) for a in there.factors)
+            here = there
+            if change <= AGREEMENT * size:
+                return here
+        raise InputError(f"tangents of the motion do not converge with steps down to {h:.3g} s: give a smaller rtol")
+
+
+def _unit(x: Array) -> Array:
+    size = np.linalg.norm(x, axis=0)
+    return x / np.where(size > 0, size, 1.0)
+
+
+def newton(here: Linearisation, tolerance: float) -> Linearisation:
+    """Return the equations at a solution, by Newton's method with halved steps.
+
+    Raises:
+        InputError: if it does not converge.
+    """
+    for _ in range(MAX_ITERATIONS):
+        right = np.zeros(len(here.matrix))
+        right[: len(here.residual)] = -here.residual
+        free = here.matrix[:, : here.matrix.shape[1] - here.p]
+        step = np.linalg.lstsq(free, right, rcond=TRUNCATION**2)[0]
+        there = _shortened(here, step, 1 if here.size <= tolerance else MAX_HALVINGS)
+        if there is None:
+            break
+        improved = there.size < GAIN * here.size
+        here = there if there.size < here.size else here
+        if here.size <= tolerance and not improved:
+            break
+    if here.size > tolerance:
+        raise InputError(
+            f"no periodic motion found: Newton's method ends with a gap of {here.size:.3g} between start and end;"
+            " start closer to it, from a run that has settled, or with more parts"
+        )
+    return here
+
+
+def _shortened(here: Linearisation, step: Array, trials: int) -> Linearisation | None:
+    """Return the equations after a step, halved until the residual falls; after the whole step if it never does."""
+    best = None
+    for _ in range(trials):
+        try:
+            there = Linearisation(here.system, here.flow, here.cycle, here.moved(step))
+            best = best or there
+            if there.size < here.size:
+                return there
+        except MbdaeError:
+            pass
+        step = step / 2
+    return best

@@ -1,0 +1,1 @@
+"""Equilibria, what holds them, and how they move with a load."""

@@ -1,0 +1,94 @@
+"""Figure of deviations over the input, and of bands around paths."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..figures import COLOURS, WIDTH, curve_style, empty_figure, escaped, fixed_layout, legend_right
+from ..kinematics.result import monotonic_segments
+from .deviations import PATH
+from .result import Tolerance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SMALL = 3.4  # inches: a column of a journal
+BAND = 0.06  # of the extent of a path: largest drawn half-width; deviations are magnified to it
+CUTOFF = 20.0  # times the median worst case: larger values near dead points are not drawn
+WORST, STATISTICAL = ("0.85", "worst case"), (COLOURS[0], "statistical")
+
+
+@fixed_layout
+def bands(found: Tolerance) -> "Figure":
+    """Draw worst case, statistical deviation and the largest contributions over the input, and magnified bands."""
+    m, paths = len(found.signals), found.paths()
+    figure = empty_figure(WIDTH, 1.6 * m + 3.2 * len(paths) + 0.6)
+    axes = figure.subplots(m + len(paths), 1, squeeze=False, height_ratios=[1.6] * m + [3.2] * len(paths))[:, 0]
+    for i, (ax, name) in enumerate(zip(axes, found.signals, strict=False)):
+        _deviations(ax, found, i, name)
+    for ax, frame in zip(axes[m:], paths, strict=True):
+        _path(ax, found, frame)
+    figure.suptitle(escaped(f"Tolerances of {found.curve.mechanism.title} over {found.curve.drive}"), fontsize=9)
+    return figure
+
+
+@fixed_layout
+def band(found: Tolerance, frame: str) -> "Figure":
+    """Draw the path of a frame with its bands alone."""
+    figure = empty_figure(SMALL, 0.6 * SMALL)
+    _path(figure.subplots(), found, frame)
+    return figure
+
+
+def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
+    """Draw the deviations of a signal, with its contributions."""
+    worst = found.worst[m]
+    visible = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, 1.0)
+    sizes, of_parameters = [*found.tolerances, *found.clearances], len(found.tolerances)
+    largest = sorted(sizes.index(x.name) for x in found.contributions(name)[: len(COLOURS) - 1])
+    for first, part in enumerate(monotonic_segments(found.curve)):
+        u = found.curve.u[part]
+        for values, (colour, label), alpha in ((worst, WORST, 1.0), (found.statistical[m], STATISTICAL, 0.35)):
+            shown = (visible * values)[part]
+            ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if first else label)
+        for i, k in enumerate(largest):
+            derivatives = found.influences.derivatives[m, :, k] if k < of_parameters else found.magnitudes[m, :, k]
+            shown = (visible * derivatives * found.sizes[k])[part]
+            style = curve_style(1 + i)
+            ax.plot(u, shown, label=None if first else escaped(sizes[k]), **style)
+    for at, _ in found.curve.dead_points:
+        ax.axvline(at, color="0.5", lw=0.7, ls=":")
+    ax.set_ylabel(escaped(f"{name}\n({found.units[name]})"))
+    ax.set_xlabel(escaped(f"{found.curve.drive} ({found.curve.unit})"))
+    legend_right(ax, labelspacing=0.3)
+
+
+def _round_factor(x: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is at most x."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(power * max(k for k in (1, 2, 5) if k * power <= x))
+
+
+def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
+    """Draw the path of a frame with magnified bands."""
+    from matplotlib.collections import PolyCollection
+
+    names = [name for name in found.signals if name.rpartition(".")[0] == PATH + frame]
+    points = np.array([found.influences.values[found.signals.index(name)] for name in names]).T
+    worst, statistical, normals = found.band(frame)
+    worst = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, worst)
+    times = _round_factor(BAND * float(np.ptp(points, axis=0).max() / np.nanmax(worst)))
+    for half, (colour, label), alpha in ((worst, WORST, 1.0), (statistical, STATISTICAL, 0.35)):
+        width = times * half[:, None] * normals
+        outer, inner = points + width, points - width
+        strips = np.stack([outer[:-1], outer[1:], inner[1:], inner[:-1]], axis=1)
+        strips = strips[np.isfinite(strips).all(axis=(1, 2))]
+        ax.add_collection(
+            PolyCollection(list(strips), color=colour, alpha=alpha, lw=0, label=f"{label}, times {times:g}")
+        )
+    ax.plot(*points.T, color="0.2", lw=0.8)
+    ax.set_aspect("equal", "datalim")
+    ax.set_xlabel(escaped(f"{names[0]} (m)"))
+    ax.set_ylabel(escaped(f"{names[1]} (m)"))
+    ax.legend(loc="best")

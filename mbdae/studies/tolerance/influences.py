@@ -1,0 +1,92 @@
+"""Influences of parameters and clearances on signals in each pose, and how far the linear analysis is valid.
+
+The rows are scaled by characteristic lengths and angles. Close to a dead point of the drive the smallest singular value
+of G is du/ds, the change of the input u per arclength s of the curve of poses. A tolerance that changes the pose by
+alpha along the curve, to first order, changes it by the solution of
+
+    u' alpha_0 = u' a + u''/2 a^2,    a = alpha_0 (1 - u'' alpha_0/(2 u') + ...)
+
+which has none where 2 |u'' alpha_0/u'| > 1: the mechanism may not reach the input.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...system import Array
+from ...tolerances import RANK, SOLUTION_ROUNDING
+from ..kinematics.curve_derivatives import CurveSignals
+from .clearances import Displacements, largest_width
+
+
+@dataclass(frozen=True)
+class Influences:
+    """First-order influences on m signals in n poses; nan where the drive has a dead point or closures lose rank.
+
+    Attributes:
+        values: the signals, (m, n).
+        derivatives: derivatives with respect to k parameters, (m, n, k).
+        clearances: derivatives with respect to displacements in c joints along w axes, (m, n, c, w), without directions
+            that closures exclude, and 0 beyond the axes of a joint.
+        directions: number of directions in which a clearance can act, (n, c).
+        along: changes of the pose along the curve by parameters, (n, k), in rad and characteristic lengths.
+        along_clearances: and by displacements, (n, c, w).
+        condition: condition number of the scaled rows, (n,).
+    """
+
+    values: Array
+    derivatives: Array
+    clearances: Array
+    directions: Array
+    along: Array
+    along_clearances: Array
+    condition: Array
+
+
+def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[str, Displacements]) -> Influences:
+    """Return the influences on signals along a curve.
+
+    Args:
+        signals: of the curve, with the parameters.
+        names: of the signals.
+        clearances: displacements by joint or closure.
+    """
+    n, shifts = len(signals.found.u), list(clearances.values())
+    found, poses, w = signals.found, signals.poses, largest_width(shifts)
+    values = np.array([signals[name] for name in names])
+    derivatives = np.array([signals.derivative(name) for name in names])
+    columns = found.mechanism.coordinate_scales
+    dq = -(poses.inverse @ poses.rows) / columns[:, None]
+    along = np.einsum("ni,nik->nk", found.tangent / columns, dq)
+    acting = np.zeros((len(names), n, len(shifts), w))
+    along_clearances, directions = np.zeros((n, len(shifts), w)), np.zeros((n, len(shifts)), int)
+    condition, scales, nulls = _rank(signals)
+    for c, shift in enumerate(shifts):
+        given = np.array([shift.derivative(name) for name in names])
+        change = -(poses.inverse @ shift.rows) / columns[:, None]
+        for i in range(n):
+            Z = shift.free(i, nulls[i], scales)
+            width, directions[i, c] = Z.shape
+            acting[:, i, c, :width] = given[:, i] @ Z @ Z.T
+            along_clearances[i, c, :width] = (found.tangent[i] / columns) @ change[i] @ Z @ Z.T
+    singular = ~found.moving | ~(condition < 1 / RANK)
+    for x in (derivatives, acting):
+        x[:, singular] = np.nan
+        x[np.abs(x) < SOLUTION_ROUNDING] = 0.0
+    for x in (along, along_clearances, condition):
+        x[singular] = np.nan
+    return Influences(values, derivatives, acting, directions, along, along_clearances, condition)
+
+
+def _rank(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:
+    """Return the condition in each pose, (n,), the scales of the rows, (ng,), and left null spaces, (ng, d) each."""
+    system, found = signals.parameters.system, signals.found
+    scales = system.mechanism.row_scales
+    condition, nulls = np.full(len(found.u), np.inf), []
+    for i, q in enumerate(found.q):
+        left, sizes, _ = np.linalg.svd(system.jacobian(q) * found.mechanism.coordinate_scales / scales[:, None])
+        if sizes[-1] > RANK * sizes[0] and len(sizes) == system.nv:
+            condition[i] = sizes[0] / sizes[-1]
+        nulls.append(left[:, np.count_nonzero(sizes > RANK * sizes[0]) :])
+    return condition, scales, nulls

@@ -1,0 +1,48 @@
+"""Names of the dimensions of a mechanism file, for patterns as ``joint.*.xyz.*``."""
+
+from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
+from itertools import product
+
+from ...errors import UnknownNameError
+from ...mechanism.formats.template import Template
+from ...mechanism.tree.frames import joint_names
+
+WILD = "*?["
+ENTRIES = ("xyz", "rpy")
+CLOSURE_KEYS = ("length", "lead", "radius", "tyre", "surface_radius")
+
+
+def expanded(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
+    """Return tolerances by full names, and those names that come from patterns; a full name has precedence.
+
+    Patterns are those of `fnmatch`; they match placements and lengths: ``frame.N.xyz.0``, ``body.N.rpy.2``,
+    ``joint.N.xyz.1``, ``closure.N.length``.
+
+    Raises:
+        UnknownNameError: for a pattern that matches no dimension; lists them.
+    """
+    if not isinstance(make, Template):
+        return dict(tolerances), set()
+    named = {name: size for name, size in tolerances.items() if not set(name) & set(WILD)}
+    found: dict[str, float] = {}
+    for pattern in [name for name in tolerances if name not in named]:
+        known = list(_dimensions(make))
+        matched = [name for name in known if fnmatchcase(name, pattern)]
+        if not matched:
+            raise UnknownNameError("pattern of dimensions", pattern, known)
+        found |= dict.fromkeys(matched, tolerances[pattern])
+    return {**found, **named}, found.keys() - named.keys()
+
+
+def _dimensions(make: Template) -> Iterator[str]:
+    """Yield the names of placements of joints, bodies and frames, and of lengths of closures."""
+    recipe = make.recipe({})
+    parts = zip(recipe.file.source, recipe.parts, strict=True)
+    joints = [f"joint.{source.prefix}{name}" for source, part in parts for name in joint_names(part.model)]
+    placed = [*(f"frame.{x.name}" for x in recipe.file.frame), *(f"body.{x.name}" for x in recipe.file.body), *joints]
+    for name, entry, i in product(placed, ENTRIES, range(3)):
+        yield f"{name}.{entry}.{i}"
+    for closure, key in product(recipe.file.closure, CLOSURE_KEYS):
+        if isinstance(getattr(closure, key, None), float):
+            yield f"closure.{closure.name}.{key}"

@@ -1,0 +1,134 @@
+"""Result of `mbdae.tolerance`: deviations of signals with their tables, texts and figure."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...data_types import JsonObject
+from ...mechanism import Mechanism
+from ...mechanism.tree.coordinate_units import coordinate_units
+from ...tabular import Columns, Tabular, align_columns, rounded_zero
+from ...tolerances import NEGLIGIBLE
+from ..kinematics.curve_derivatives import HOLDING
+from .deviations import Deviations
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NONLINEAR = 0.05  # relative error of the linear worst case near a dead point: above, it is reported
+UNREACHABLE = 0.25  # of it: above, the quadratic for the pose has no solution
+SHOWN = NEGLIGIBLE  # of the worst case: smaller contributions are counted in the table
+
+
+def signal_units(mech: Mechanism, names: list[str], input_unit: str) -> dict[str, str]:
+    """Return the units of signals of a curve; velocities are per unit of the input."""
+    known = coordinate_units(mech)
+    per = {n: f"{known[f'q.{n[2:]}']}/{input_unit}" for n in known if n.startswith("v.") and f"q.{n[2:]}" in known}
+    effort = {HOLDING: "N m" if input_unit == "rad" else "N"}
+    return {name: (known | per | effort).get(name, "m") for name in names}
+
+
+class Tolerance(Deviations, Tabular):
+    """Deviations of m signals along a curve of n poses, at fixed inputs; see `Deviations` for the attributes."""
+
+    def cells(self) -> list[list[str]]:
+        """Return the contributions to each signal, largest first, without those below 0.1 % of the worst case."""
+        heads = ["contribution", "signal", "size", "influence", "worst case", "share", "of variance"]
+        return [heads] + [
+            [x.name, signal, f"{x.size:.4g}", f"{x.influence:.6g}", f"{x.worst:.4g}",
+             f"{100 * x.share:.1f} %", f"{100 * x.variance_share:.1f} %"]
+            for signal in self.signals for x in self.contributions(signal) if x.share >= SHOWN
+        ]  # fmt: skip
+
+    def remarks(self) -> list[str]:
+        """Return worst cases by signal, and where the linear analysis is invalid."""
+        lines = []
+        for m, name in enumerate(self.signals):
+            i, unit = self.worst_pose(name), self.units[name]
+            at = f"at {self.curve.drive} = {rounded_zero(self.curve.u[i]):.6g} {self.curve.unit}"
+            line = f"{name}: worst case {self.worst[m, i]:.4g} {unit}, statistical {self.statistical[m, i]:.4g} {unit}"
+            lines.append(f"{line}, nominal {rounded_zero(self.influences.values[m, i]):.6g} {unit}, {at}")
+            text = f"  standard deviation {self.deviation[m, i]:.4g} {unit}"
+            if self.hessians is not None:
+                second = f"{self.second_order_deviation[m, i]:.4g} {unit}, mean {self.mean_shift[m, i]:+.3g} {unit}"
+                text += f", to second order {second}"
+            small = sum(x.share < SHOWN for x in self.contributions(name))
+            lines.append(text + (f"; {small} contributions below {100 * SHOWN:g} %" if small else ""))
+        if self.left_out:
+            lines.append(f"left out, since they open closures that depend on each other: {', '.join(self.left_out)}")
+        return lines + self._warnings()
+
+    def _warnings(self) -> list[str]:
+        """Return remarks on poses near dead points and where closures lose rank."""
+        out, condition = [], self.influences.condition
+        if np.isfinite(condition).any():
+            i = int(np.nanargmax(condition))
+            out.append(f"condition of the closures: up to {condition[i]:.3g}, at {self._at(i)}")
+        if self.curve.dead_points:
+            listed = ", ".join(f"{rounded_zero(u):.6g}" for u, _ in self.curve.dead_points)
+            out.append(f"dead points of the drive at {listed}: influences grow without bound towards them")
+        limits = (
+            (0.25, "the mechanism may not reach the input within its tolerances"),
+            (NONLINEAR, f"the linear worst case is wrong by more than {100 * NONLINEAR:.0f} %"),
+        )
+        for limit, text in limits:
+            near = np.flatnonzero(self.nonlinearity >= limit)
+            if len(near):
+                poses = f"{len(near)} of {len(self.curve.u)} poses, first at {self._at(near[0])}"
+                out.append(f"near dead points {text}: in {poses}")
+        return out
+
+    def _at(self, i: int) -> str:
+        return f"{self.curve.drive} = {rounded_zero(self.curve.u[i]):.6g}"
+
+    def tabulated(self) -> Columns:
+        """Return the input, signals, deviations, condition and influences as columns."""
+        out, units = {"u": self.curve.u}, {"u": self.curve.unit}
+        for m, name in enumerate(self.signals):
+            deviations = {"worst": self.worst, "statistical": self.statistical, "deviation": self.deviation}
+            if self.hessians is not None:
+                deviations |= {"mean_shift": self.mean_shift, "second_order_deviation": self.second_order_deviation}
+            found = {name: self.influences.values[m], **{f"{key}.{name}": x[m] for key, x in deviations.items()}}
+            out |= found
+            units |= dict.fromkeys(found, self.units[name])
+            out |= {
+                f"influence.{name}.{p}": self.influences.derivatives[m, :, i] for i, p in enumerate(self.tolerances)
+            }
+            k = len(self.tolerances)
+            out |= {f"influence.{name}.{c}": self.magnitudes[m, :, k + i] for i, c in enumerate(self.clearances)}
+        return Columns({**out, "condition": self.influences.condition, "nonlinearity": self.nonlinearity}, units, "u")
+
+    def to_dict(self) -> JsonObject:
+        """Return JSON data."""
+        return {
+            "title": self.curve.mechanism.title,
+            "drive": self.curve.drive,
+            "unit": self.curve.unit,
+            "units": self.units,
+            "tolerances": self.tolerances,
+            "clearances": self.clearances,
+            "left_out": list(self.left_out),
+            "sigmas": self.sigmas,
+            "contributions": {name: [x._asdict() for x in self.contributions(name)] for name in self.signals},
+            "dead_points": [u for u, _ in self.curve.dead_points],
+            "remarks": self.remarks(),
+            "table": {name: column.tolist() for name, column in self.tabulated().values.items()},
+        }
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw deviations over the input, and bands around paths; saved if a path is given.
+
+        Raises:
+            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import bands
+
+        return figures.save_if_path(bands(self), path)
+
+    def __str__(self) -> str:
+        curve = self.curve
+        head = f"tolerances of {curve.mechanism.title} over {curve.drive} ({curve.unit}), {len(curve.u)} poses, "
+        table = align_columns(self.cells())
+        return "\n".join([f"{head}{self.sigmas:g} sigma", *(f"  {x}" for x in [*table, *self.remarks()])])

@@ -1,0 +1,177 @@
+"""Influence of tolerances and clearances on the poses of a mechanism with one degree of freedom."""
+
+from collections.abc import Callable, Mapping, Sequence, Set
+from pathlib import Path
+
+from ... import backend
+from ...errors import InputError, is_number, require
+from ...mechanism import Mechanism
+from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...system import Array
+from ..kinematics.curve_derivatives import CurveSignals
+from ..kinematics.driven_mechanism import Hold, driven_mechanism
+from ..kinematics.kinematics import kinematics
+from ..kinematics.result import Kinematics
+from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values
+from .clearances import displacements
+from .influences import influences
+from .parameter_names import expanded
+from .result import Tolerance, signal_units
+from .second_order import hessians
+
+__all__ = ["tolerance"]
+
+
+def tolerance(
+    model: Mechanism | str | Path | Callable[..., Mechanism],
+    drive: str,
+    signals: Sequence[str] = (),
+    parameters: Mapping[str, float] | None = None,
+    clearances: Mapping[str, float] | None = None,
+    *,
+    span: tuple[float, float] | None = None,
+    turns: float = 1.0,
+    hold: Hold = (),
+    points: int = 73,
+    q: Array | None = None,
+    sigmas: float = 3.0,
+    second_order: bool = False,
+    values: Mapping[str, float] | None = None,
+) -> Tolerance:
+    """Analyse tolerances of parameters p and clearances of joints along the poses over an input u.
+
+        do/dp = o_p - lam . g_p,   G^T lam = o_q,   |do| <= sum |do/dp_i| t_i + sum c_k |lam_k|
+
+    The rows g(q, p, u) = 0 are those of closures, locked joints and the drive: lam are the reactions to a unit load
+    along the signal o with the drive locked, so one transposed solve gives the influence of every parameter and
+    clearance. A clearance c displaces a joint by a vector of length c in any direction that it locks. Statistical is
+    the root of the sum of squares of the same terms. The variance is sum (do/dp_i sigma_i)^2 + sum c_k^2 |lam_k|^2/r_k
+    for normal deviations, sigma_i = t_i/sigmas, and contact in a uniformly distributed direction in r_k dimensions; to
+    second order 1/2 sum (H_ij sigma_i sigma_j)^2 more, and the mean shifts by 1/2 sum H_ii sigma_i^2. Loops of any kind
+    in space are valid, redundant closures included.
+    Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989).
+
+    Args:
+        model: the mechanism, an argument of `mbdae.load`, or a function that returns one.
+        drive: the input: a joint of one coordinate, or a driver of the mechanism.
+        signals: signals of the pose: ``position.<frame>.x``, .y, .z, ``q.<joint>``; ``v.<joint>`` per unit speed of the
+            input; ``holding``, the holding effort of the driver.
+        parameters: tolerances t by dotted name or pattern, ``frame.rod_tip.xyz.0=5e-5``, ``joint.*.xyz.*=5e-5``: the
+            value deviates by at most t. Matched ones that open redundant closures are left out, and reported.
+        clearances: clearances c in m by joint or closure, ``"wrist pin"=2e-5``.
+        span: the input's range in rad or m; when left out, ``turns`` to both sides of the start pose.
+        turns: number of full turns, if no span is given.
+        hold: joints to lock in place, or at given values: joint=value.
+        points: approximate number of poses.
+        q: a pose on the requested branch, (nq,); the model's start when left out.
+        sigmas: number of standard deviations in a tolerance: t = sigmas sigma.
+        second_order: also compute mean shifts and deviations of second order in the parameters.
+        values: values of the parameters; those of the model when left out.
+
+    Raises:
+        UnknownNameError: for an invalid name.
+        InputError: for a tolerance that is not a positive number, parameters that open redundant closures, or a curve
+            as of `mbdae.kinematics`.
+        AssemblyError, StepError: as `mbdae.kinematics`.
+
+    Example:
+        >>> found = tolerance("slider_crank", "crank", ["position.slider_pin.x"],
+        ...                   {"frame.rod_tip.xyz.0": 5e-5}, {"wrist pin": 2e-5})   # doctest: +SKIP
+    """
+    sizes, gaps = _positive("tolerance", parameters), _positive("clearance", clearances)
+    _check(sizes, gaps, sigmas)
+    loaded = model if isinstance(model, Mechanism) else None
+    make = mechanism_factory(loaded, None if loaded else model)
+    sizes, matched = expanded(make, sizes)
+    nominal = _nominal(make, sizes, values)
+    mech = loaded if loaded is not None and values is None else make.make(nominal)
+    found = kinematics(mech, drive, span=span, turns=turns, hold=hold, points=points, q=q)
+
+    def bind(changed: Mapping[str, float]) -> Parameters:
+        return Parameters(lambda x: driven_mechanism(make.make(x), drive, hold, found.q[0]), changed, backend.load())
+
+    bound, left_out = _consistent(bind, nominal, matched, found)
+    along = CurveSignals(found, lambda: bound)
+    names = _require_signals(along, [signals] if isinstance(signals, str) else list(signals))
+    kept = {name: sizes[name] for name in bound.values}
+    H = None
+    if second_order and kept:
+        H = hessians(found, names, bind, bound.values, {name: t / sigmas for name, t in kept.items()})
+    return Tolerance(
+        found, tuple(names), signal_units(mech, names, found.unit), kept, gaps, float(sigmas),
+        influences(along, names, displacements(along, gaps)), H, left_out,
+    )  # fmt: skip
+
+
+def _check(sizes: Mapping[str, float], gaps: Mapping[str, float], sigmas: float) -> None:
+    """Require tolerances or clearances, and a positive number of standard deviations.
+
+    Raises:
+        InputError: for neither, or another number.
+    """
+    if not (sizes or gaps):
+        raise InputError("give tolerances of parameters, name = tolerance, or clearances, joint or closure = clearance")
+    if not (is_number(sigmas) and sigmas > 0):
+        raise InputError(f"sigmas is a positive number, got {sigmas!r:.60}")
+
+
+def _nominal(
+    make: MechanismFactory, sizes: Mapping[str, float], values: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Return the values of the parameters with tolerances: the given ones, else those of the model.
+
+    Raises:
+        UnknownNameError, InputError: as `named_values`, and for other names.
+    """
+    nominal = named_values(make, list(sizes) if values is None else values)
+    if nominal.keys() != sizes.keys():
+        others = ", ".join(sorted(nominal.keys() ^ sizes.keys()))
+        raise InputError(f"values and tolerances have different names: {others}")
+    return nominal
+
+
+def _consistent(
+    bind: Callable[[Mapping[str, float]], Parameters],
+    nominal: Mapping[str, float],
+    matched: Set[str],
+    found: Kinematics,
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Return the parameters without those of patterns that open redundant closures, and the names of these.
+
+    Raises:
+        InputError: for one that was named in full.
+    """
+    bound, first = bind(nominal), (float(found.u[0]), found.q[0])
+    left_out = tuple(name for name in bound.inconsistent(*first) if name in matched)
+    if left_out:
+        bound = bind({name: x for name, x in nominal.items() if name not in left_out})
+    bound.require_consistent(*first)
+    return bound, left_out
+
+
+def _positive(what: str, given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return tolerances or clearances by name.
+
+    Raises:
+        InputError: for one that is not a positive number.
+    """
+    require(given or {}, Mapping, f"a {what} is name = size")
+    for name, x in (given or {}).items():
+        if not (is_number(x) and x > 0):
+            raise InputError(f"the {what} of {name!r} is a positive number, got {x!r:.60}")
+    return {name: float(x) for name, x in (given or {}).items()}
+
+
+def _require_signals(along: CurveSignals, names: Sequence[str]) -> list[str]:
+    """Return the signals; reject unknown ones with the valid names.
+
+    Raises:
+        InputError: for no signal, or one twice.
+    """
+    if not names:
+        raise InputError("name at least one signal, as position.FRAME.x or q.JOINT")
+    for i, name in enumerate(names):
+        along[name]
+        if name in names[:i]:
+            raise InputError(f"signal {name!r} is named twice")
+    return list(names)

@@ -1,0 +1,127 @@
+"""Periodic motions without events: Mathieu's equation, a rolling disc, a driven linkage, a pendulum."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipk, mathieu_a, mathieu_b
+
+import mbdae
+from mbdae import Driver, JointDamping, JointTorque, Mechanism
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.time_functions.time_functions import Harmonic
+
+G = 9.81
+
+
+def pendulum(tmp_path, amplitude, omega):
+    """A pendulum of 1 m whose pivot moves up and down."""
+    path = tmp_path / "pendulum.toml"
+    path.write_text(f"""
+title = "Pendulum on a shaken pivot"
+gravity = [0.0, 0.0, -{G}]
+body = [
+  {{ name = "pivot", parent = "world", joint = "prismatic", mass = 1.0 }},
+  {{ name = "rod", parent = "pivot", axis = [0.0, 1.0, 0.0], mass = 1.0, com = [0.0, 0.0, -1.0] }},
+]
+[[driver]]
+joint = "pivot"
+motion = {{ kind = "harmonic", amplitude = {amplitude!r}, omega = {omega!r}, phase = {np.pi / 2!r} }}
+""")
+    return path
+
+
+@pytest.mark.parametrize(("characteristic", "m"), [(mathieu_b, 1), (mathieu_a, 2)])
+def test_mathieu(tmp_path, characteristic, m):
+    """On the characteristic curves x'' + (a - 2 q cos 2 tau) x = 0 has multipliers (-1)^m, twice."""
+    q = 0.4
+    a = float(characteristic(m, q))
+    omega = float(np.sqrt(4 * G / a))
+    found = mbdae.periodic(pendulum(tmp_path, q / 2, omega))
+    assert pytest.approx(2 * np.pi / omega, rel=1e-14) == found.T
+    assert abs(found.multipliers.sum() - 2 * (-1) ** m) < 1e-10
+    assert abs(np.prod(found.multipliers) - 1) < 1e-10
+    assert found.neutral == ()
+
+
+def test_a_rolling_disc_has_neutral_multipliers_of_its_symmetries():
+    """Upright, lean'' = -(12/5 n^2 - 4 g/(5 R)) lean; heading and its rate, place, phase and energy are neutral."""
+    name = "rolling_disc?inclination=1.5707963267948966&precession=0&spin=5"
+    found = mbdae.periodic(name, 1.3, symmetry=["x", "y", "turn"])
+    assert [x.name for x in found.neutral] == ["time", "x", "y", "turn", "energy"]
+    assert max(x.error for x in found.neutral) < 1e-9
+    n = 2 * np.pi / found.T
+    lean = np.exp(1j * np.sqrt(12 / 5 * n**2 - 4 * G / (5 * 0.3)) * found.T)
+    lean = complex(lean.real, abs(lean.imag))
+    for z in (1.0, lean, lean.conjugate()):
+        assert np.abs(found.multipliers - z).min() < 1e-9
+    assert len(found.multipliers) == 3
+    assert found.advances["x"] == pytest.approx(2 * np.pi * 0.3, rel=1e-11)
+
+
+def test_a_driven_linkage_settles_to_the_periodic_motion():
+    """The motion after many periods, and the determinant of the monodromy matrix against damping (Liouville)."""
+    torque = JointTorque(joint="crank", torque=Harmonic(amplitude=3.0, omega=2 * np.pi))
+    forces = [torque, JointDamping(joint=["crank", "coupler", "rocker"], damping=4.0)]
+    mech = mbdae.load("four_bar", forces=forces)
+    rest = mbdae.equilibrium(mbdae.load("four_bar"), q={"crank": -1.5})
+    late = mbdae.solve(mech, (0, 12), rest.q, 0 * rest.v, rtol=1e-8)
+    found = mbdae.periodic(mech, q=late.q[-1], v=late.v[-1])
+    assert pytest.approx(1.0, rel=1e-14) == found.T
+    assert found.stability == "stable"
+    later = mbdae.solve(mech, (0, 40), late.q[-1], late.v[-1], rtol=1e-10)
+    np.testing.assert_allclose(later.q[-1], found.q, atol=1e-8)
+    h = 1e-5
+    ends = []
+    for sign in (1, -1):
+        q, v = mech.assemble({"crank": found.start["q.crank"] + sign * h}, {"crank": found.start["v.crank"]},
+                             guess=dict(zip(mech.joint_names, found.q, strict=True)))  # fmt: skip
+        end = mbdae.solve(mech, (0, 1), q, v, rtol=1e-12)
+        ends.append([end.q[-1][0], end.v[-1][0]])
+    column = (np.array(ends[0]) - ends[1]) / (2 * h)  # of (crank, its speed) after a period by the crank
+    z = found.multipliers
+    for sign in (1, -1):
+        q, v = mech.assemble({"crank": found.start["q.crank"]}, {"crank": found.start["v.crank"] + sign * h},
+                             guess=dict(zip(mech.joint_names, found.q, strict=True)))  # fmt: skip
+        end = mbdae.solve(mech, (0, 1), q, v, rtol=1e-12)
+        ends.append([end.q[-1][0], end.v[-1][0]])
+    M = np.column_stack([column, (np.array(ends[2]) - ends[3]) / (2 * h)])
+    assert abs(z.sum() - np.trace(M)) < 1e-6
+    assert abs(np.prod(z) - np.linalg.det(M)) < 1e-6
+
+
+def test_a_free_pendulum_has_its_period_and_only_neutral_multipliers(tmp_path):
+    """T = 4 K(sin(a/2)) sqrt(L/g) of the amplitude at the start; the section counts one direction."""
+    mech = Mechanism(mbdae.load(pendulum(tmp_path, 0.0, 1.0)).model, drivers=[Driver(joint="pivot", motion=0.0)])
+    found = mbdae.periodic(mech, q=np.array([0.0, 1.0]), v=np.zeros(2), section="q.rod > 0.5")
+    swing = np.arccos(np.cos(found.start["q.rod"]) - found.start["v.rod"] ** 2 / (2 * G))
+    assert pytest.approx(4 * ellipk(np.sin(swing / 2) ** 2) / np.sqrt(G), rel=1e-10) == found.T
+    assert len(found.multipliers) == 0
+    assert found.stability == "stable"
+    assert {x.name for x in found.neutral} == {"time", "energy"}
+    assert found.start["q.rod"] == pytest.approx(0.5, abs=1e-10)
+    again = mbdae.periodic(mech, found.T * 1.01, q=found.q, v=found.v, parts=4)
+    assert again.stability == "stable"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"T": -1.0}, "period T must be a positive number"),
+        ({"parts": 0}, "parts must be a positive number"),
+        ({"section": "q.rod > 0.5", "parts": 1}, "at least 2 parts"),
+        ({"rtol": 0.0}, "rtol is a number between 0 and 1"),
+        ({}, "give an estimate of the period, T, or a section"),
+        ({"section": "q.rod > 2.5"}, "does not reach the section"),
+    ],
+)
+def test_wrong_input_is_one_line(tmp_path, arguments, message):
+    mech = mbdae.load("double_pendulum") if not arguments else mbdae.load(pendulum(tmp_path, 0.0, 1.0))
+    with pytest.raises(InputError, match=message):
+        mbdae.periodic(mech, **arguments)
+
+
+def test_unknown_names_are_listed(tmp_path):
+    mech = mbdae.load(pendulum(tmp_path, 0.0, 1.0))
+    with pytest.raises(UnknownNameError, match=r"symmetry 'up'.*turn"):
+        mbdae.periodic(mech, 1.0, symmetry=["up"])
+    with pytest.raises(InputError, match=r"joints of .* do not allow it"):
+        mbdae.periodic(mbdae.load("double_pendulum"), 1.0, symmetry=["x"])
