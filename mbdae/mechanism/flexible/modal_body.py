@@ -192,8 +192,8 @@ def _second_order(r: Array, m: Array, Phi2: Array) -> tuple[Array, Array, Array]
     """Return C2, and what displacements of second order add to I2 and to Hj."""
     k = Phi2.shape[-1]
     pairs = [2 * _inertia(m, r, Phi2[:, :, i, j]) for i in range(k) for j in range(k)]
-    turning = np.einsum("n,abc,nb,ncji->jai", m, _CROSS, r, Phi2)
-    return np.einsum("n,naij->aij", m, Phi2), np.array(pairs).reshape(k, k, 3, 3), turning
+    crossed = np.einsum("n,abc,nb,ncji->jai", m, _CROSS, r, Phi2)
+    return np.einsum("n,naij->aij", m, Phi2), np.array(pairs).reshape(k, k, 3, 3), crossed
 
 
 def _inertia(m: Array, x: Array, y: Array) -> Array:

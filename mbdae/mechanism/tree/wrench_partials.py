@@ -79,7 +79,7 @@ class PairPartials:
         out, positions = self._sums.T @ K @ self._sums, {int(k): i for i, k in enumerate(self.at)}
         for sign, body, node in self.pair.nodes if F is not None else ():
             i = np.array([positions[k] for k in range(body.at.start, body.at.stop)])
-            changes = [sum(self.pair.node_changes(body, node, unit)) for unit in np.eye(len(i))]
+            changes = [np.add(*self.pair.node_changes(body, node, unit)) for unit in np.eye(len(i))]
             out[i[:, None], i] += sign * np.array([F @ change for change in changes])
         return out
 
