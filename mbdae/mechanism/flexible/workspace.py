@@ -1,6 +1,6 @@
 """A flexible body in a workspace: motions and Jacobians of its nodes, and its terms of M and nle.
 
-At a node, d = r + Phi q + Phi2 q q / 2, theta = Psi q, E and Jr of `rotation_vector`, Phi stands for Phi + Phi2 q, and
+At a node, d = r + Phi q + Phi2 q q / 2, theta = Psi q, E and Jr of `rotation_vector`, Phi denotes Phi + Phi2 q, and
 with nu = (v, w, q') of the body in its axes:
 
     J_n = [ E^T   -E^T [d]x   E^T Phi ]      twist = J_n nu,   twist' = J_n nu' + beta,   in the axes of the node

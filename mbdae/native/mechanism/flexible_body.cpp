@@ -176,7 +176,7 @@ double FlexibleBody::potential(const double* pose, const double* gravity) const 
   return -dot(gravity, world);
 }
 
-void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int* parts, const double* q,
+void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q,
                                 const double* v, const double* a, const Six& base_acceleration, double* by_q,
                                 double* by_v, size_t nv) const {
   using D = Dual<1>;
@@ -188,7 +188,7 @@ void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int
   Six V{}, A = base_acceleration;
   for (int first = 0, end; first < n; first = end) {
     const Six Vp = V, Ap = A;
-    for (end = first; end < n && parts[base[end]] == parts[base[first]]; ++end) {
+    for (end = first; end < n && expanded_joints[base[end]] == expanded_joints[base[first]]; ++end) {
       const double* J = about[base[end]].data();
       Column& c = columns[end];
       double more[6];
@@ -244,7 +244,7 @@ void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int
     double turned[6];
     wrench_cross(about[base[m]].data(), wrench, turned);
     for (int k = 0; k < m; ++k)
-      if (parts[base[k]] != parts[base[m]]) by_q[base[k] * nv + base[m]] += dot6(about[base[k]].data(), turned);
+      if (expanded_joints[base[k]] != expanded_joints[base[m]]) by_q[base[k] * nv + base[m]] += dot6(about[base[k]].data(), turned);
     along(about[base[m]].data(), nu), along(c.rate.data(), acceleration), add(base[m], by_v);
   }
   for (auto* y : {&nu, &acceleration})

@@ -45,9 +45,9 @@ class FlexibleBody {
   void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
                  const double* du, double* out) const;
   double potential(const double* pose, const double* gravity) const;  // that the deformation adds, after `deform`
-  // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; parts (nv,): joint
+  // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; expanded_joints (nv,): joint
   // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
-  void add_partials(const FramePose& at, const Six* about, const int* parts, const double* q, const double* v,
+  void add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q, const double* v,
                     const double* a, const Six& base_acceleration, double* by_q, double* by_v, size_t nv) const;
 
  private:

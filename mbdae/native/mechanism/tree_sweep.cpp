@@ -219,12 +219,12 @@ void TreeSweep::add_flexible(const double* v, const double* a, const double* pos
   }
 }
 
-void TreeSweep::add_partials(const int* parts, const double* q, const double* v, const double* a, bool alone,
+void TreeSweep::add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
                              const double* poses, double* by_q, double* by_v) const {
   Six base{};
   for (int i = 0; i < 3 && !alone; ++i) base[i] = -gravity_[i];
   for (const FlexibleBody& body : *flexible_)
-    body.add_partials(frame_pose(body, poses), about_.data(), parts, q, v, a, base, by_q, by_v, about_.size());
+    body.add_partials(frame_pose(body, poses), about_.data(), expanded_joints, q, v, a, base, by_q, by_v, about_.size());
 }
 
 template <bool with_inertia, bool with_wrench>

@@ -52,7 +52,7 @@ class TreeSweep {
 
   // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`;
   // without gravity if `alone`.
-  void add_partials(const int* parts, const double* q, const double* v, const double* a, bool alone,
+  void add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
                     const double* poses, double* by_q, double* by_v) const;
 
   void velocity(int joint, double* out) const { shift(V_, joint, out); }  // spatial, at the world's origin

@@ -126,8 +126,8 @@ void PairPartials::add_node(const Mechanics& m, int frame, double sign, const do
     columns_.push_back({data.iv + k, part + 1, sign, W + 6 * k, {}});
     if (v) change(s, k, columns_.back().dV);
     for (int by = 0; by < modes; ++by) {
-      turns_.push_back({data.iv + k, data.iv + by, sign, {}});
-      double *out = turns_.back().change, moved[3];
+      node_changes_.push_back({data.iv + k, data.iv + by, sign, {}});
+      double *out = node_changes_.back().change, moved[3];
       change(Psi + 3 * k, by, out), rotate_by_columns(base, Phi2 + 3 * (k * modes + by), moved);
       for (int l = 0; l < 3; ++l) out[l] += moved[l];
     }
@@ -147,7 +147,7 @@ void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) cons
     for (const Column& k : columns_)
       K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? within : dF);
   }
-  for (const Turn& x : turns_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
+  for (const Turn& x : node_changes_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
 }
 
 void PairPartials::damping(const double* C, double* D, size_t width) const {

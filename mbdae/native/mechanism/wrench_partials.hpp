@@ -51,7 +51,7 @@ class PairPartials {
     int k, m;
     double sign, change[6];
   };
-  std::vector<Turn> turns_;
+  std::vector<Turn> node_changes_;
   std::vector<std::vector<double>> split_;  // of each node: columns of translation and of rotation
 };
 
