@@ -1,5 +1,6 @@
 """Flexible bodies for the tests: random ones in space, and the four-bar with a flexible coupler."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,24 @@ def points(seed=0, n=25, k=4):
     return rng.normal(size=(n, 3)), rng.uniform(0.5, 1.5, n), rng.normal(size=(n, 3, k))
 
 
-def body(seed=0, k=4, stiffness=(1.0, 3.0), turn=1.0, damping=0.0):
+def second_order(rng, n, k, size):
+    """Displacements of second order, (n, 3, k, k), symmetric in the modes; None if they are zero."""
+    x = size * rng.normal(size=(n, 3, k, k))
+    return x + x.swapaxes(2, 3) if size else None
+
+
+def body(seed=0, k=4, stiffness=(1.0, 3.0), turn=1.0, damping=0.0, second=0.0):
     """A random body with nodes A, B and C."""
     rng = np.random.default_rng(seed + 100)
     nodes = {
         name: Node(*(rng.normal(size=s) for s in ((3,), (3, k))), turn * rng.normal(size=(3, k))) for name in "ABC"
     }
     r, m, Phi = points(seed, k=k)
-    return ModalBody.of_points(r, m, Phi, rng.uniform(*stiffness, k), damping, nodes)
+    of_nodes = second_order(rng, 3, k, second)
+    if second:
+        nodes = {name: replace(x, Phi2=y) for (name, x), y in zip(nodes.items(), of_nodes, strict=True)}
+    Phi2 = second_order(rng, len(m), k, second)
+    return ModalBody.of_points(r, m, Phi, rng.uniform(*stiffness, k), damping, nodes, Phi2)
 
 
 def place(rng):
@@ -51,7 +62,9 @@ def crowd(seed=0):
     for name, joint in (("a", pin.JointModelRX()), ("b", pin.JointModelSpherical())):
         joints.append(model.addJoint(joints[-1] if joints else 0, joint, place(rng), name))
         model.appendBodyToJoint(joints[-1], inertia(rng), place(rng))
-    attach_flexible(model, "rod", body(seed, k=3, damping=0.1), pin.JointModelFreeFlyer(), joints[-1], place(rng))
+    attach_flexible(
+        model, "rod", body(seed, k=3, damping=0.1, second=0.2), pin.JointModelFreeFlyer(), joints[-1], place(rng)
+    )
     joints.append(model.addJoint(0, pin.JointModelFreeFlyer(), place(rng), "c"))
     model.appendBodyToJoint(joints[-1], inertia(rng), place(rng))
     for name, joint in (("a.f", joints[0]), ("c.f", joints[-1])):

@@ -44,6 +44,7 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     axial: bool = False,
     damping: float | Sequence[float] = 0.0,
     polar_moment: float = 0.0,
+    stiffening: bool = True,
     nodes: Mapping[str, float] | None = None,
 ) -> ModalBody:
     """Return a straight beam as a modal body with its lowest modes, mass-normalised, which rise next to the left end.
@@ -62,6 +63,8 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
         axial: whether the beam also stretches.
         damping: ratio of each mode, or one for all.
         polar_moment: second moment of area about x in m^4; without it a beam has no inertia about its axis.
+        stiffening: whether bending shortens the beam along x, by the integral of w'^2 / 2: tension then stiffens it,
+            and compression makes it buckle.
         nodes: names of nodes and their positions along x in m, at ends of elements; A and B at both
             ends if omitted.
 
@@ -91,9 +94,10 @@ def beam(  # noqa: PLR0913 - the numbers of a beam
     U = np.zeros((len(K), modes))
     U[free] = shapes[:, ::-1] * np.sqrt(squares)
     U *= np.where(grid.first_rise(U) < 0, -1.0, 1.0)
-    found = {name: grid.node(x, U, name) for name, x in (nodes or {"A": 0.0, "B": length}).items()}
+    found = {name: grid.node(x, U, name, stiffening) for name, x in (nodes or {"A": 0.0, "B": length}).items()}
     r, masses, Phi = grid.points(U, density * area)
-    body = ModalBody.of_points(r, masses, Phi, squares, damping, found)
+    Phi2 = np.array([grid.shortening(e, s, U) for e, s, _ in grid.gauss()]) if stiffening else None
+    body = ModalBody.of_points(r, masses, Phi, squares, damping, found, Phi2)
     body.I0[0, 0] += density * polar_moment * length
     return body
 
@@ -166,7 +170,16 @@ class _Grid:
             np.array([self.shapes(e, s)[0] @ U for e, s, _ in found]),
         )
 
-    def node(self, x: float, U: Array, name: str) -> Node:
+    def shortening(self, e: int, s: float, U: Array) -> Array:
+        """Return minus the integrals of w_i' w_j' from the left end to s in an element, along x, (3, k, k)."""
+        out, (at, weights) = np.zeros((3, U.shape[1], U.shape[1])), np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        for element, end in [*((i, 1.0) for i in range(e)), (e, s)]:
+            for a, b in zip(at, weights, strict=True):
+                gradients = self.shapes(element, end * (1 + a) / 2)[1][1:] @ U
+                out[0] -= b * end * self.size / 2 * gradients.T @ gradients
+        return out
+
+    def node(self, x: float, U: Array, name: str, stiffening: bool) -> Node:
         """Return the node at x, the end of an element.
 
         Raises:
@@ -178,7 +191,8 @@ class _Grid:
             raise InputError(f"beam: node {name!r} at {x} m is no end of an element: {ends}")
         e, s = (i, 0.0) if i < len(self.x) - 1 else (i - 1, 1.0)
         Phi, gradients = (N @ U for N in self.shapes(e, s))
-        return Node(np.array([self.x[i], 0, 0]), Phi, np.array([np.zeros(U.shape[1]), -gradients[2], gradients[1]]))
+        Psi = np.array([np.zeros(U.shape[1]), -gradients[2], gradients[1]])
+        return Node(np.array([self.x[i], 0, 0]), Phi, Psi, self.shortening(e, s, U) if stiffening else None)
 
     def first_rise(self, U: Array) -> Array:
         """Return the largest displacement at the first Gauss point, with its sign, (k,)."""

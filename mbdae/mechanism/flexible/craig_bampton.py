@@ -104,10 +104,10 @@ def _coordinates(r: Array, interface: Mapping[str, Sequence[int]], clamped: str)
             motion = np.hstack([np.eye(3), -pin.skew(r[i] - centre)])
             block[3 * i : 3 * i + 3] = motion[:, : block.shape[1]]
         columns.append(block)
-    inner, number = np.flatnonzero(np.repeat(free, 3)), sum(block.shape[1] for block in columns)
-    points = csr_array((np.ones(len(inner)), (inner, np.arange(len(inner)))), (3 * len(r), len(inner)))
+    rest, number = np.flatnonzero(np.repeat(free, 3)), sum(block.shape[1] for block in columns)
+    points = csr_array((np.ones(len(rest)), (rest, np.arange(len(rest)))), (3 * len(r), len(rest)))
     whole = csr_array(hstack([*(csr_array(block) for block in columns), points]))
-    return whole, np.arange(number), np.arange(number, number + len(inner))
+    return whole, np.arange(number), np.arange(number, number + len(rest))
 
 
 def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int) -> Array:
@@ -120,7 +120,7 @@ def _basis(K: csc_array, M: csc_array, boundary: Array, inner: Array, modes: int
             out[inner, : len(boundary)] = -splu(Kii).solve(K[inner][:, boundary].toarray())
     if modes:
         shapes = eigsh(Kii, modes, csc_array(M[inner][:, inner]), 0.0)[1]
-        out[np.ix_(inner, np.arange(len(boundary), out.shape[1]))] = shapes
+        out[inner[:, None], np.arange(len(boundary), out.shape[1])] = shapes
     return out
 
 

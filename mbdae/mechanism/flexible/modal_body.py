@@ -8,6 +8,10 @@ Sums over points of mass m (nodes of a lumped model, or Gauss points of consiste
                                      I2_ij = sum m (2 Phi_i.Phi_j 1 - Phi_i Phi_j^T - Phi_j Phi_i^T)
     I = I0 + sum q_i I1_i + (sum q_i q_j I2_ij)/2,   H = H0 + sum q_j Hj
 
+A displacement of second order (sum q_i q_j Phi2_ij)/2, such as the shortening of a beam by bending, makes C linear,
+C + sum q_j C2_j with C2_ij = sum m Phi2_ij, and S = s0 + C q + (sum q_i q_j C2_ij)/2. It adds sum m [r]x Phi2_j to Hj
+and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work in it, and stiffens bending.
+
 for nu = (v, w, q') of the frame in its axes. `delta` is M without the rigid body (m, s0, I0), which Pinocchio has.
 """
 
@@ -26,11 +30,20 @@ from ...tolerances import PIVOT_RANK
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A point of a body: r (3,) in m, displacements Phi (3, k) and rotations Psi (3, k) of the modes."""
+    """A point of a body: r (3,) in m, displacements Phi (3, k) and rotations Psi (3, k) of the modes.
+
+    Phi2 (3, k, k), symmetric in the modes, adds the displacements (sum q_i q_j Phi2_ij)/2; zero if omitted.
+    """
 
     r: Array
     Phi: Array
     Psi: Array
+    Phi2: Array | None = None
+
+    def displaced(self, q: Array) -> tuple[Array, Array]:
+        """Return the position (3,) in the body, and its derivatives by q, (3, k)."""
+        by_q = self.Phi if self.Phi2 is None else self.Phi + self.Phi2 @ q
+        return self.r + (self.Phi + by_q) @ q / 2, by_q
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +55,7 @@ class ModalBody:
         s0, I0: first moment (3,) in kg m and inertia (3, 3) in kg m^2 of the straight body about its frame's origin.
         C, H0, Mq: (3, k), (3, k), (k, k).
         Hj, I1, I2: (k, 3, k), (k, 3, 3), (k, k, 3, 3).
+        C2: (3, k, k), zero if omitted.
         stiffness, damping: of each mode, (k,): forces -stiffness q - damping q'.
         nodes: the nodes by name.
     """
@@ -58,6 +72,7 @@ class ModalBody:
     stiffness: Array
     damping: Array
     nodes: Mapping[str, Node] = field(default_factory=dict)
+    C2: Array | None = None
 
     @property
     def modes(self) -> int:
@@ -70,15 +85,20 @@ class ModalBody:
         return np.sqrt(self.stiffness / np.diagonal(self.Mq))
 
     def deformed(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return S - s0 (3,), the inertias I_i = dI/dq_i (k, 3, 3), and H (3, k)."""
-        return self.C @ q, self.I1 + np.einsum("ijab,j->iab", self.I2, q), self.H0 + np.einsum("jak,j->ak", self.Hj, q)
+        """Return C (3, k), the inertias I_i = dI/dq_i (k, 3, 3), and H (3, k)."""
+        C = self.C if self.C2 is None else self.C + self.C2 @ q
+        return C, self.I1 + np.einsum("ijab,j->iab", self.I2, q), self.H0 + np.einsum("jak,j->ak", self.Hj, q)
+
+    def first_moment(self, q: Array) -> Array:
+        """Return S - s0, (3,)."""
+        return (self.C + self.deformed(q)[0]) @ q / 2
 
     def delta(self, q: Array) -> Array:
         """Return M(q) minus that of the rigid body, (6 + k, 6 + k)."""
-        S, I_q, H = self.deformed(q)
-        X = np.einsum("abc,b->ac", _CROSS, S)
+        C, I_q, H = self.deformed(q)
+        X = np.einsum("abc,b->ac", _CROSS, self.first_moment(q))
         I = np.einsum("iab,i->ab", self.I1 + I_q, q) / 2  # noqa: E741 - the inertia
-        return np.block([[np.zeros((3, 3)), -X, self.C], [X, I, H], [self.C.T, H.T, self.Mq]])
+        return np.block([[np.zeros((3, 3)), -X, C], [X, I, H], [C.T, H.T, self.Mq]])
 
     def gyroscopic(self, q: Array, nu: Array) -> Array:
         """Return the terms of M(q) nu' + h(q, nu) that are quadratic in nu, (6 + k,), without the rigid body.
@@ -86,23 +106,27 @@ class ModalBody:
         h = sum q'_i M_i nu + (w x p_v, w x p_w + v x p_v, -(nu^T M_i nu)/2), p = M nu, M_i = dM/dq_i.
         """
         v, w, u = nu[:3], nu[3:6], nu[6:]
-        _, I_q, _ = self.deformed(q)
-        p, dS = self.delta(q)[:6] @ nu, self.C @ u
+        C, I_q, _ = self.deformed(q)
+        p, dS = self.delta(q)[:6] @ nu, C @ u
         dI, dH = np.einsum("iab,i->ab", I_q, u), np.einsum("jak,j->ak", self.Hj, u)
-        linear = np.cross(w, dS + p[:3])
+        linear = np.cross(w, dS + p[:3]) + (0 if self.C2 is None else self.C2 @ u @ u)
         angular = np.cross(dS, v) + dI @ w + dH @ u + np.cross(w, p[3:]) + np.cross(v, p[:3])
-        by_q = np.cross(v, w) @ self.C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", self.Hj, w, u)
+        by_q = np.cross(v, w) @ C + np.einsum("iab,a,b->i", I_q, w, w) / 2 + np.einsum("iak,a,k->i", self.Hj, w, u)
         return np.concatenate([linear, angular, dH.T @ w - by_q])
 
     def core_data(self) -> CoreData:
         """Return the numbers of the body and of its nodes for the core, `native/mechanism/modal_body.hpp`."""
+        none, k = np.zeros((3, self.modes, self.modes)), self.modes
+        second = {name: none if x.Phi2 is None else x.Phi2 for name, x in self.nodes.items()}
         arrays = {"C": self.C.T, "H0": self.H0.T, "Mq": self.Mq, "Hj": self.Hj.transpose(0, 2, 1)}
+        arrays |= {"C2": (none if self.C2 is None else self.C2).transpose(1, 2, 0)}
         arrays |= {"I1": self.I1[:, *_PACKED], "I2": self.I2[:, :, *_PACKED]}
-        nodes = [
-            {"r": x.r.tolist(), "Phi": x.Phi.T.ravel().tolist(), "Psi": x.Psi.T.ravel().tolist()}
-            for x in self.nodes.values()
+        of_nodes = [
+            {"r": x.r, "Phi": x.Phi.T, "Psi": x.Psi.T, "Phi2": second[name].transpose(1, 2, 0)}
+            for name, x in self.nodes.items()
         ]
-        return {"modes": self.modes, "nodes": nodes, **{name: x.ravel().tolist() for name, x in arrays.items()}}
+        nodes = [{name: x.ravel().tolist() for name, x in node.items()} for node in of_nodes]
+        return {"modes": k, "nodes": nodes, **{name: x.ravel().tolist() for name, x in arrays.items()}}
 
     @classmethod
     def of_points(
@@ -113,6 +137,7 @@ class ModalBody:
         stiffness: Array,
         damping_ratios: float | Sequence[float] | Array = 0.0,
         nodes: Mapping[str, Node] | None = None,
+        Phi2: Array | None = None,
     ) -> "ModalBody":
         """Return the body of points with masses.
 
@@ -123,6 +148,7 @@ class ModalBody:
             stiffness: of each mode, (k,).
             damping_ratios: of each mode, (k,), or one for all.
             nodes: nodes by name.
+            Phi2: displacements of second order of the points, (n, 3, k, k), zero if omitted.
 
         Raises:
             InputError: for wrong shapes, negative masses, or negative stiffness.
@@ -139,6 +165,7 @@ class ModalBody:
             raise InputError("flexible body: modes need positive stiffness and independent displacements of masses")
         modes = P.transpose(2, 0, 1)
         cross = np.einsum("n,abc,nbi,ncj->iaj", m, _CROSS, P, P)
+        second = (None, 0.0, 0.0) if Phi2 is None else _second_order(r, m, Phi2)
         ratios = np.broadcast_to(np.asarray(damping_ratios, float), (k,))
         return cls(
             mass=float(m.sum()),
@@ -147,9 +174,10 @@ class ModalBody:
             C=np.einsum("n,nai->ai", m, P),
             H0=np.einsum("n,abc,nb,nci->ai", m, _CROSS, r, P),
             Mq=Mq,
-            Hj=cross,
+            Hj=cross + second[2],
             I1=np.array([2 * _inertia(m, r, x) for x in modes]).reshape(k, 3, 3),
-            I2=np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3),
+            I2=np.array([2 * _inertia(m, x, y) for x in modes for y in modes]).reshape(k, k, 3, 3) + second[1],
+            C2=second[0],
             stiffness=K,
             damping=2 * ratios * np.sqrt(K * np.diagonal(Mq)),
             nodes=dict(nodes or {}),
@@ -158,6 +186,14 @@ class ModalBody:
 
 _CROSS = np.array([pin.skew(e) for e in np.eye(3)]).transpose(1, 0, 2)  # (a x b)_i = sum CROSS_ijk a_j b_k
 _PACKED = ([0, 1, 1, 2, 2, 2], [0, 0, 1, 0, 1, 2])  # xx, xy, yy, xz, yz, zz
+
+
+def _second_order(r: Array, m: Array, Phi2: Array) -> tuple[Array, Array, Array]:
+    """Return C2, and what displacements of second order add to I2 and to Hj."""
+    k = Phi2.shape[-1]
+    pairs = [2 * _inertia(m, r, Phi2[:, :, i, j]) for i in range(k) for j in range(k)]
+    crossed = np.einsum("n,abc,nb,ncji->jai", m, _CROSS, r, Phi2)
+    return np.einsum("n,naij->aij", m, Phi2), np.array(pairs).reshape(k, k, 3, 3), crossed
 
 
 def _inertia(m: Array, x: Array, y: Array) -> Array:

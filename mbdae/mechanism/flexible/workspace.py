@@ -1,10 +1,11 @@
 """A flexible body in a workspace: motions and Jacobians of its nodes, and its terms of M and nle.
 
-At a node, d = r + Phi q, theta = Psi q, E and Jr of `rotation_vector`, with nu = (v, w, q') of the body in its axes:
+At a node, d = r + Phi q + Phi2 q q / 2, theta = Psi q, E and Jr of `rotation_vector`, Phi denotes Phi + Phi2 q, and
+with nu = (v, w, q') of the body in its axes:
 
     J_n = [ E^T   -E^T [d]x   E^T Phi ]      twist = J_n nu,   twist' = J_n nu' + beta,   in the axes of the node
           [ 0      E^T        Jr Psi  ]
-    beta = ( (E^T u) x wr + E^T (w x Phi q'),   (E^T w) x wr + (dJr(theta) s) s )
+    beta = ( (E^T u) x wr + E^T (w x Phi q' + Phi2 q' q'),   (E^T w) x wr + (dJr(theta) s) s )
     u = v + w x d + Phi q',   s = Psi q',   wr = Jr s
 """
 
@@ -37,6 +38,13 @@ class BoundNode:
         W = self.columns.copy()
         W[:3] = pin.skew(data.oMi[self.index].translation) @ W[3:]
         return self.columns - W, W
+
+    def translation_change(self, frame: pin.SE3, z: Array) -> Array:
+        """Return the change by q_m of the translations T z, as motions (6, k); z (k,)."""
+        out = np.zeros_like(self.columns)
+        if self.node.Phi2 is not None:
+            out[:3] = frame.rotation @ (self.node.Phi2 @ z)
+        return out
 
     def rotation_change(self, data: pin.Data, z: Array) -> Array:
         """Return the change by q_m of the rotation Jr z, beyond that of the axes of the node, as motions (6, k)."""
@@ -81,11 +89,11 @@ class BoundBody:
         R, p = pose.rotation, pose.translation
         for n in self.nodes:
             turn = n.turn = rotation_vector(n.node.Psi @ x)
-            at = R @ (n.node.r + n.node.Phi @ x) + p
-            E = R @ turn.E
+            d, Phi = n.node.displaced(x)
+            at, E = R @ d + p, R @ turn.E
             data.oMi[n.index] = pin.SE3(E, at)
             n.columns[3:] = E @ turn.Jr @ n.node.Psi
-            n.columns[:3] = R @ n.node.Phi + pin.skew(at) @ n.columns[3:]
+            n.columns[:3] = R @ Phi + pin.skew(at) @ n.columns[3:]
 
     def update_motions(self, data: pin.Data, q: Array, v: Array, a: Array) -> None:
         """Update velocities and accelerations of the nodes, for v' = a; poses and those of the frame are current."""
@@ -94,11 +102,13 @@ class BoundBody:
         w = V.angular
         for n in self.nodes:
             node, turn = n.node, n.turn
-            d, relative, s = node.r + node.Phi @ x, node.Phi @ u, node.Psi @ u
+            d, Phi = node.displaced(x)
+            relative, s = Phi @ u, node.Psi @ u
+            rate = Phi @ du if node.Phi2 is None else Phi @ du + node.Phi2 @ u @ u
             ET, wr = turn.E.T, turn.Jr @ s
             at, Ew = ET @ (V.linear + np.cross(w, d) + relative), ET @ w
             data.v[n.index] = pin.Motion(at, Ew + wr)
-            linear = ET @ (A.linear + np.cross(A.angular, d) + node.Phi @ du + np.cross(w, relative)) + np.cross(at, wr)
+            linear = ET @ (A.linear + np.cross(A.angular, d) + rate + np.cross(w, relative)) + np.cross(at, wr)
             angular = ET @ A.angular + turn.Jr @ (node.Psi @ du) + np.cross(Ew, wr) + turn.jacobian_rate(s) @ s
             data.a[n.index] = pin.Motion(linear, angular)
 
@@ -139,7 +149,7 @@ class BoundBody:
 
     def first_moment(self, data: pin.Data, q: Array) -> Array:
         """Return the change of mass times centre of mass by the deformation, world axes, (3,), in kg m."""
-        return data.oMi[self.joint].rotation @ self.modal.C @ q[self.iq]
+        return data.oMi[self.joint].rotation @ self.modal.first_moment(q[self.iq])
 
     def _base_columns(self, data: pin.Data) -> Array:
         """Return the columns of J that move the frame, in its axes, (6, n)."""

@@ -48,7 +48,7 @@ def _with_flexible_bodies(
     for x in tables:
         parent = find_frame(model, x.parent)
         names = ("length", "young", "density", "area", "second_moment", "modes", "elements", "ends", "plane")
-        given = {name: getattr(x, name) for name in (*names, "axial", "damping", "polar_moment")}
+        given = {name: getattr(x, name) for name in (*names, "axial", "damping", "polar_moment", "stiffening")}
         body = beam(**given, nodes=x.nodes or None)
         attach_flexible(model, x.name, body, _joint(x), parent.parentJoint, parent.placement * placement(x))
     if not tables:

@@ -91,6 +91,7 @@ class Flexible(Frame):
         plane: direction of bending, or both.
         axial: whether the beam stretches, too.
         damping: damping ratio of all modes, or of each.
+        stiffening: whether bending shortens the beam, so that tension stiffens it and compression makes it buckle.
         nodes: nodes and their positions along x in m, ends of elements; A and B at both ends if omitted.
     """
 
@@ -108,6 +109,7 @@ class Flexible(Frame):
     plane: Plane = "y"
     axial: bool = False
     damping: float | tuple[float, ...] = 0.0
+    stiffening: bool = True
     nodes: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")

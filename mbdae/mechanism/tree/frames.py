@@ -13,7 +13,7 @@ from .pinocchio_data import make_data
 from .tree_terms import bound_bodies, flexible_bodies, update_motions
 
 if TYPE_CHECKING:
-    from ..flexible.workspace import BoundNode
+    from ..flexible.workspace import BoundBody, BoundNode
 
 WORLD = "world"
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -209,9 +209,10 @@ class Pair:
         split = [J for _, _, node in self.nodes for J in node.split_columns(self._data)]
         return np.hstack([self._J[:, at[: len(at) - sum(J.shape[1] for J in split)]], *split])
 
-    def rotation_change(self, node: "BoundNode", z: np.ndarray) -> np.ndarray:
-        """Return `BoundNode.rotation_change` of a node of the pair, (6, k)."""
-        return node.rotation_change(self._data, z)
+    def node_changes(self, body: "BoundBody", node: "BoundNode", u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the changes by q_m of the translation T u and the rotation W u of a node, (6, k) each; u (k,)."""
+        frame = self._data.oMi[body.joint]
+        return node.translation_change(frame, u), node.rotation_change(self._data, node.node.Psi @ u)
 
     def locate(self) -> None:
         """Update rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""

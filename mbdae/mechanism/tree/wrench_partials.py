@@ -10,7 +10,7 @@ of motions and a x* F of a motion and a wrench, all at the world's origin,
     dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
 
 Velocities and accelerations are relative to the body at which both branches begin. A node of a flexible body moves by
-its modes like by two more joints, with columns T and W; W has the change of Jr, too (`BoundNode.rotation_change`).
+its modes like by two more joints, with columns T and W; W has the change of Jr, and T that of Phi (`BoundNode`).
 Results have one entry for each velocity, ``at`` (u,), where u = c without nodes.
 """
 
@@ -47,7 +47,9 @@ class PairPartials:
         end = len(self.sign)
         for _, body, node in pair.nodes[::-1]:
             k = body.modal.modes
-            self.dV[:, end - k : end] += pair.rotation_change(node, node.node.Psi @ v[body.at])
+            translation, rotation = pair.node_changes(body, node, v[body.at])
+            self.dV[:, end - k : end] += rotation
+            self.dV[:, end - 2 * k : end - k] += translation
             end -= 2 * k
         self.V = self.Jv.dot(self.sign)  # V_b - V_a
 
@@ -77,7 +79,8 @@ class PairPartials:
         out, positions = self._sums.T @ K @ self._sums, {int(k): i for i, k in enumerate(self.at)}
         for sign, body, node in self.pair.nodes if F is not None else ():
             i = np.array([positions[k] for k in range(body.at.start, body.at.stop)])
-            out[i[:, None], i] += sign * np.array([F @ self.pair.rotation_change(node, z) for z in node.node.Psi.T])
+            changes = [np.add(*self.pair.node_changes(body, node, unit)) for unit in np.eye(len(i))]
+            out[i[:, None], i] += sign * np.array([F @ change for change in changes])
         return out
 
     def force(self, F: Array) -> Array:

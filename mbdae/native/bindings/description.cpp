@@ -219,9 +219,9 @@ static void check(const ModalBody& b, const Sizes& n) {
   if (b.modes < 1 || b.modes > n.nv) reject("modes out of range");
   check_indices({b.iq}, n.nq - b.modes + 1, "mode"), check_indices({b.iv}, n.nv - b.modes + 1, "mode");
   const size_t k = b.modes;
-  bool valid = b.C.size() == 3 * k && b.H0.size() == 3 * k && b.Mq.size() == k * k && b.Hj.size() == 3 * k * k &&
+  bool valid = b.C.size() == 3 * k && b.C2.size() == 3 * k * k && b.H0.size() == 3 * k && b.Mq.size() == k * k && b.Hj.size() == 3 * k * k &&
                b.I1.size() == 6 * k && b.I2.size() == 6 * k * k;
-  for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k;
+  for (const ModalNode& x : b.nodes) valid = valid && x.Phi.size() == 3 * k && x.Psi.size() == 3 * k && x.Phi2.size() == 3 * k * k;
   if (!valid) reject("the numbers of a flexible body do not fit its modes");
 }
 

@@ -68,12 +68,17 @@ FlexibleBody::FlexibleBody(ModalBody data_, std::vector<int> base_, int first_po
 
 void FlexibleBody::turn_nodes(const double* q) {
   const double* x = q + data.iq;
-  std::fill(moment_, moment_ + 3, 0.0), combine(data.C, x, data.modes, moment_);
   for (size_t i = 0; i < nodes_.size(); ++i) {
     Node& n = nodes_[i];
     const ModalNode& at = data.nodes[i];
-    std::copy(at.r, at.r + 3, n.d), std::fill(n.theta, n.theta + 3, 0.0);
-    combine(at.Phi, x, data.modes, n.d), combine(at.Psi, x, data.modes, n.theta);
+    const int k = data.modes;
+    std::copy(at.r, at.r + 3, n.d), std::fill(n.theta, n.theta + 3, 0.0), n.Phi = at.Phi;
+    for (int i = 0; i < k; ++i)
+      for (int j = 0; j < k; ++j)
+        for (int l = 0; l < 3; ++l) n.Phi[3 * i + l] += at.Phi2[3 * (i * k + j) + l] * x[j];
+    for (int i = 0; i < k; ++i)
+      for (int l = 0; l < 3; ++l) n.d[l] += 0.5 * x[i] * (at.Phi[3 * i + l] + n.Phi[3 * i + l]);
+    combine(at.Psi, x, k, n.theta);
     set_rotation(n);
   }
 }
@@ -93,7 +98,7 @@ void FlexibleBody::place_nodes(const FramePose& at, double* poses, double* J) {
     for (int m = 0; m < k; ++m, column += 6) {
       double turn[3];
       rotate(n.Jr, &data.nodes[i].Psi[3 * m], turn);
-      rotate_by_columns(pose, turn, column + 3), rotate_by_columns(R, &data.nodes[i].Phi[3 * m], column);
+      rotate_by_columns(pose, turn, column + 3), rotate_by_columns(R, &n.Phi[3 * m], column);
       add_cross(pose + 9, column + 3, column);
     }
   }
@@ -106,8 +111,11 @@ void FlexibleBody::move_node(int i, const FramePose& at, const double* V_, const
   const int k = data.modes;
   double V[6], A[6], relative[3] = {}, s[3] = {}, turn[3], rate[3] = {}, ds[3] = {}, more[3];
   to_frame(at, V_, V), to_frame(at, A_, A);
-  combine(x.Phi, u, k, relative), combine(x.Psi, u, k, s);
-  if (du) combine(x.Phi, du, k, A), combine(x.Psi, du, k, ds);
+  combine(n.Phi, u, k, relative), combine(x.Psi, u, k, s);
+  if (du) combine(n.Phi, du, k, A), combine(x.Psi, du, k, ds);
+  for (int i = 0; i < k; ++i)
+    for (int j = 0; j < k; ++j)
+      for (int l = 0; l < 3; ++l) A[l] += x.Phi2[3 * (i * k + j) + l] * u[i] * u[j];
   add_cross(A + 3, n.d, A), add_cross(V + 3, relative, A);
   add_cross(V + 3, n.d, V);
   for (int l = 0; l < 3; ++l) V[l] += relative[l];
@@ -145,7 +153,7 @@ void FlexibleBody::add_inertia(const FramePose& at, const Six* about, double* M,
   for (int i = 0; i < k; ++i) {
     double* column = M + nv * (data.iv + i);
     for (size_t c = 0; c < base.size(); ++c)
-      column[base[c]] += dot(&data.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
+      column[base[c]] += dot(&now_.C[3 * i], local[c].data()) + dot(&now_.H[3 * i], local[c].data() + 3);
     for (int j = 0; j <= i; ++j) column[data.iv + j] += data.Mq[i * k + j];
   }
 }
@@ -164,11 +172,11 @@ void FlexibleBody::add_force(const FramePose& at, const Six* about, const double
 
 double FlexibleBody::potential(const double* pose, const double* gravity) const {
   double world[3];
-  rotate_by_columns(pose, moment_, world);
+  rotate_by_columns(pose, now_.moment.x, world);
   return -dot(gravity, world);
 }
 
-void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int* parts, const double* q,
+void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q,
                                 const double* v, const double* a, const Six& base_acceleration, double* by_q,
                                 double* by_v, size_t nv) const {
   using D = Dual<1>;
@@ -180,7 +188,7 @@ void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int
   Six V{}, A = base_acceleration;
   for (int first = 0, end; first < n; first = end) {
     const Six Vp = V, Ap = A;
-    for (end = first; end < n && parts[base[end]] == parts[base[first]]; ++end) {
+    for (end = first; end < n && expanded_joints[base[end]] == expanded_joints[base[first]]; ++end) {
       const double* J = about[base[end]].data();
       Column& c = columns[end];
       double more[6];
@@ -236,7 +244,7 @@ void FlexibleBody::add_partials(const FramePose& at, const Six* about, const int
     double turned[6];
     wrench_cross(about[base[m]].data(), wrench, turned);
     for (int k = 0; k < m; ++k)
-      if (parts[base[k]] != parts[base[m]]) by_q[base[k] * nv + base[m]] += dot6(about[base[k]].data(), turned);
+      if (expanded_joints[base[k]] != expanded_joints[base[m]]) by_q[base[k] * nv + base[m]] += dot6(about[base[k]].data(), turned);
     along(about[base[m]].data(), nu), along(c.rate.data(), acceleration), add(base[m], by_v);
   }
   for (auto* y : {&nu, &acceleration})

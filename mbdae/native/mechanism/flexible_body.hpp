@@ -26,8 +26,10 @@ class FlexibleBody {
   const std::vector<int> base;
   const int first_pose, first_column;
 
-  struct Node {  // rotation by theta = Psi q, by rows; functions a, b, a1, b1
+  // Rotation by theta = Psi q, by rows, with the functions a, b, a1, b1; position d and its derivatives Phi by q.
+  struct Node {
     double theta[3], functions[4], E[9], Jr[9], d[3];
+    Numbers Phi;
   };
   const Node& node(int i) const { return nodes_[i]; }
 
@@ -37,19 +39,19 @@ class FlexibleBody {
   // Motions of a node about the root's position, from those of the frame; u, du (k,) of the modes, du may be null.
   void move_node(int i, const FramePose& at, const double* V, const double* A, const double* u, const double* du,
                  double* V_node, double* A_node) const;
-  void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;  // by columns, above the diagonal
+  // M by columns, above the diagonal
+  void add_inertia(const FramePose& at, const Six* about, double* M, size_t nv) const;
   // out += the part of M a + nle; A of the frame minus gravity.
   void add_force(const FramePose& at, const Six* about, const double* V, const double* A, const double* u,
                  const double* du, double* out) const;
-  double potential(const double* pose, const double* gravity) const;  // that the deformation adds
-  // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; parts (nv,): joint
+  double potential(const double* pose, const double* gravity) const;  // that the deformation adds, after `deform`
+  // Partials of these forces by q in the tangent and by v, added to by_q and by_v (nv, nv) by rows; expanded_joints (nv,): joint
   // of each degree of freedom in the expanded tree; base_acceleration: minus gravity, or 0.
-  void add_partials(const FramePose& at, const Six* about, const int* parts, const double* q, const double* v,
+  void add_partials(const FramePose& at, const Six* about, const int* expanded_joints, const double* q, const double* v,
                     const double* a, const Six& base_acceleration, double* by_q, double* by_v, size_t nv) const;
 
  private:
   std::vector<Node> nodes_;
-  double moment_[3];  // C q
   Deformation<double> now_;
   mutable std::vector<double> nu_, A_, F_;
   mutable std::vector<Six> columns_;  // (base,) in the axes of the frame

@@ -98,7 +98,7 @@ void Mechanics::write(const void* model, const Tolerances& limits_, std::vector<
   w->partials = std::move(partials);
 }
 
-bool Mechanics::fits(const std::vector<ModalBody>& bodies) const {
+bool Mechanics::has_same_structure(const std::vector<ModalBody>& bodies) const {
   const auto same = [](const ModalBody& a, const FlexibleBody& b) {
     return a.joint == b.data.joint && a.modes == b.data.modes && a.nodes.size() == b.data.nodes.size();
   };

@@ -17,7 +17,7 @@ class Mechanics {
   Mechanics(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
   ~Mechanics();
 
-  bool fits(const std::vector<ModalBody>& flexible) const;  // have these as many modes and nodes?
+  bool has_same_structure(const std::vector<ModalBody>& flexible) const;  // have these as many modes and nodes?
   // Another model of the same joints; all that was computed with the one before is forgotten.
   void write(const void* model, const Tolerances& limits, std::vector<ModalBody> flexible);
 

@@ -10,21 +10,21 @@
 
 namespace mbdae {
 
-struct ModalNode {  // Phi, Psi: 3 numbers a mode
+struct ModalNode {  // Phi, Psi: 3 numbers a mode; Phi2: 3 a pair of modes
   double r[3] = {0, 0, 0};
-  Numbers Phi, Psi;
+  Numbers Phi, Psi, Phi2;
 
-  FIELDS(r, Phi, Psi)
+  FIELDS(r, Phi, Psi, Phi2)
 };
 
-// Per mode: C, H0 (3,); Mq (k,); Hj (k, 3) of sum m Phi_j x Phi_i; I1 and I2 (k,) in order xx, xy, yy, xz, yz, zz.
+// Per mode: C, H0 (3,); C2 (k, 3); Mq (k,); Hj (k, 3) of sum m Phi_j x Phi_i; I1 and I2 (k,) in order xx, xy, yy, xz, yz, zz.
 struct ModalBody {
-  int joint = 0;            // of the model, which carries the frame
+  int joint = 0;                  // of the model, which carries the frame
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
-  Numbers C, H0, Mq, Hj, I1, I2;
+  Numbers C, C2, H0, Mq, Hj, I1, I2;
   std::vector<ModalNode> nodes;
 
-  FIELDS(joint, iq, iv, modes, C, H0, Mq, Hj, I1, I2, nodes)
+  FIELDS(joint, iq, iv, modes, C, C2, H0, Mq, Hj, I1, I2, nodes)
 };
 
 template <class S>
@@ -33,27 +33,28 @@ Vec3<S> symmetric(const S* I, const Vec3<S>& x) {
           I[3] * x[0] + I[4] * x[1] + I[5] * x[2]};
 }
 
-// The polynomials at modal coordinates: S - s0, dI/dq_i, I - I0, H.
+// The polynomials at modal coordinates: S - s0, C, dI/dq_i, I - I0, H.
 template <class S>
 struct Deformation {
   Vec3<S> moment;
-  std::vector<S> by_q, H;  // (k, 6), (k, 3)
+  std::vector<S> C, by_q, H;  // (k, 3), (k, 6), (k, 3)
   S I[6];
 
   void update(const ModalBody& b, const S* q) {
     const int k = b.modes;
     by_q.assign(b.I1.begin(), b.I1.end()), H.assign(b.H0.begin(), b.H0.end());
+    C.assign(b.C.begin(), b.C.end());
     moment = {0, 0, 0};
     for (S& x : I) x = 0;
     for (int i = 0; i < k; ++i) {
       S* row = &by_q[6 * i];
       for (int j = 0; j < k; ++j) {
-        const double *I2 = &b.I2[6 * (i * k + j)], *Hj = &b.Hj[3 * (j * k + i)];
+        const double *I2 = &b.I2[6 * (i * k + j)], *Hj = &b.Hj[3 * (j * k + i)], *C2 = &b.C2[3 * (i * k + j)];
         for (int l = 0; l < 6; ++l) row[l] = row[l] + I2[l] * q[j];
-        for (int l = 0; l < 3; ++l) H[3 * i + l] = H[3 * i + l] + Hj[l] * q[j];
+        for (int l = 0; l < 3; ++l) H[3 * i + l] = H[3 * i + l] + Hj[l] * q[j], C[3 * i + l] = C[3 * i + l] + C2[l] * q[j];
       }
       for (int l = 0; l < 6; ++l) I[l] = I[l] + 0.5 * q[i] * (row[l] + b.I1[6 * i + l]);
-      for (int l = 0; l < 3; ++l) moment[l] = moment[l] + q[i] * b.C[3 * i + l];
+      for (int l = 0; l < 3; ++l) moment[l] = moment[l] + 0.5 * q[i] * (b.C[3 * i + l] + C[3 * i + l]);
     }
   }
 };
@@ -69,17 +70,17 @@ void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, co
   S dI[6] = {0, 0, 0, 0, 0, 0};
   const Vec3<S> vw = cross(v, w);
   for (int i = 0; i < k; ++i) {
-    const Vec3<double> C(&b.C[3 * i]);
-    const Vec3<S> H(&d.H[3 * i]);
-    Vec3<S> rate(0, 0, 0), row(0, 0, 0);
+    const Vec3<S> C(&d.C[3 * i]), H(&d.H[3 * i]);
+    Vec3<S> rate(0, 0, 0), row(0, 0, 0), C_rate(0, 0, 0);
     S other = 0;
     for (int j = 0; j < k; ++j) {
       rate = rate + u[j] * Vec3<double>(&b.Hj[3 * (j * k + i)]);
       row = row + u[j] * Vec3<double>(&b.Hj[3 * (i * k + j)]);
+      C_rate = C_rate + u[j] * Vec3<double>(&b.C2[3 * (i * k + j)]);
       other = other + b.Mq[i * k + j] * du[j];
     }
     for (int l = 0; l < 6; ++l) dI[l] = dI[l] + u[i] * d.by_q[6 * i + l];
-    moment_rate = moment_rate + u[i] * C, Cdu = Cdu + du[i] * C;
+    moment_rate = moment_rate + u[i] * C, Cdu = Cdu + du[i] * C + u[i] * C_rate;
     Hu = Hu + u[i] * H, Hdu = Hdu + du[i] * H, dHu = dHu + u[i] * rate;
     const S by_q = dot(C, vw) + 0.5 * dot(w, symmetric(&d.by_q[6 * i], w)) + dot(w, row);
     F[6 + i] = dot(C, Av) + dot(H, Aw) + other + dot(rate, w) - by_q;

@@ -45,7 +45,8 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<Mechanics::Supp
     const auto& [velocities, from] = supports[x->joint];
     for (size_t k = 0; k < from.size(); ++k) all[{velocities[k], from[k]}] += x == &b ? 1 : -1;
   }
-  for (const auto& [column, s] : all) columns.push_back(column.first), sources.push_back(column.second), sign.push_back(s);
+  for (const auto& [column, s] : all)
+    columns.push_back(column.first), sources.push_back(column.second), sign.push_back(s);
   const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   for (Anchor* x : {&a, &b}) x->straight = std::equal(one, one + 9, x->R);
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);

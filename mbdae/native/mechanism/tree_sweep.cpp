@@ -50,7 +50,11 @@ inline void rotate_symmetric(const double* R, const double* S, double* out) {  /
 
 TreeSweep::TreeSweep(std::vector<TreeJoint> joints, const std::vector<std::vector<int>>& ancestors,
                      const double* gravity, const double* armature, std::vector<FlexibleBody>* flexible)
-    : joints_(std::move(joints)), flexible_(flexible), gravity_(gravity), armature_(armature), about_(ancestors.size()) {
+    : joints_(std::move(joints)),
+      flexible_(flexible),
+      gravity_(gravity),
+      armature_(armature),
+      about_(ancestors.size()) {
   for (const auto& x : ancestors) {
     first_.push_back(static_cast<int>(ancestors_.size()));
     ancestors_.insert(ancestors_.end(), x.begin(), x.end());
@@ -193,7 +197,7 @@ void TreeSweep::outward(const double* q, const double* v, const double* a, doubl
   for (FlexibleBody& body : *flexible_) {
     const int j = carrier_[body.data.joint];
     const FramePose at = frame_pose(body, poses);
-    if (with_inertia || with_wrench) body.deform(q);
+    if (with_inertia || with_wrench) body.deform(q);  // the potential energy needs it, too
     body.turn_nodes(q), body.place_nodes(at, poses, J);
     for (size_t i = 0; with_motion && i < body.data.nodes.size(); ++i) {
       const int n = carrier_[body.first_pose + i];
@@ -215,12 +219,12 @@ void TreeSweep::add_flexible(const double* v, const double* a, const double* pos
   }
 }
 
-void TreeSweep::add_partials(const int* parts, const double* q, const double* v, const double* a, bool alone,
+void TreeSweep::add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
                              const double* poses, double* by_q, double* by_v) const {
   Six base{};
   for (int i = 0; i < 3 && !alone; ++i) base[i] = -gravity_[i];
   for (const FlexibleBody& body : *flexible_)
-    body.add_partials(frame_pose(body, poses), about_.data(), parts, q, v, a, base, by_q, by_v, about_.size());
+    body.add_partials(frame_pose(body, poses), about_.data(), expanded_joints, q, v, a, base, by_q, by_v, about_.size());
 }
 
 template <bool with_inertia, bool with_wrench>

@@ -50,9 +50,9 @@ class TreeSweep {
   // Velocities and accelerations for v' = a.
   void motions(const double* q, const double* v, const double* a, double* poses, double* J);
 
-  // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`; without
-  // gravity if `alone`.
-  void add_partials(const int* parts, const double* q, const double* v, const double* a, bool alone,
+  // Add the partials of forces of inertia of flexible bodies at the last poses, see `FlexibleBody::add_partials`;
+  // without gravity if `alone`.
+  void add_partials(const int* expanded_joints, const double* q, const double* v, const double* a, bool alone,
                     const double* poses, double* by_q, double* by_v) const;
 
   void velocity(int joint, double* out) const { shift(V_, joint, out); }  // spatial, at the world's origin

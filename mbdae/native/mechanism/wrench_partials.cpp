@@ -100,6 +100,13 @@ void PairPartials::add_node(const Mechanics& m, int frame, double sign, const do
   if (!node) return;
   const ModalBody& data = body->data;
   const int modes = data.modes, part = m.nv + 2 * frame;
+  const double *base = m.rotation(data.joint), *Phi2 = data.nodes[number].Phi2.data();
+  const auto translate = [&](const double* u, int by, double* out) {  // the change of the translation T u, by mode `by`
+    double local[3] = {};
+    for (int i = 0; i < modes; ++i)
+      for (int l = 0; l < 3; ++l) local[l] += Phi2[3 * (i * modes + by) + l] * u[i];
+    rotate_by_columns(base, local, out);
+  };
   const double *R = m.rotation(frame), *p = m.position(frame), *Psi = data.nodes[number].Psi.data();
   split_.emplace_back(12 * modes);
   double *T = split_.back().data(), *W = T + 6 * modes, s[3] = {};
@@ -108,6 +115,7 @@ void PairPartials::add_node(const Mechanics& m, int frame, double sign, const do
     std::copy(J + 3, J + 6, W + 6 * k + 3), cross(p, J + 3, W + 6 * k);
     for (int i = 0; i < 3; ++i) T[6 * k + i] = J[i] - W[6 * k + i], s[i] += v ? Psi[3 * k + i] * v[data.iv + k] : 0;
     columns_.push_back({data.iv + k, part, sign, T + 6 * k, {}});
+    if (v) translate(v + data.iv, k, columns_.back().dV);
   }
   const auto change = [&](const double* z, int by, double* out) {  // of the rotation z, by mode `by`
     double local[3];
@@ -118,8 +126,10 @@ void PairPartials::add_node(const Mechanics& m, int frame, double sign, const do
     columns_.push_back({data.iv + k, part + 1, sign, W + 6 * k, {}});
     if (v) change(s, k, columns_.back().dV);
     for (int by = 0; by < modes; ++by) {
-      turns_.push_back({data.iv + k, data.iv + by, sign, {}});
-      change(Psi + 3 * k, by, turns_.back().change);
+      node_changes_.push_back({data.iv + k, data.iv + by, sign, {}});
+      double *out = node_changes_.back().change, moved[3];
+      change(Psi + 3 * k, by, out), rotate_by_columns(base, Phi2 + 3 * (k * modes + by), moved);
+      for (int l = 0; l < 3; ++l) out[l] += moved[l];
     }
   }
 }
@@ -137,7 +147,7 @@ void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) cons
     for (const Column& k : columns_)
       K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.joint <= k.joint ? within : dF);
   }
-  for (const Turn& x : turns_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
+  for (const Turn& x : node_changes_) K[x.k * width + x.m] += x.sign * dot6(x.change, t.F);
 }
 
 void PairPartials::damping(const double* C, double* D, size_t width) const {

@@ -47,11 +47,11 @@ class PairPartials {
   void add_node(const Mechanics& m, int frame, double sign, const double* v);
 
   std::vector<Column> columns_;
-  struct Turn {  // of a node: dW_k/dq_m minus W_m x W_k, of the columns of rotation W of its modes
+  struct Turn {  // of a node: dT_k/dq_m + dW_k/dq_m - W_m x W_k, of the columns T and W of its modes
     int k, m;
     double sign, change[6];
   };
-  std::vector<Turn> turns_;
+  std::vector<Turn> node_changes_;
   std::vector<std::vector<double>> split_;  // of each node: columns of translation and of rotation
 };
 

@@ -53,7 +53,7 @@ bool Index2System::write(const void* model, const Tolerances& limits, Descriptio
     if (d.laws[k].kind != laws_[k].kind || d.laws[k].pair != laws_[k].pair || d.laws[k].state != laws_[k].state ||
         d.laws[k].states != laws_[k].states)
       return false;
-  if (!mechanics.fits(d.flexible)) return false;
+  if (!mechanics.has_same_structure(d.flexible)) return false;
   Constraints others(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers));
   if (!constraints.has_structure_of(others)) return false;
   constraints.write(std::move(others));
