@@ -78,13 +78,16 @@ class Flow:
             raise InputError(f"the run over a period stopped at t = {sol.t[-1]:.9g} s: {sol.message}")
         return sol
 
-    def end(self, t: float, y: Array, dy: Array, duration: float, section: str | None) -> FlowEnd:
+    def end(
+        self, t: float, y: Array, dy: Array, duration: float, section: str | None, mode: tuple[int, ...]
+    ) -> FlowEnd:
         """Return the end of a run and its tangent for variations dy (ny, m) of the start; the last k are parameters'.
 
         Raises:
             InputError: as `run`, and for runs without derivatives.
         """
         sol, k = self.run(t, y, duration, section), len(self.parameters)
+        self._require_mode(sol, mode)
         trace = Trajectory(sol, self.parameters)
         dp = np.eye(k, dy.shape[1], dy.shape[1] - k)
         found = run_tangents(trace, tuple(map(str, range(dy.shape[1]))), dy, dp, section)
@@ -92,3 +95,15 @@ class Flow:
         rate = trace.system.derivative(float(sol.t[-1]), sol.y[-1])[0]
         dt, energy = found.dt[-1], trace.sensitivity.energy(*trace.system.split(y)).sum(axis=0)[: len(dy)]
         return FlowEnd(sol, sol.y[-1], found.dy[-1] - np.outer(rate, dt), dt, rate, found.dy[0], energy)
+
+    def _require_mode(self, sol: Solution, mode: tuple[int, ...]) -> None:
+        """Require that a run begins in the mode for which the coordinates of its start are made.
+
+        Raises:
+            InputError: names the first switch in another state.
+        """
+        for switch, found, known in zip(self.mechanism.switches, sol.mode(0) or (), mode, strict=True):
+            if found != known:
+                where = f"at t = {sol.t[0]:.9g} s {switch.name!r} is {switch.states[found]}"
+                wanted = f"begin a period, and each part of it, where it is {switch.states[known]}"
+                raise InputError(f"{where}: {wanted}")

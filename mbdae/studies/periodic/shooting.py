@@ -92,23 +92,7 @@ class Linearisation:
             self.lifts.append(lift)
             dy = np.hstack([lift, np.zeros((len(lift), self.p))])
             section = cycle.section if i == k - 1 else None
-            self.ends.append(flow.end(t, at.nodes[i], dy, self.durations[i], section))
-            self._require_mode(self.ends[-1])
-
-    def _require_mode(self, end: FlowEnd) -> None:
-        """Require that a part begins where no switch has closed rows that its coordinates do not have.
-
-        Raises:
-            InputError: names the first one.
-        """
-        modes, switches = end.sol.modes, self.flow.mechanism.switches
-        for switch, found, known in zip(switches, modes[0][1] if modes else (), self.system.mode, strict=True):
-            if found != known:
-                t = float(end.sol.t[0])
-                raise InputError(
-                    f"at t = {t:.9g} s {switch.name!r} is {switch.states[found]}: begin a period, and each part of it,"
-                    f" where it is {switch.states[known]}"
-                )
+            self.ends.append(flow.end(t, at.nodes[i], dy, self.durations[i], section, system.mode))
 
     @cached_property
     def closing(self) -> tuple[Array, Array, Array]:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.errors import InputError
 
 IN_FLIGHT = np.array([-0.19, -3.98308870e-03, 2.37143242e-02]), np.array([1.47197306e-02, -12.3138827, 5.27311897])
 
@@ -42,8 +41,3 @@ def test_the_monodromy_matrix_is_a_quotient_of_runs(cycle):
     quotient = (8 * (end(h) - end(-h)) - (end(2 * h) - end(-2 * h))) / (12 * h)
     found = shooting.factors[0] @ d
     np.testing.assert_allclose(found, quotient, atol=1e-5 * np.abs(quotient).max())
-
-
-def test_a_period_does_not_begin_where_an_edge_is_jammed():
-    with pytest.raises(InputError, match="begin a period, and each part of it, where it is"):
-        mbdae.periodic("woodpecker", 0.132, symmetry=["height"])
