@@ -15,8 +15,11 @@ LISTS = {  # commands without a function of their name
     "models": "prints what `mbdae.model_names` returns; an installed mbdae/models is the folder of the models",
 }
 FUNCTIONS = {  # public functions without a command
+    "attach_flexible": "mechanism files have [[flexible]]",
+    "beam": "mechanism files have [[flexible]]",
     "gradient": "takes a cost, a Python function",
     "load": "every command loads its model",
+    "modal_body": "takes sparse matrices of a finite-element program",
     "model_names": "the command is `models`",
     "optimal_control": "takes a cost, a Python function",
     "optimize": "takes a cost, a Python function",

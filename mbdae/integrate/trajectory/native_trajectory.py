@@ -14,7 +14,7 @@ from ...tolerances import TINY
 from ..steppers.fixed import FIXED_STEP_TOLERANCE
 
 if TYPE_CHECKING:
-    from .._native import Parameters as NativeParameters
+    from ..._native import Parameters as NativeParameters
     from .trajectory import Trajectory
 
 STEPS_PER_CALL = 1000  # between checks for Ctrl-C
