@@ -1,6 +1,7 @@
 """Solutions in files: .npz contains the complete solution and can be read; .csv is a table of named columns."""
 
 import json
+import shlex
 import sys
 import warnings
 import zlib
@@ -93,6 +94,12 @@ class _Run(_OpenModel):
 def versions() -> dict[str, str]:
     """Return versions of mbdae and of the numerical packages."""
     return {name: version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
+
+
+def command_line() -> str:
+    """Return the command that was typed, as text of a shell."""
+    program = Path(sys.argv[0]).name
+    return shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]])
 
 
 def write(sol: "Solution", path: str | Path) -> None:

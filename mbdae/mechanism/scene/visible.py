@@ -49,7 +49,7 @@ class Sight:
         ends = scene.end_points(scene.springs, q).reshape(len(q), -1, 6)
         springs = ends[:, np.ptp(ends, axis=0).any(axis=1)].reshape(len(q), -1, 3)
         points = np.concatenate([corners(scene, moving, track), springs], axis=1)
-        many = points.shape[1] > len(DIRECTIONS)  # extremes of a configuration remain extremes relative to any followed shape
+        many = points.shape[1] > len(DIRECTIONS)  # extremes of a configuration are those of a shape too
         self.moving = np.array([here[_extreme(here)] for here in points]) if many else points
         self.rest = corners(scene, [k for k in counted if k not in moving], track[:1])[0]
 

@@ -1,6 +1,5 @@
 """Atlas of integrators: all methods on many models, with errors, work, drift and energy."""
 
-import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
@@ -13,7 +12,7 @@ from ...backend import machine_description, select_core
 from ...discovery import model_names
 from ...errors import InputError, as_list
 from ...mechanism.formats.model_library import find
-from ...solution.archive import versions
+from ...solution.archive import command_line, versions
 from ..comparison.selection import ALL, checked_steps, checked_tolerances
 from ..method_variant import variants
 from ..workers import Stop, pool
@@ -95,7 +94,7 @@ def atlas(
     with suppress(KeyboardInterrupt), pool(executor, workers, compute, settings, "executor='threads'") as workers_pool:
         workers_pool.run(work.motions(), work.add)
         workers_pool.run(work.pending(), work.add)
-    return work.result({**about, "command": sys.argv, "date": datetime.now(UTC).date().isoformat()})
+    return work.result({**about, "command": command_line(), "date": datetime.now(UTC).date().isoformat()})
 
 
 def compute(settings: Settings, task: Any, stop: Stop | None = None) -> Any:

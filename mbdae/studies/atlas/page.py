@@ -4,7 +4,6 @@ import json
 import shlex
 from collections.abc import Iterable
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -38,11 +37,10 @@ def page(atlas: Atlas) -> str:
     style, script = (Markup(here.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     text = json.dumps(finite(_data(atlas)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     meta = atlas.meta
-    program, *words = meta["command"]
     return rendered(
         package, "atlas.htm",
         counts=atlas.counts, complete=atlas.complete, meta=meta, noise=f"{atlas.noise:.2f}", sections=SECTIONS,
-        command=shlex.join([Path(program).name, *words]), versions=_listed(meta["versions"].items()),
+        command=meta["command"], versions=_listed(meta["versions"].items()),
         families=sorted({Variant.parse(r.method).family for r in atlas.runs}),
         style=style, script=script, data=Markup(text),
     )  # fmt: skip

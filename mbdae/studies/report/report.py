@@ -1,8 +1,6 @@
 """Report on a mechanism: card, a run, drift of runs, observed orders, and a comparison of methods."""
 
 import platform
-import shlex
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,7 +17,7 @@ from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism, describe
-from ...solution.archive import versions
+from ...solution.archive import command_line, versions
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution, uninterrupted
 from ..comparison.compare import compare
@@ -238,9 +236,8 @@ def _finished(sol: Solution) -> Solution:
 
 def provenance(parameters: dict[str, Any]) -> dict[str, Any]:
     """Return data to reproduce a result: command, parameters, versions, machine and date."""
-    program = Path(sys.argv[0]).name
     return {
-        "command": shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]]),
+        "command": command_line(),
         "parameters": parameters,
         "versions": {**versions(), "python": platform.python_version()},
         "machine": machine_description(),
