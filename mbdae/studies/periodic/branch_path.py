@@ -136,7 +136,7 @@ class BranchPath:
         return found if self.transported(at, here) @ self.transported(at, found) >= MIN_COSINE else None
 
     def across(self, here: BranchMotion, h: float) -> BranchMotion | None:
-        """Return the point of the branch on the plane across the tangent of a point, at distance h; None without one."""
+        """Return the point of the branch across the tangent of a point, at distance h along it; None if it fails."""
         at = here.motion.shooting
         try:
             x = self.transported(at, here) * self.scales(at)
