@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from ..errors import MbdaeError
+from ..tolerances import AGREEMENT
 
 MAX_BISECTIONS = 40
 Point = TypeVar("Point")
@@ -30,14 +31,14 @@ def locate(
     a, b = value(at), value(end)
     if a == 0:
         return 0.0, at
-    best = h, end
+    best, zero = (h, end), AGREEMENT * max(abs(a), abs(b))
     for k in range(MAX_BISECTIONS):
         middle = (low + high) / 2 if k % 3 == 2 or abs(a) == abs(b) == 1.0 else high - b * (high - low) / (b - a)
         found = step(here, middle) if low < middle < high else None
         if found is None:
             break
         c, best = value(found), (middle, found)
-        if c == 0:
+        if abs(c) <= zero:
             break
         low, high, a, b = (middle, high, c, b) if c * a > 0 else (low, middle, a, c)
     return best

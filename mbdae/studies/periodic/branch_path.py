@@ -75,7 +75,8 @@ class BranchPath:
 
         mech = make({name: value})
         q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
-        parameters = Parameters(make, {name: value}, backend.load(), along=[(t, q, v, s, ())])
+        mode = (0,) * len(mech.switches)  # in which shooting begins its parts
+        parameters = Parameters(make, {name: value}, backend.load(), along=[(t, q, v, s, mode)])
         return Flow(parameters.mech, parameters, self.options)
 
     def equations(self, cycle: Cycle, guess: Guess, value: float) -> Linearisation:
@@ -127,17 +128,22 @@ class BranchPath:
         return np.asarray(x / np.linalg.norm(x))
 
     def step(self, here: BranchMotion, h: float) -> BranchMotion | None:
-        """Return the point after a step of length h; None if it fails."""
+        """Return the point after a step of length h, along which the branch turns little; None if it fails."""
+        found = self.across(here, h)
+        if found is None:
+            return None
+        at = found.motion.shooting
+        return found if self.transported(at, here) @ self.transported(at, found) >= MIN_COSINE else None
+
+    def across(self, here: BranchMotion, h: float) -> BranchMotion | None:
+        """Return the point of the branch on the plane across the tangent of a point, at distance h; None without one."""
+        at = here.motion.shooting
         try:
-            return self._step(here, h)
+            x = self.transported(at, here) * self.scales(at)
+            there = self.equations(at.cycle, at.moved(h * x[:-1]), here.value + h * float(x[-1]))
+            return self.corrected(there, here)
         except (MbdaeError, np.linalg.LinAlgError):
             return None
-
-    def _step(self, here: BranchMotion, h: float) -> BranchMotion | None:
-        at = here.motion.shooting
-        x = self.transported(at, here) * self.scales(at)
-        at = self.equations(at.cycle, at.moved(h * x[:-1]), here.value + h * float(x[-1]))
-        return self.corrected(at, here)
 
     def corrected(self, at: Linearisation, before: BranchMotion) -> BranchMotion | None:
         """Return the point of the branch across the tangent of the point before; None if Newton's method fails."""
@@ -151,11 +157,7 @@ class BranchPath:
             x = np.linalg.lstsq(np.vstack([at.matrix * scales, direction]), right)[0] * scales
             value = at.flow.parameters.values[self.over.name] + float(x[-1])
             at = self.equations(at.cycle, at.moved(x[:-1]), value)
-        if at.size > self.tolerance:
-            return None
-        found = self.point(at, before)
-        cosine = self.transported(at, before) @ self.transported(at, found)
-        return found if cosine >= MIN_COSINE else None
+        return self.point(at, before) if at.size <= self.tolerance else None
 
     def run(self, first: BranchMotion, h: float = FIRST_STEP) -> tuple[list[BranchMotion], list[Bifurcation], str]:
         """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
@@ -217,15 +219,14 @@ class BranchPath:
         along[: 2 * k * base.n] = np.concatenate([*flips, *(-x for x in flips)])
         along /= np.linalg.norm(along)
         first = BranchMotion(at.value, motion_of(double), self.physical(double, along))
-        start = None
+        low, high = sorted(self.over[1:])
         for _ in range(MAX_HALVINGS):
-            if start := self.step(first, h):
-                break
+            start = self.across(first, h)  # the parameter grows by h^2, and soon turns the tangent
+            if start and low <= start.value <= high:
+                points, found, message = self.run(start)
+                return [first, *points], found, message
             h /= 2
-        if start is None:
-            raise InputError(f"no motion of twice the period is found near {self.over.name} = {at.value:.9g}")
-        points, found, message = self.run(start, h)
-        return [first, *points], found, message
+        raise InputError(f"no motion of twice the period is found near {self.over.name} = {at.value:.9g}")
 
 
 def _beyond(limit: float, p: BranchMotion) -> float:

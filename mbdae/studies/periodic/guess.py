@@ -21,7 +21,7 @@ SAMPLED_TIMES = 3  # at which time dependence is checked
 MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
 MAX_MULTIPLE = 64  # of the shortest of several periods of drivers
 NEAR_RETURN = 0.2  # of the largest distance from the end of a run: where it was close to its end before
-SAMPLES, REFINED, ZOOMS = 4000, 11, 4  # of a run, and of a return, in the search for returns
+SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # of a run, and of a return: in the end 1e-9 of the run apart
 MAX_RETURNS = 50  # the last ones of a run
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_bouncing_ball import OMEGA, E, G, ball_on_table, multipliers
+from test_bouncing_ball import OMEGA, E, G, T, ball_on_table, multipliers, start
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
@@ -10,7 +10,7 @@ from mbdae.errors import InputError, UnknownNameError
 
 @pytest.fixture(scope="session")
 def gaits():
-    return mbdae.periodic_branch("simplest_walker", "incline", 0.0148, 0.0153, rtol=1e-11)
+    return mbdae.periodic_branch("simplest_walker", "incline", 0.015, 0.0152, rtol=1e-10)
 
 
 def test_the_walker_doubles_its_period(gaits):
@@ -20,20 +20,25 @@ def test_the_walker_doubles_its_period(gaits):
     assert at.value == pytest.approx(0.0150884379411, abs=2e-12)
     assert at.motion.after["heel strike"]["q.stance"] == pytest.approx(0.23716586, abs=1e-8)
     assert np.abs(at.motion.multipliers + 1).min() < 1e-8
-    assert gaits.values[[0, -1]] == pytest.approx([0.0148, 0.0153], abs=1e-12)
+    assert gaits.values[[0, -1]] == pytest.approx([0.015, 0.0152], abs=1e-12)
     assert "period doubling" in str(gaits)
 
 
 def test_the_doubled_branch_is_stable_and_limps(gaits, tmp_path):
+    """With mu = -1 - s (p - p*) before, its multiplier is 1 - 4 s (p - p*) (normal form of the flip)."""
     (at,) = gaits.bifurcations
     doubled = gaits.doubled(at)
-    last = doubled.points[1].motion
-    assert pytest.approx(2 * at.motion.T, rel=1e-2) == last.T
-    steps = [x["q.stance"] for x in last.after.values()]
+    second = doubled.points[1]
+    beyond, found = second.value - at.value, second.motion
+    assert beyond > 0
+    assert pytest.approx(2 * at.motion.T, rel=1e-2) == found.T
+    steps = [x["q.stance"] for x in found.after.values()]
     assert len(steps) == 2
     assert abs(steps[0] - steps[1]) > 1e-3
-    assert doubled.points[1].value > at.value
-    assert last.stability == "stable"
+    assert found.stability == "stable"
+    slope = np.polyfit(gaits.values, gaits.multipliers[:, 0].real, 2) @ [2 * at.value, 1, 0]
+    assert 1 - found.multipliers[0].real == pytest.approx(-4 * slope * beyond, rel=0.02)
+    assert doubled.values[-1] == pytest.approx(0.0152, abs=1e-12)
     gaits.plot(tmp_path / "branch.png")
     gaits.save(tmp_path / "branch.csv")
     with pytest.raises(InputError, match="begins at a period doubling"):
@@ -42,19 +47,18 @@ def test_the_doubled_branch_is_stable_and_limps(gaits, tmp_path):
 
 def test_a_bouncing_ball_has_a_fold_where_the_table_is_too_slow():
     """Motions of one bounce per period exist for A omega >= u = g T (1 - e)/(2 (1 + e)); at the end mu = 1."""
-    T = 2 * np.pi / OMEGA
     least = G * T / 2 * (1 - E) / (1 + E) / OMEGA
-    ball = ball_on_table(0.004, -1)
-    found = mbdae.periodic_branch(
-        lambda A: ball_on_table(A, -1)[0], "A", 0.004, 0.003, q=ball[1], v=ball[2], rtol=1e-10, T=T
-    )
-    fold = next(b for b in found.bifurcations if b.kind == "fold")
+    q, v = start(0.0036, -1)
+    found = mbdae.periodic_branch(ball_on_table, "amplitude", 0.0036, 0.0005, q=q, v=v, rtol=1e-9, T=T)
+    (fold,) = found.bifurcations
+    assert fold.kind == "fold"
     assert fold.value == pytest.approx(least, rel=1e-9)
     assert np.abs(fold.motion.multipliers - 1).min() < 1e-3  # a square root
-    middle = found.points[3]
-    np.testing.assert_allclose(
-        np.sort(middle.motion.multipliers.real), np.sort(multipliers(middle.value, -1).real), rtol=1e-7
-    )
+    assert [found.points[i].motion.stability for i in (0, -1)] == ["unstable", "stable"]
+    for point, sign in ((found.points[1], -1), (found.points[-1], 1)):
+        np.testing.assert_allclose(
+            np.poly(point.motion.multipliers), np.poly(multipliers(point.value, sign)), rtol=1e-7
+        )
 
 
 def test_wrong_input_is_one_line():
