@@ -1,4 +1,4 @@
-"""A compass walker: two straight legs with masses, hinged at a hip with a mass, passive on a incline."""
+"""A compass walker: two straight legs with masses, hinged at a hip with a mass, passive on an incline."""
 
 from math import cos, radians, sin
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""The simplest walking model: two massless legs, a mass at the hip and small masses at the feet, on a incline."""
+"""The simplest walking model: two massless legs, a mass at the hip and small masses at the feet, on an incline."""
 
 from math import cos, sin
 from typing import Annotated

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -119,7 +120,7 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
             with monkeypatch.context() as patch:
                 if more:  # pictures of the page were drawn without --json
                     without_pictures(patch)
-                code, out, err = call(*arguments.split(), *more, cwd=tmp_path)
+                code, out, err = call(*shlex.split(arguments), *more, cwd=tmp_path)
             assert (code, err) == (0, ""), arguments
             if more:
                 assert json.loads(out, parse_constant=pytest.fail), arguments
@@ -179,7 +180,7 @@ def test_info_says_what_is_not_modelled():
 
 TELLING = """
 import mbdae.__main__
-from mbdae.integrate.run_state import RunState
+from mbdae.integrate.run.run_state import RunState
 
 to_go, told = RunState.time_left, []
 

@@ -23,12 +23,13 @@ HARNESS = """
 #include "drag.cpp"
 
 // Four velocities; the law needs no kinematics.
-mbdae::Mechanics::Mechanics(const void*, const Tolerances& limits) : limits(limits), nq(4), nv(4), joints(5) {}
+mbdae::Mechanics::Mechanics(const void*, const Tolerances& limits, std::vector<ModalBody>)
+    : limits(limits), nq(4), nv(4), joints(5) {}
 struct mbdae::Mechanics::Workspace {};
 mbdae::Mechanics::~Mechanics() {}
 
 int main() {
-  const mbdae::Mechanics m(nullptr, {});
+  const mbdae::Mechanics m(nullptr, {}, {});
   mbdae::Law law;
   law.rows = {2}, law.a = {0.7};
   const mbdae::LawKind& kind = mbdae::laws::drag;

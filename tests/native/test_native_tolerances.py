@@ -9,12 +9,8 @@ NATIVE = Path(__file__).parents[2] / "mbdae" / "native"
 SOURCES = sorted([*NATIVE.rglob("*.cpp"), *NATIVE.rglob("*.hpp")])
 EXACT = {0.0, 0.5, 1.0, 2.0}  # in formulas
 LARGEST_INTEGER = 9  # of indices and sizes of vectors and matrices in space
-SIZES = {
-    12,
-    36,
-    50,
-    1000000,
-}  # sizes of a bushing; a matrix (6, 6); microseconds between checks of a lock; states that fit into memory
+SIZES = {12, 20, 36, 50, 1000000}
+"""Of a bushing, terms of a series, of a matrix (6, 6), microseconds between checks of a lock, states in memory."""
 NOT_NUMBERS = re.compile(r'//[^\n]*|"[^"\n]*"|^#[^\n]*', re.MULTILINE)
 NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[uUlLfF]*\b\.?")
 

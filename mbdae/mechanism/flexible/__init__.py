@@ -23,5 +23,4 @@ Mehrkoerpersysteme (1999).
 from .attach_flexible import FlexibleBody as FlexibleBody
 from .attach_flexible import attach_flexible as attach_flexible
 from .beam import beam as beam
-from .craig_bampton import modal_body as modal_body
 from .modal_body import ModalBody as ModalBody

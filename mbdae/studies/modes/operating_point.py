@@ -55,7 +55,9 @@ def operating_point(
         found = (statics, statics.point(here.q, here.s)), "steady motion" if speeds.any() else "equilibrium"
     (statics, here), kind = found
     if not here.free.Z.shape[1] and not len(here.s):
-        raise InputError(f"{mech.title!r} has no degree of freedom left{_locked_text(mech, locked)}: it has no modes")
+        resting = [repr(s.name) for s in mech.switches if statics.system.mode[s.index]]
+        where = _locked_text(mech, locked) + (f", resting on {', '.join(resting)}" if resting else "")
+        raise InputError(f"{mech.title!r} has no degree of freedom left{where}: it has no modes")
     if loses_rank(statics, here):
         raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it cannot be linearised")
     statics.system.inertia(t, here.q)

@@ -97,7 +97,7 @@ def optimize(
     box = ranges("parameter", start, table_by_name("bounds", bounds))
     limits = {name: constraint_limits(name, given) for name, given in table_by_name("constraints", constraints).items()}
     require_within_bounds(start, box)
-    box = {name: effective_bounds(make, start, name, pair) for name, pair in box.items()}
+    box = effective_bounds(make, start, box)
     compute_motion = (
         curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
     )

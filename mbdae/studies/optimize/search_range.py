@@ -25,21 +25,24 @@ def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[fl
 
 
 def effective_bounds(
-    make: MechanismFactory, start: Mapping[str, float], name: str, pair: tuple[float, float]
-) -> tuple[float, float]:
-    """Return the bounds of a parameter, with 0 for an infinite one if mechanisms exist only on one side of 0.
+    make: MechanismFactory, start: Mapping[str, float], box: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return the bounds of parameters, with 0 for an infinite one if mechanisms exist only on one side of 0.
 
     A line search would approach a bound that it does not know only from one side.
     """
+    low = _ending_at_zero(make, start, [n for n, pair in box.items() if pair[0] == -np.inf and start[n] >= 0], -SMALL)
+    high = _ending_at_zero(make, start, [n for n, pair in box.items() if pair[1] == np.inf and start[n] <= 0], SMALL)
+    return {n: (0.0 if n in low else pair[0], 0.0 if n in high else pair[1]) for n, pair in box.items()}
 
-    def ends_at_zero(beyond: float) -> bool:
-        return not _exists(make, {**start, name: beyond}) and _exists(make, {**start, name: 0.0})
 
-    low, high = pair
-    return (
-        0.0 if low == -np.inf and start[name] >= 0 and ends_at_zero(-SMALL) else low,
-        0.0 if high == np.inf and start[name] <= 0 and ends_at_zero(SMALL) else high,
-    )
+def _ending_at_zero(
+    make: MechanismFactory, start: Mapping[str, float], names: Sequence[str], beyond: float
+) -> list[str]:
+    """Return the parameters without mechanisms beyond 0: none, if one exists with all of them there."""
+    if not names or _exists(make, {**start, **dict.fromkeys(names, beyond)}):
+        return []
+    return [n for n in names if not _exists(make, {**start, n: beyond}) and _exists(make, {**start, n: 0.0})]
 
 
 def _exists(make: MechanismFactory, values: dict[str, float]) -> bool:
