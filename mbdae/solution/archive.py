@@ -1,13 +1,11 @@
 """Solutions in files: .npz contains the complete solution and can be read; .csv is a table of named columns."""
 
 import json
-import shlex
 import sys
 import warnings
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
 from math import prod
 from pathlib import Path
 from tokenize import TokenError
@@ -23,6 +21,7 @@ from ..mechanism import Impact, Mechanism, Singular, describe, restore
 from ..mechanism.checked_table import one_line
 from ..tabular import write_csv
 from ..textbook.problems import TEXTBOOK, listed
+from .provenance import versions
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -89,17 +88,6 @@ class _Run(_OpenModel):
     resets: tuple[tuple[int, str], ...] = ()
     events: int = Field(default=0, ge=0)
     arrays: dict[str, tuple[int, ...]] | None = None
-
-
-def versions() -> dict[str, str]:
-    """Return versions of mbdae and of the numerical packages."""
-    return {name: version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
-
-
-def command_line() -> str:
-    """Return the command that was typed, as text of a shell."""
-    program = Path(sys.argv[0]).name
-    return shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]])
 
 
 def write(sol: "Solution", path: str | Path) -> None:
@@ -299,7 +287,7 @@ def _check_shapes(t: Shape, y: Shape, z: Shape, width: int, ng: int) -> None:
 
 
 def _check_version(path: str | Path, meta: dict[str, Any]) -> None:
-    written, here = meta["versions"]["mbdae"], version("mbdae")
+    written, here = meta["versions"]["mbdae"], versions()["mbdae"]
     if meta["format"] != FORMAT:
         other = f"{path} was written by mbdae {written} in format {meta['format']}"
         raise InputError(f"{other}; this is mbdae {here}, which reads format {FORMAT}")

@@ -272,7 +272,7 @@ def test_each_gives_a_result_or_a_true_reason(name, tmp_path, monkeypatch):
 
     monkeypatch.setattr("mbdae.studies.order.order.order", measured)
     monkeypatch.setattr(f"{report}.order", lambda mech, *_, **__: orders[-1] if orders else measured(mech))
-    monkeypatch.setattr("mbdae.solution.archive.version", cache(version))  # read from files
+    monkeypatch.setattr("mbdae.solution.provenance.version", cache(version))  # read from files
     for constant, value in COARSE.items():
         monkeypatch.setattr(f"mbdae.studies.{constant}", value)
     mech = mbdae.load(name)

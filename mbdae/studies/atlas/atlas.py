@@ -12,7 +12,7 @@ from ...backend import machine_description, select_core
 from ...discovery import model_names
 from ...errors import InputError, as_list
 from ...mechanism.formats.model_library import find
-from ...solution.archive import command_line, versions
+from ...solution.provenance import command_line, versions
 from ..comparison.selection import ALL, checked_steps, checked_tolerances
 from ..method_variant import variants
 from ..workers import Stop, pool

@@ -13,7 +13,8 @@ from ...backend import machine_description
 from ...errors import InputError
 from ...mechanism import Mechanism
 from ...methods import Tableau
-from ...solution.archive import problem_data, versions
+from ...solution.archive import problem_data
+from ...solution.provenance import versions
 from ...solution.solution import Problem
 from ..method_variant import Variant
 from ..workers import Stop, pool

@@ -7,8 +7,8 @@ from pathlib import Path
 from ... import backend
 from ...data_types import JsonObject
 from ...mechanism import Mechanism
-from ...solution.archive import versions
 from ...solution.problem import problem_of
+from ...solution.provenance import versions
 from ...solution.solution import Problem
 from ...textbook.hessenberg import Hessenberg
 from ...textbook.problems import TEXTBOOK

@@ -17,8 +17,8 @@ from ...integrate.options.span import checked_span
 from ...integrate.solve import solve
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism, describe
-from ...solution.archive import command_line, versions
 from ...solution.problem import mechanism_of
+from ...solution.provenance import command_line, versions
 from ...solution.solution import Solution, uninterrupted
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison

@@ -22,7 +22,7 @@ from ...mechanism.callbacks import function_name
 from ...mechanism.formats.model_library import model_names
 from ...mechanism.formats.parametric import split as split_name
 from ...mechanism.imported_model import not_carried_over
-from ...solution.archive import versions
+from ...solution.provenance import versions
 from ...solution.signals import units
 from ..workers import pool
 from .fingerprint import fingerprint

@@ -1,0 +1,17 @@
+"""What made a result: versions of packages, and the command."""
+
+import shlex
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+
+def versions() -> dict[str, str]:
+    """Return versions of mbdae and of the numerical packages."""
+    return {name: version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
+
+
+def command_line() -> str:
+    """Return the command that was typed, as text of a shell."""
+    program = Path(sys.argv[0]).name
+    return shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]])
