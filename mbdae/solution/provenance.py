@@ -1,4 +1,4 @@
-"""What made a result: versions of packages, and the command."""
+"""Provenance of a result: versions of packages, and the command."""
 
 import shlex
 import sys
