@@ -260,6 +260,8 @@ def _model_start_derivatives(trace: Trajectory) -> Array:
     """Return derivatives of the mechanism's start, (ny, k); zeros for (q, v), or s, if the run began elsewhere."""
     t, y, s, sensitivity = float(trace.ts[0]), trace.given, trace.system, trace.sensitivity
     out, model_start, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
+    if all(p.keeps_start and p.keeps_states for p in sensitivity.parameters.all):
+        return out
     with suppress(MbdaeError):  # its loops may not close
         model_start = np.concatenate(s.mechanism.start_at(t))
     if len(model_start) and np.abs(model_start - y[:nx]).max() <= COINCIDENT * (1 + np.abs(model_start).max()):
