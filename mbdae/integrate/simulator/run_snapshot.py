@@ -47,15 +47,19 @@ class SimulatorState:
         inputs: the setting of each input, by name.
         wanted: inputs that were set, by name, since the last advance.
         start: time in s from which fixed steps are counted.
+        origin: title of the mechanism, method, formulation and fixed step of the simulator.
     """
 
     run: RunSnapshot
     inputs: dict[str, InputSetting]
     wanted: dict[str, float]
     start: float
+    origin: tuple[str, str, str, float | None]
 
-    def require_for(self, mechanism: Mechanism, inputs: Collection[str]) -> None:
-        """Require that the state is one of this mechanism.
+    def require_for(
+        self, mechanism: Mechanism, inputs: Collection[str], origin: tuple[str, str, str, float | None]
+    ) -> None:
+        """Require that the state is one of this mechanism, method and fixed step.
 
         Raises:
             InputError: if it is not.
@@ -63,6 +67,12 @@ class SimulatorState:
         n = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
         if self.run.y.shape != (n,) or set(self.inputs) != set(inputs) or len(self.run.mode) != len(mechanism.switches):
             raise InputError(f"the state was saved by a simulator of another mechanism, not of {mechanism.title}")
+        if self.origin != origin:
+            names = "mechanism", "method", "formulation", "step"
+            other = [f"{n} {a!r}, not {b!r}" for n, a, b in zip(names, self.origin, origin, strict=True) if a != b]
+            raise InputError(f"the state was saved by a simulator of {', '.join(other)}")
+        if not np.isfinite(self.run.y).all():
+            raise InputError("the saved state is not finite")
 
 
 def snapshot(run: RunState) -> RunSnapshot:

@@ -252,7 +252,7 @@ class Simulator(DifferentiableAdvance):
         """
         self._require_running()
         settings = self._settings
-        state = SimulatorState(snapshot(self._run), self.inputs.values, dict(settings.wanted), self.start)
+        state = SimulatorState(snapshot(self._run), self.inputs.values, dict(settings.wanted), self.start, self._origin)
         earlier = [*self._earlier, self._made()] if self.recorded else []
         self.restore(state)
         if self.recorded:
@@ -268,7 +268,7 @@ class Simulator(DifferentiableAdvance):
             InputError: for anything but such a state.
         """
         require(state, SimulatorState, "restore takes a state from save")
-        state.require_for(self.mechanism, self.inputs.cells)
+        state.require_for(self.mechanism, self.inputs.cells, self._origin)
         for name, setting in state.inputs.items():
             self.inputs.cell(name).set(setting)
         self.start, self._settings, self._earlier = state.start, InputSettings(self.inputs, state.wanted), []
@@ -279,6 +279,11 @@ class Simulator(DifferentiableAdvance):
         options = replace(self.options, t0=t, t1=t + 1, end=t + 1)
         self._continue(prepare_at(self.mechanism, options, state.run.y))
         resume(self._run, state.run)
+
+    @property
+    def _origin(self) -> tuple[str, str, str, float | None]:
+        o = self.options
+        return self.mechanism.title, str(o.method.name), o.formulation, o.step
 
     def _made(self) -> Solution:
         status = "finished" if self.status in ("running", "event") else self.status

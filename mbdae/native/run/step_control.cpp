@@ -71,6 +71,8 @@ Proposal Grid::propose(const SmoothInterval& interval) {
   return {started ? step : std::fabs(t - interval.t), t};
 }
 
+void Grid::undo_step() { i -= on_grid, on_grid = false; }
+
 bool Grid::more_before_end(const SmoothInterval& interval) const {
   return on_grid && i < n && interval.sign * (interval.stop - at(interval, i + 1)) >= 0;
 }

@@ -67,6 +67,7 @@ struct Grid : GridMemory {
   FIELDS(i, on_grid, step, t0, n, coincident)
 
   Proposal propose(const SmoothInterval& interval);
+  void undo_step();  // of a truncated step: the next one leads to its grid point
   bool more_before_end(
       const SmoothInterval& interval) const;  // is there a grid point of this interval after the next one?
   double at(const SmoothInterval& interval, long k) const;  // s: time of point k

@@ -123,6 +123,7 @@ void TimeLoop::detect_events(Proposal& p) {
     if (monitored || scan_.stop * h == 0) throw FallBackToPython();
     if (last != scan_.stop) shorter(scan_.stop);
     p.t_next = t + scan_.stop * h;
+    run_.grid.undo_step();
   } else if (swapped) {
     next_ = std::move(end), z_ = z, size1_ = size, restarted_ = restarted;
   }
