@@ -68,7 +68,10 @@ def require(value: object, kind: type | UnionType, what: str) -> None:
 
 def is_number(x: object) -> TypeGuard[float]:
     """Return whether an argument is a finite number."""
-    return isinstance(x, Real) and not isinstance(x, bool) and isfinite(float(x))
+    try:
+        return isinstance(x, Real) and not isinstance(x, bool) and isfinite(x)
+    except OverflowError:  # an integer beyond all doubles
+        return False
 
 
 def as_list(values: Any, what: str) -> list[Any]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -17,7 +16,7 @@ from ...solution.signal_value import find_signal, value
 from ...solution.solution import Solution
 from ...system import Array
 from ...tolerances import COINCIDENT
-from ..options.options import RunOptions, require_positive
+from ..options.options import RunOptions
 from ..options.span import end_of_tables
 from ..run.loop import time_loop
 from ..run.result import joined, make_solution
@@ -185,9 +184,8 @@ class Simulator(DifferentiableAdvance):
             StepError: if the steps fail; everything up to there remains, and the simulator has stopped.
         """
         self._require_running()
-        require_positive(dt=dt)
-        if not isfinite(dt):
-            raise InputError(f"dt must be finite, got {dt}")
+        if not (is_number(dt) and dt > 0):
+            raise InputError(f"dt must be a positive number in s, got {dt!r:.60}")
         if not self.recorded and self._current.stepper.nodes(self._current) > MAX_NODES:
             self.save()
         self._last = self._differentiated = None
