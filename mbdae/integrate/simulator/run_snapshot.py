@@ -38,6 +38,15 @@ class RunSnapshot(NamedTuple):
     stepper: StepperState
 
 
+class Origin(NamedTuple):
+    """Simulator of a saved state: title of the mechanism, method, formulation, and fixed step in s."""
+
+    mechanism: str
+    method: str
+    formulation: str
+    step: float | None
+
+
 @dataclass(frozen=True)
 class SimulatorState:
     """The numbers from which a simulator continues; may be pickled.
@@ -47,18 +56,16 @@ class SimulatorState:
         inputs: the setting of each input, by name.
         wanted: inputs that were set, by name, since the last advance.
         start: time in s from which fixed steps are counted.
-        origin: title of the mechanism, method, formulation and fixed step of the simulator.
+        origin: the simulator that saved it.
     """
 
     run: RunSnapshot
     inputs: dict[str, InputSetting]
     wanted: dict[str, float]
     start: float
-    origin: tuple[str, str, str, float | None]
+    origin: Origin
 
-    def require_for(
-        self, mechanism: Mechanism, inputs: Collection[str], origin: tuple[str, str, str, float | None]
-    ) -> None:
+    def require_for(self, mechanism: Mechanism, inputs: Collection[str], origin: Origin) -> None:
         """Require that the state is one of this mechanism, method and fixed step.
 
         Raises:
@@ -68,8 +75,8 @@ class SimulatorState:
         if self.run.y.shape != (n,) or set(self.inputs) != set(inputs) or len(self.run.mode) != len(mechanism.switches):
             raise InputError(f"the state was saved by a simulator of another mechanism, not of {mechanism.title}")
         if self.origin != origin:
-            names = "mechanism", "method", "formulation", "step"
-            other = [f"{n} {a!r}, not {b!r}" for n, a, b in zip(names, self.origin, origin, strict=True) if a != b]
+            pairs = zip(Origin._fields, self.origin, origin, strict=True)
+            other = [f"{name} {a!r}, not {b!r}" for name, a, b in pairs if a != b]
             raise InputError(f"the state was saved by a simulator of {', '.join(other)}")
         if not np.isfinite(self.run.y).all():
             raise InputError("the saved state is not finite")

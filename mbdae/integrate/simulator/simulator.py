@@ -26,7 +26,7 @@ from ..steppers.fixed import Fixed
 from .advance_sensitivity import LastAdvance
 from .differentiable_advance import DifferentiableAdvance
 from .input_settings import InputSettings
-from .run_snapshot import SimulatorState, resume, snapshot
+from .run_snapshot import Origin, SimulatorState, resume, snapshot
 
 ENDLESS = 2**31 - 1  # fixed steps
 MAX_NODES = 4096  # of a simulator without a record, which then begins a new run
@@ -279,9 +279,9 @@ class Simulator(DifferentiableAdvance):
         resume(self._run, state.run)
 
     @property
-    def _origin(self) -> tuple[str, str, str, float | None]:
+    def _origin(self) -> Origin:
         o = self.options
-        return self.mechanism.title, str(o.method.name), o.formulation, o.step
+        return Origin(self.mechanism.title, str(o.method.name), o.formulation, o.step)
 
     def _made(self) -> Solution:
         status = "finished" if self.status in ("running", "event") else self.status
