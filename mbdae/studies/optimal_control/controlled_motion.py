@@ -120,9 +120,11 @@ class Shooting:
         """Return to the start, with the inputs there, and return the length of an interval."""
         grid, simulator = self.grid, self.simulator
         dt = float(grid.duration if grid.duration is not None else z[-1]) / (grid.points - 1)
-        simulator.options = replace(simulator.options, step=dt / grid.steps)
+        step = dt / grid.steps
+        simulator.options = replace(simulator.options, step=step)
         first = {name: InputSetting(self.start.start, float(z[grid.columns(name)[0]])) for name in grid.names}
-        simulator.restore(replace(self.start, inputs={**self.start.inputs, **first}))
+        origin = self.start.origin._replace(step=step)
+        simulator.restore(replace(self.start, inputs={**self.start.inputs, **first}, origin=origin))
         return dt
 
     def _advance(self, z: Array, k: int, dt: float) -> None:
