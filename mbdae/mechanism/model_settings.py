@@ -147,6 +147,21 @@ def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
     return q if pin.isNormalized(model, q, HALF_DIGITS) else None
 
 
+def number(name: str, value: object) -> float:
+    """Return a value as a finite number.
+
+    Raises:
+        InputError: for any other value.
+    """
+    try:
+        x = np.asarray(value, float)
+    except (TypeError, ValueError):
+        x = np.empty(0)
+    if x.shape or not np.isfinite(x):
+        raise InputError(f"{name} is a finite number, got {value!r}")
+    return float(x)
+
+
 def vector(title: str, name: str, value: object, n: int) -> Array:
     """Return a value of a mechanism as n finite numbers.
 

@@ -3,6 +3,7 @@
 M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = g(t, q),   0 = G v + g_t,   0 = G v' + gamma,   s' = h(t, q, v, s)
 """
 
+import warnings
 from collections.abc import Callable
 from functools import cached_property
 from types import ModuleType
@@ -12,10 +13,12 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
+from ...tolerances import RANK, VISIBLE
 from ..discrete_sensitivity.acceleration_sensitivity import AccelerationSensitivity, TimeDerivativePartials
 from ..discrete_sensitivity.parameter_partials import Parameters
-from ..formulations.equation_partials import equation_partials, gamma_partials, time_partials
+from ..formulations.equation_partials import equation_partials, gamma_partials, rate_partials, time_partials
 from ..hybrid.switches import Mode
+from ..model_settings import number
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -82,9 +85,7 @@ class EquationsAtPoint:
         native: ModuleType | None = None,
     ) -> None:
         m, self.mechanism, self.native = mechanism, mechanism, native
-        self.t = float(t)
-        if not np.isfinite(self.t):
-            raise InputError(f"{m.title}: t = {t} is not finite")
+        self.t = number("t", t)
         self.q = m.configuration(q)
         self.v = np.zeros(m.nv) if v is None else m.vector("v", v, m.nv)
         self.s = m.vector("s", list(m.states.values()) if s is None else s, len(m.states))
@@ -225,6 +226,27 @@ class EquationsAtPoint:
         return self._with(evaluate)
 
     @cached_property
+    def _dependence(self) -> Array:
+        """Derivative by (q, v), (k, 2 nv), of what vanishes where constraints are dependent.
+
+        With w^T G = 0, G N = 0: w^T G(q) N, which keeps the rank of G, and w^T gamma.
+        """
+
+        def evaluate(system: "Index2System") -> Array:
+            system.derivative(self.t, self.y)
+            if system.rows is None:
+                return np.empty((0, 2 * self.mechanism.nv))
+            U, S, Vt = np.linalg.svd(self.G)
+            rank = np.count_nonzero(RANK * S[0] < S)
+            W, every = U[:, rank:].T, np.arange(self.mechanism.ng)
+            by_v = W @ gamma_partials(system, self.q, self.v)[1]
+            by_q = [W @ rate_partials(system, self.t, self.q, n, every)[1] for n in Vt[rank:]]
+            zero = np.zeros_like(by_v)
+            return np.vstack([np.hstack([zero, by_v]), *(np.hstack([block, zero]) for block in by_q)])
+
+        return self._with(evaluate)
+
+    @cached_property
     def _rates(self) -> TimeDerivativePartials:
         def evaluate(system: "Index2System") -> TimeDerivativePartials:
             none = Parameters(lambda _: self.mechanism, {}, system=system)
@@ -240,10 +262,22 @@ class EquationsAtPoint:
         return found[:, [*range(n), -1]]
 
     def jvp(self, dq: Array, dv: Array, ds: Array | None = None, dt: float = 0.0) -> tuple[Array, Array, Array]:
-        """Return the changes of (v', lam, s') along one direction of (q in the tangent, v, s, t)."""
-        m = self.mechanism
+        """Return the changes of (v', lam, s') along one direction of (q in the tangent, v, s, t).
+
+        Where constraints are dependent, derivatives exist only along directions in which they remain so, as consistent
+        motions: a warning tells of others.
+
+        Raises:
+            InputError: unless all are finite numbers of the right shapes.
+            StepError: if the constraints or the mass matrix are singular there.
+        """
+        m, dt = self.mechanism, number("dt", dt)
         ds = np.zeros(len(self.s)) if ds is None else m.vector("ds", ds, len(self.s))
         along = np.concatenate([m.vector("dq", dq, m.nv), m.vector("dv", dv, m.nv), ds, [dt]])
+        violated = np.abs(self._dependence @ along[: 2 * m.nv]).max(initial=0.0)
+        if violated > VISIBLE * np.abs(along).max():
+            text = f"{m.title}: its dependent constraints become independent along (dq, dv): no derivative exists"
+            warnings.warn(text, stacklevel=2)
         vdot, lam, sdot = np.split(self._derivative @ along, [m.nv, m.nv + m.ng])
         return vdot, lam, sdot
 

@@ -15,11 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, StepError
+from ...errors import StepError
 from ...system import Array
 from ...tolerances import CLOSED, EPS, TRUNCATION
 from ..formulations.equation_partials import rate_partials
 from ..formulations.index2 import Index2System
+from ..model_settings import number
 
 ITERATIONS = 10
 HALVINGS = 12  # of the way from the last point, until Newton's iteration converges
@@ -135,8 +136,7 @@ class LocalCoordinates:
         Raises:
             InputError: unless t and x are finite numbers of the right shape.
         """
-        if not np.isfinite(t):
-            raise InputError(f"{self.mechanism.title}: t = {t} is not finite")
+        t = number("t", t)
         xi, eta, s = self._split(self.mechanism.vector("x", x, self.n))
         moved, q = self._position(t, xi)
         G = self.system.jacobian(q)

@@ -135,13 +135,23 @@ def test_a_point_is_independent_of_later_points(mech, state):
 def test_wrong_input_is_named():
     mech = mbdae.load("four_bar")
     q, _ = mech.start
-    for wrong in [(0.0, q[:2]), (np.nan, q), (0.0, q, np.full(3, np.nan)), (0.0, q, None, [1.0])]:
+    for wrong in [(0.0, q[:2]), (np.nan, q), ("a", q), ([0.0], q), (0.0, q, np.full(3, np.nan)), (0.0, q, None, [1.0])]:
         with pytest.raises(mbdae.MbdaeError, match=r"^[^\n]+$"):
             mech.at(*wrong)
     with pytest.raises(mbdae.MbdaeError, match="mode"):
         mech.at(mode=(1,))
     with pytest.raises(mbdae.MbdaeError, match="dq"):
         mech.at().jvp([1.0], np.zeros(3))
+    with pytest.raises(mbdae.MbdaeError, match="dt is a finite number, got nan"):
+        mech.at().jvp(np.zeros(3), np.zeros(3), dt=np.nan)
+
+
+def test_a_direction_that_leaves_dependent_constraints_is_named():
+    mech = mbdae.load("bricard")
+    point, v = mech.at(), np.zeros(mech.nv)
+    with pytest.warns(UserWarning, match="become independent along"):
+        point.jvp(np.eye(mech.nv)[0], v)
+    point.jvp(scipy.linalg.null_space(point.G, rcond=1e-8)[:, 0], v)
 
 
 def test_rows_of_a_stop_act_in_their_mode():
