@@ -15,7 +15,7 @@ from scaling import exponent
 
 import mbdae
 
-SIZES = (10, 30, 100, 300)
+SIZES = (10, 30, 100, 300, 1000)
 OFFSET = 0.05  # m
 END = 0.2  # s: before the first singular configuration
 REPEATS = 3  # the shortest counts

@@ -20,4 +20,7 @@ def test_many_rows_have_the_same_pivot_ratio_in_both_back_ends(N):
         y = np.concatenate([q + away * rng.standard_normal(mech.nq), np.zeros(mech.nv + 1)])
         a, b = core.pivot_ratio(0.0, y), python.pivot_ratio(0.0, y)
         assert 1e-5 < b < 1
+        U, G = python.inertia(0.0, y[: mech.nq]), python.jacobian(y[: mech.nq])
+        singular = np.linalg.svd(np.linalg.solve(U.T, G.T), compute_uv=False)
+        assert 1 <= b * singular[0] / singular[2 * N - 1] < 20, "pivots overestimate the smallest singular value"
         assert a == pytest.approx(b, rel=1e-6, abs=3e-8)

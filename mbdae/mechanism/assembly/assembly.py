@@ -13,11 +13,12 @@ from ...errors import InputError
 from ...system import Array
 from ...tolerances import AGREEMENT, INPUT_DIGITS, TRUNCATION
 from ..closures.closure_error import largest_error
+from ..closures.independent_rows import MANY_ROWS
 from ..closures.preconditions import require_preconditions
 from ..model_settings import normalized
 from ..tree.pinocchio_data import make_data
 from ..tree.tree_terms import update_inertia
-from .position_search import assembly_error, close_position
+from .position_search import assembly_error, close_position, sparse_least_squares
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -61,16 +62,21 @@ def close_velocity(system: "Index2System", q: Array, v: Array, fixed: Array, t: 
     G, g_t = system.closures(q)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v
-    U, info = dpotrf(_mass(mech, q)[np.ix_(free, free)], lower=0)
+    M = _mass(mech, q)[np.ix_(free, free)]
+    U, info = dpotrf(M, lower=0)
     if info:
         joint = mech.coordinate_joint(int(free[abs(info) - 1]))
         raise InputError(f"the mass matrix is singular at joint {joint!r}: a body without inertia")
     rows = mech.row_scales
     speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
-    scaled = np.linalg.solve(U.T, (G[:, free] / rows[:, None]).T).T  # G M^{-1/2}
+    scaled = G[:, free] / rows[:, None]
     for _ in range(2):  # the second pass removes rounding
-        v = v.copy()
-        v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, (G @ v + g_t) / rows, rcond=TRUNCATION)[0])
+        v, rate = v.copy(), (G @ v + g_t) / rows
+        if len(rows) > MANY_ROWS:
+            v[free] -= sparse_least_squares(scaled, rate, 0.0, M)
+        else:
+            root = np.linalg.solve(U.T, scaled.T).T  # G M^{-1/2}
+            v[free] -= np.linalg.solve(U, np.linalg.lstsq(root, rate, rcond=TRUNCATION)[0])
     if not np.linalg.norm((G @ v + g_t) / rows) <= AGREEMENT * speeds:
         raise assembly_error(mech, largest_error(mech, G @ v + g_t, "/s"), fixed, "velocity")
     return v

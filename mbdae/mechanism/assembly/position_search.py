@@ -54,6 +54,8 @@ def close_position(system: "Index2System", q: Array, fixed: Array, t: float) -> 
     if search.closed and search.largest_change(search.closed[0]) < NEAR:
         return search.closed[0]
     damping = DAMPING * float(np.abs(g).max() / (np.linalg.norm(g) or 1.0))  # independent of the number of loops
+    if len(g) > MANY_ROWS:
+        damping *= DAMPING_REDUCTION**3  # as `gauss_newton` does: a damped step in a long chain would be too short
     search.widen(reach=1.2 * float(np.abs(_damped_step(G, g, free, damping)).max()) + NEAR)
     if not search.closed:
         search.flip_back()
@@ -192,7 +194,7 @@ def _damped_step(G: Array, g: Array, free: Array, damping: float) -> Array:
     """Return the x that minimises |G x + g|^2 + mu |x|^2, mu = damping |g|: it is short where G is nearly singular."""
     x, mu = np.zeros(G.shape[1]), damping * float(np.linalg.norm(g))
     if len(g) > MANY_ROWS:
-        x[free] = -_sparse_least_squares(G[:, free], g, mu)
+        x[free] = -sparse_least_squares(G[:, free], g, mu)
         return x
     n = len(free)
     damped = np.vstack([G[:, free], np.sqrt(mu) * np.eye(n)])
@@ -200,15 +202,18 @@ def _damped_step(G: Array, g: Array, free: Array, damping: float) -> Array:
     return x
 
 
-def _sparse_least_squares(G: Array, g: Array, mu: float) -> Array:
-    """Return the x that minimises |G x - g|^2 + mu |x|^2, from a sparse LU of G G^T + mu 1: rows have few nonzeros."""
-    from scipy.sparse import csc_array, eye_array
+def sparse_least_squares(G: Array, g: Array, mu: float, M: Array | None = None) -> Array:
+    """Return the x that minimises |G x - g|^2 + mu x^T M x, M = 1 if omitted; rows have few nonzeros.
+
+    With G x - g = mu y it is [M, G^T; G, -mu] [x; y] = [0; g], solved by a sparse LU.
+    """
+    from scipy.sparse import block_array, csc_array, eye_array
     from scipy.sparse.linalg import splu
 
-    rows = csc_array(G)
-    S = rows @ rows.T
-    mu = max(mu, MIN_DAMPING * float(S.diagonal().max()))
-    return rows.T @ splu((S + mu * eye_array(len(g))).tocsc()).solve(g)
+    rows, metric = csc_array(G), eye_array(G.shape[1]) if M is None else csc_array(M)
+    mu = max(mu, MIN_DAMPING * float((rows.power(2) @ (1 / metric.diagonal())).max()))
+    system = splu(block_array([[metric, rows.T], [rows, -mu * eye_array(len(g))]], format="csc"))
+    return system.solve(np.concatenate([np.zeros(G.shape[1]), g]))[: G.shape[1]]
 
 
 def _residual_norm(system: "Index2System", q: Array, t: float) -> float:

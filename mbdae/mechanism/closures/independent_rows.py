@@ -141,25 +141,31 @@ def select_rows(
     if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
         return rows
     if B.shape[1] > MANY_ROWS:
-        order = order_of_many(B, r, AMBIGUOUS_PIVOT if rows is None else EPS**0.5)
+        order = pivots_of_many(B, position, AMBIGUOUS_PIVOT if rows is None else EPS**0.5)[0]
     return order[:r][position[order[:r]].argsort()]
 
 
-def order_of_many(B: np.ndarray, r: int, tie: float) -> np.ndarray:
-    """Return the first r columns of pivoted QR of B, (r,), by Cholesky's elimination of B^T B.
+def pivots_of_many(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns of B and their pivots, decreasing, as `pivots` does, from Cholesky's elimination of B^T B.
 
-    Of squared pivots that are equal to a relative tolerance ``tie``, the first column is taken: in a symmetric
-    mechanism many are equal, and their rounding, which differs in the compiled core, must not decide.
+    Pivots are chosen among the first remaining columns in the order of elimination, as many as are coupled with
+    each other: pivoting among all of them would couple all in the end. Of squared pivots that are equal to a relative
+    tolerance ``tie``, the first column is taken: in a symmetric mechanism many are equal, and their rounding, which
+    differs in the compiled core, must not decide. Pivots at or below ``tie`` of the largest entry are omitted.
     """
-    S, order = B.T.dot(B), np.empty(r, int)
-    diagonal = S.diagonal().copy()
-    for k in range(r):
-        order[k] = p = int((diagonal > diagonal.max() * (1 - tie)).argmax())
-        column = S[p] / diagonal[p]
-        S -= np.outer(column, S[p])
-        diagonal = np.where(diagonal < 0, -1.0, np.maximum(S.diagonal(), 0.0))
+    S = B.T.dot(B)
+    i, j = S.nonzero()
+    window = max(MANY_ROWS, 2 * int(np.abs(position[i] - position[j]).max()) + 2)
+    diagonal, sequence, found = S.diagonal().copy(), position.argsort(), []
+    nothing = tie**2 * diagonal.max()
+    while (left := sequence[diagonal[sequence] > nothing][:window]).size:
+        p = int(left[diagonal[left] > diagonal[left].max() * (1 - tie)].min())
+        found.append((-diagonal[p], len(found), p))
+        S -= np.outer(S[p] / diagonal[p], S[p])
+        diagonal = np.minimum(diagonal, S.diagonal())
         diagonal[p] = -1.0
-    return order
+    found.sort()
+    return np.array([p for *_, p in found], int), np.sqrt([-pivot for pivot, *_ in found])
 
 
 class SelectionTrigger:

@@ -5,26 +5,32 @@
 
 namespace mbdae {
 
-void sparse_pivots(std::vector<SparseRow>& S, int count, double smallest, std::vector<int>& order, Numbers& pivots) {
+void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count, double smallest,
+                   std::vector<int>& order, Numbers& pivots) {
   const int n = static_cast<int>(S.size());
   Numbers diagonal(n);  // -1: eliminated
   for (int i = 0; i < n; ++i)
     for (const auto& [j, x] : S[i])
       if (j == i) diagonal[i] = x;
-  order.clear(), pivots.clear();
   // A row whose pivot is rounding depends on those before: it is left out, or all such rows would couple.
   const double first = n ? *std::max_element(diagonal.begin(), diagonal.end()) : 0;
   const double nothing = smallest * smallest * first;
+  std::vector<std::pair<double, int>> found;
+  std::vector<int> left;  // the first rows of the sequence that are left
   SparseRow merged;
-  for (int k = 0; k < std::min(count, n); ++k) {
-    const double largest = *std::max_element(diagonal.begin(), diagonal.end());
-    if (!(largest > nothing)) return;
+  for (auto next = sequence.begin();;) {
+    left.erase(std::remove_if(left.begin(), left.end(), [&](int k) { return !(diagonal[k] > nothing); }), left.end());
+    for (; next != sequence.end() && static_cast<int>(left.size()) < window; ++next)
+      if (diagonal[*next] > nothing) left.push_back(*next);
+    if (left.empty()) break;
+    double largest = 0;
+    for (int k : left) largest = std::max(largest, diagonal[k]);
     // The first of equal ones: symmetric mechanisms have many, and rounding must not decide.
-    const int p = static_cast<int>(std::find_if(diagonal.begin(), diagonal.end(), [&](double x) {
-                    return x > largest * (1 - smallest);
-                  }) - diagonal.begin());
+    int p = n;
+    for (int k : left)
+      if (diagonal[k] > largest * (1 - smallest)) p = std::min(p, k);
     const double pivot = diagonal[p];
-    order.push_back(p), pivots.push_back(std::sqrt(pivot));
+    found.emplace_back(pivot, p);
     diagonal[p] = -1;
     for (const auto& [i, x] : S[p]) {
       if (i == p || diagonal[i] <= nothing) continue;
@@ -45,6 +51,10 @@ void sparse_pivots(std::vector<SparseRow>& S, int count, double smallest, std::v
     }
     SparseRow().swap(S[p]);
   }
+  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  found.resize(std::min<size_t>(found.size(), count));
+  order.clear(), pivots.clear();
+  for (const auto& [pivot, p] : found) order.push_back(p), pivots.push_back(std::sqrt(pivot));
 }
 
 }  // namespace mbdae

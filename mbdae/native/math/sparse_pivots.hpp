@@ -12,8 +12,10 @@ namespace mbdae {
 using SparseRow = std::vector<std::pair<int, double>>;
 
 // The order of up to `count` pivots, and their magnitudes, decreasing, as |diag R| of `pivots` of B; those at or below
-// `smallest` of the first are omitted. By Cholesky's elimination with diagonal pivoting: accurate to the square root of
-// rounding. S is overwritten.
-void sparse_pivots(std::vector<SparseRow>& S, int count, double smallest, std::vector<int>& order, Numbers& pivots);
+// `smallest` of the largest entry are omitted. By Cholesky's elimination, accurate to the square root of rounding, with
+// diagonal pivoting among the first `window` rows of a sequence that are left: pivoting among all of them would couple
+// all in the end. S is overwritten.
+void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count, double smallest,
+                   std::vector<int>& order, Numbers& pivots);
 
 }  // namespace mbdae

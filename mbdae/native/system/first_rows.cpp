@@ -18,8 +18,7 @@ void IndependentRows::determine(const double* G, const double* Z, long stamp, co
                                 const Numbers& probe) {
   const int ng = static_cast<int>(position_.size()), most = std::min(nv_, ng);
   if (has_many()) {
-    std::vector<SparseRow> S = products(Z, false);
-    sparse_pivots(S, most, first.ambiguous, order_, pivots_);
+    find_pivots(Z, false, most, first.ambiguous, order_, pivots_);
     pivots_stamp_ = -1, rank = static_cast<int>(pivots_.size());
   } else {
     update_pivots(Z, stamp);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <set>
 #include <stdexcept>
 
@@ -24,7 +25,17 @@ IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int
     std::set<int> near;
     for (int c : constraints.rows[k].columns) near.insert(users[c].begin(), users[c].end());
     neighbours_[k].assign(near.begin(), near.end());
+    for (int l : near) window_ = std::max(window_, 2 * std::abs(elimination_[k] - elimination_[l]) + 2);
   }
+  window_ = std::max(window_, limits_.many_rows);
+}
+
+void IndependentRows::find_pivots(const double* Z, bool of_rows_in_use, int count, double smallest,
+                                  std::vector<int>& order, Numbers& pivots) const {
+  std::vector<SparseRow> S = products(Z, of_rows_in_use);
+  std::vector<int> sequence(S.size());
+  for (size_t k = 0; k < S.size(); ++k) sequence[of_rows_in_use ? k : elimination_[k]] = static_cast<int>(k);
+  sparse_pivots(S, sequence, window_, count, smallest, order, pivots);
 }
 
 void IndependentRows::use(const std::vector<int>& rows, int rank_, double floor_, bool frozen_) {
@@ -62,8 +73,7 @@ void IndependentRows::set(std::vector<int> rows) {
 void IndependentRows::update_pivots(const double* Z, long stamp) {
   if (pivots_stamp_ == stamp) return;
   if (has_many()) {  // of more rows than these, rounding is left
-    std::vector<SparseRow> S = products(Z, false);
-    sparse_pivots(S, rank + 1, std::sqrt(limits_.eps), order_, pivots_);
+    find_pivots(Z, false, rank + 1, std::sqrt(limits_.eps), order_, pivots_);
   } else {
     pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
   }
@@ -121,8 +131,7 @@ bool IndependentRows::use_first_pivots() {
 
 double IndependentRows::smallest_pivot_in_use(const double* Z) {
   if (has_many()) {
-    std::vector<SparseRow> S = products(Z, true);
-    sparse_pivots(S, rank, std::sqrt(limits_.eps), order_in_use_, pivots_in_use_);
+    find_pivots(Z, true, rank, std::sqrt(limits_.eps), order_in_use_, pivots_in_use_);
     return static_cast<int>(pivots_in_use_.size()) < rank ? 0 : pivots_in_use_[rank - 1];
   }
   B_.resize(static_cast<size_t>(rank) * nv_);
@@ -147,8 +156,7 @@ double IndependentRows::ratio(const double* Z, int rank) {
     pivoted_qr(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, work_);
     return pivots_[rank - 1] / pivots_[0];
   }
-  std::vector<SparseRow> S = products(Z, false);
-  sparse_pivots(S, rank, std::sqrt(limits_.eps), order_, pivots_);
+  find_pivots(Z, false, rank, std::sqrt(limits_.eps), order_, pivots_);
   return static_cast<int>(pivots_.size()) < rank ? 0 : pivots_[rank - 1] / pivots_[0];
 }
 

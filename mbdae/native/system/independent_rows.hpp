@@ -65,6 +65,9 @@ class IndependentRows {
   void update_pivots(const double* Z, long stamp);  // pivots and factors of all rows, for this Z
   // Z Z^T of all rows, or of those in use by their position.
   std::vector<SparseRow> products(const double* Z, bool of_rows_in_use) const;
+  // Pivots of many rows, of all or of those in use (then by position), see `sparse_pivots`.
+  void find_pivots(const double* Z, bool of_rows_in_use, int count, double smallest, std::vector<int>& order,
+                   Numbers& pivots) const;
   double smallest_pivot_in_use(const double* Z);
   bool use_first_pivots();  // use those of the first `rank` pivots; whether they are others
   int dense_rank(const double* G, const FirstRank& first);
@@ -73,6 +76,7 @@ class IndependentRows {
   const Tolerances& limits_;
   const int nv_;
   const std::vector<int> elimination_;         // (ng,) of each row in the order of elimination
+  int window_ = 0;                             // of rows among which pivots are chosen
   std::vector<std::vector<int>> neighbours_;   // (ng,)
   std::vector<bool> excluded_;                 // (ng,)
   std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)

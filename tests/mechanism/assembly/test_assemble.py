@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy.linalg
 from chains import random_placement, random_q, rod, tree
 from linkages import bar, point
 
@@ -233,17 +234,33 @@ def test_two_free_bodies_are_joined_from_any_pose(kind):
         np.testing.assert_allclose(b[:, 2], a[:, 2], atol=1e-8)
 
 
-def test_a_long_chain_of_unequal_loops_assembles_from_a_rough_estimate(monkeypatch):
-    """Pivots of 60 four-bars moved by 0.05 m in turn, all bars guessed as in the row of equal ones."""
-    mech = mbdae.load("n_four_bar", N=60)
+def unequal_row(N):
+    """Return a row of four-bars with pivots moved by 0.05 m in turn."""
+    mech = mbdae.load("n_four_bar", N=N)
     model = mech.model.copy()
-    for i in range(61):
+    for i in range(N + 1):
         model.jointPlacements[model.getJointId(f"crank_{i}")].translation[0] += 0.05 * (-1) ** i
-    moved = mbdae.Mechanism(model, mech.closures)
+    guess = mech.start_values.guess
+    return mbdae.Mechanism(model, mech.closures), {"q": {"crank_0": np.pi / 2}, "guess": guess}
+
+
+@pytest.mark.parametrize("N", [60, 300])
+def test_a_long_chain_of_unequal_loops_assembles_from_a_rough_estimate(N, monkeypatch):
+    """All bars are guessed as in the row of equal ones."""
+    mech, given = unequal_row(N)
     starts, search = [], position_search.gauss_newton
     monkeypatch.setattr(position_search, "gauss_newton", lambda *at: starts.append(at) or search(*at))
-    q, _ = moved.assemble(q={"crank_0": np.pi / 2}, guess=mech.start_values.guess)
+    q, _ = mech.assemble(**given)
     assert len(starts) <= 2, "each loop ends near its guess: no other start is tried"
-    assert gap(moved, q) < CLOSED
+    assert gap(mech, q) < CLOSED
     first = 2 * np.arcsin(0.1 / (2 * np.sqrt(1 + 0.9**2)))  # loop 1: bars of 1 m on pivots 0.9 m apart
-    assert abs(q[model.joints[model.getJointId("crank_1")].idx_q] - (np.pi / 2 - first)) < 0.06
+    assert abs(q[mech.model.joints[mech.model.getJointId("crank_1")].idx_q] - (np.pi / 2 - first)) < 0.06
+
+
+def test_many_velocities_are_the_nearest_ones_in_the_mass_metric():
+    mech, given = unequal_row(20)
+    q, wanted = mech.assemble(**given)[0], np.random.default_rng(2).normal(size=mech.nv)
+    G, M = mech.at(0.0, q).G, mech.mass_matrix(q)
+    null = scipy.linalg.null_space(G, rcond=1e-8)
+    nearest = null @ np.linalg.solve(null.T @ M @ null, null.T @ M @ wanted)
+    assert mech.assemble(q, wanted)[1] == pytest.approx(nearest, abs=1e-10)

@@ -7,7 +7,7 @@ from scipy.linalg.lapack import dgesv
 
 from ....errors import StepError
 from ....system import Array, State
-from ....tolerances import NEGLIGIBLE
+from ....tolerances import EPS, NEGLIGIBLE
 from ...closures import independent_rows
 
 if TYPE_CHECKING:
@@ -97,8 +97,12 @@ def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> flo
 
 def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
     """Return the ratio of the smallest pivot of the independent rows of G M^-1/2 to the largest; 0 if singular."""
-    diagonal = independent_rows.pivots(dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2])[1]
-    return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
+    B, r = dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2], system.rank or 1
+    if system.ng > independent_rows.MANY_ROWS:
+        diagonal = independent_rows.pivots_of_many(B, system.elimination_order, EPS**0.5)[1]
+    else:
+        diagonal = independent_rows.pivots(B)[1]
+    return float(diagonal[r - 1] / diagonal[0]) if r <= len(diagonal) else 0.0
 
 
 def others_depend(system: "Index2System", t: float, y: Array) -> bool:
