@@ -1,5 +1,6 @@
 """Convergence plots of an order study."""
 
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MANY = 8  # methods: more have one legend below the panels
+PANEL, LINE = 2.7, 0.145  # heights in inches of a panel, and of a line of the legend
+TITLE_WIDTH = 110  # characters
 AXES = {
     "dq": "the derivative of $q$",
     "dv": "the derivative of $v$",
@@ -26,13 +30,16 @@ AXES = {
 
 @fixed_layout
 def convergence(study: OrderStudy) -> "Figure":
-    """Draw the errors over the step size, one panel per quantity: the fitted slope solid, the claimed one dotted.
+    """Draw the errors over the step size, one panel per quantity: the fitted order solid, the claimed one dotted.
 
     Hollow points are not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """
+    from matplotlib.lines import Line2D
+
     quantities = [s.quantity for s in next(iter(study.orders.values()))]
-    rows = (len(quantities) + 1) // 2
-    figure = empty_figure(WIDTH, max(2.7, 0.6 + 0.13 * len(study.orders)) * rows + 0.3)
+    rows, many = (len(quantities) + 1) // 2, len(study.orders) > MANY
+    lines = -(-len(study.orders) // 2) + 2 if many else 0
+    figure = empty_figure(WIDTH, PANEL * rows + LINE * lines + 0.4)
     axes = np.atleast_1d(figure.subplots(rows, 2)).flat
     for k, ax in enumerate(axes):
         if k >= len(quantities):
@@ -44,10 +51,23 @@ def convergence(study: OrderStudy) -> "Figure":
             _convergence_line(ax, name, slopes[k], study.T)
         ax.set_xlabel("step $h$ (s)")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
-        legend_right(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
-    title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed\n{study.computed_by}"
-    figure.suptitle(escaped(title), fontsize=9)
+        if not many:
+            legend_right(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
+    if many:
+        symbols = ", ".join(AXES.get(q, q).partition(" (")[0] for q in quantities)
+        handles = [Line2D([], [], **line_style(name) | {"linestyle": "none"}) for name in study.orders]
+        labels = [f"{name}  " + "  ".join(map(_observed, found)) for name, found in study.orders.items()]
+        title = f"method, and observed (claimed) orders of {symbols}"
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, title=title, title_fontsize=7.5)
+    title = f"{study.title}, T = {study.T:g} s; lines: fitted orders, dotted: claimed\n{study.computed_by}"
+    figure.suptitle(escaped("\n".join(fill(line, TITLE_WIDTH) for line in title.splitlines())), fontsize=9)
     return figure
+
+
+def _observed(found: ObservedOrder) -> str:
+    """Return the observed order, and the claimed one in brackets."""
+    observed = "-" if found.observed is None else f"{round(found.observed, 2) + 0.0:.2f}"  # + 0.0: no -0.00
+    return f"{observed} ({found.claimed})"
 
 
 def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float) -> None:
@@ -56,10 +76,8 @@ def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float) -> 
     shown = (e > 0) & np.isfinite(e)
     used = np.zeros(len(e), bool)
     used[slice(*slope.fitted)] = True
-    observed = "-" if slope.observed is None else f"{slope.observed:.2f}"
-    label = f"{name} {observed} ({slope.claimed})"
     ax.plot(h[shown & ~used], e[shown & ~used], **{**style, "markerfacecolor": "white"}, alpha=0.6)
-    ax.plot(h[used], e[used], **style, label=label)
+    ax.plot(h[used], e[used], **style, label=f"{name} {_observed(slope)}")
     if slope.observed is None:
         return
     middle = np.exp(np.mean(np.log(h[used]))), np.exp(np.mean(np.log(e[used])))
