@@ -1,24 +1,26 @@
-"""Figure of a sweep: a result over each parameter, and its distribution."""
+"""Figure of a sweep: a result over each parameter and its distribution, or over a grid of two."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ..figures import WIDTH, empty_figure, escaped, fixed_layout
+from ..figures import WIDTH, empty_figure, escaped, fixed_layout, logarithmic
 from .table import Sweep
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 COLUMNS = 3
-HEIGHT = 2.1  # inches of a row
+HEIGHT, MAP_HEIGHT = 2.1, 3.6  # inches of a row of panels, and of a heat map
+DECADES = 100.0  # ratio of values beyond which an axis is logarithmic
 COLOURS = ("#0072B2", "#D55E00")
 
 
 @fixed_layout
 def spread(sweep: Sweep, output: str | None = None) -> "Figure":
-    """Draw a result of every run over each numeric parameter, and its histogram.
+    """Draw a result of every run over each numeric parameter, and its histogram; a grid over two as a heat map.
 
     Args:
         sweep: the table.
@@ -37,24 +39,63 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     if not known.any():
         raise InputError(f"no run of the sweep has a value of {name!r} to draw")
     parameters = [n for n in sweep.parameters if n in numeric and n != name]
+    unit = sweep.meta.get("units", {}).get(name)
+    label = escaped(f"{name} ({unit})" if unit else name)
+    values = [np.unique(sweep[n]) for n in sweep.parameters] if parameters == sweep.parameters else []
+    if len(values) == 2 and min(map(len, values)) > 1 and len(values[0]) * len(values[1]) == len(sweep):
+        figure = _heat_map(sweep, y, values, label)
+    else:
+        figure = _panels(sweep, parameters, y, label, curve=[len(x) for x in values] == [len(sweep)])
+    failed = "" if known.all() else f", {(~known).sum()} without a value"
+    title = f"{sweep.meta['manifest']['model']}: {len(sweep)} runs{failed}"
+    figure.suptitle(escaped(title), fontsize=9)
+    return figure
+
+
+def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, curve: bool) -> "Figure":
+    """Draw points over each parameter, or a curve over the only one, and the histogram."""
+    known = np.isfinite(y)
     rows = -(-(len(parameters) + 1) // COLUMNS)
     figure = empty_figure(WIDTH, HEIGHT * rows + 0.3)
     axes = figure.subplots(rows, min(COLUMNS, len(parameters) + 1), squeeze=False)
     panels = list(axes.flat)
     for ax, parameter in zip(panels, parameters, strict=False):
-        ax.plot(sweep[parameter][known], y[known], ".", color=COLOURS[0], markersize=3, alpha=0.7)
+        x = sweep[parameter][known]
+        order = x.argsort() if curve else slice(None)
+        ax.plot(x[order], y[known][order], ".-" if curve else ".", color=COLOURS[0], markersize=3, alpha=0.7)
         ax.set_xlabel(escaped(parameter))
         ax.locator_params(axis="x", nbins=3)
-    unit = sweep.meta.get("units", {}).get(name)
     for row in axes:
-        row[0].set_ylabel(escaped(f"{name} ({unit})" if unit else name))
+        row[0].set_ylabel(label)
     last = panels[len(parameters)]
     last.hist(y[known], bins="sqrt", color=COLOURS[0], orientation="horizontal")
     last.axhline(y[known].mean(), color=COLOURS[1], linewidth=1.2)
     last.set_xlabel("runs; line: mean")
     for ax in panels[len(parameters) + 1 :]:
         ax.set_visible(False)
-    failed = "" if known.all() else f", {(~known).sum()} without a value"
-    title = f"{sweep.meta['manifest']['model']}: {len(sweep)} runs{failed}"
-    figure.suptitle(escaped(title), fontsize=9)
     return figure
+
+
+def _heat_map(sweep: Sweep, y: np.ndarray, values: list[np.ndarray], label: str) -> "Figure":
+    """Draw a grid over two parameters; runs without a value are white."""
+    table = np.full([len(x) for x in values], np.nan)
+    table[tuple(np.searchsorted(x, sweep[n]) for x, n in zip(values, sweep.parameters, strict=True))] = y
+    figure = empty_figure(WIDTH, MAP_HEIGHT)
+    ax = figure.subplots()
+    ax.grid(visible=False)
+    edges = [_cell_edges(ax.xaxis, values[0]), _cell_edges(ax.yaxis, values[1])]
+    figure.colorbar(ax.pcolormesh(*edges, table.T), label=label)
+    ax.set_xlabel(escaped(sweep.parameters[0]))
+    ax.set_ylabel(escaped(sweep.parameters[1]))
+    return figure
+
+
+def _cell_edges(axis: "Axis", x: np.ndarray) -> np.ndarray:
+    """Return the edges between increasing values; the axis is logarithmic if they extend over decades."""
+    many_decades = x[0] > 0 and x[-1] >= DECADES * x[0]
+    if many_decades:
+        logarithmic(axis)
+        x = np.log(x)
+    middle = 0.5 * (x[1:] + x[:-1])
+    edges = np.concatenate([[2 * x[0] - middle[0]], middle, [2 * x[-1] - middle[-1]]])
+    return np.exp(edges) if many_decades else edges
