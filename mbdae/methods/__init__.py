@@ -11,6 +11,7 @@ from ..system import System
 from .alpha import GeneralizedAlpha, alpha_method
 from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
+from .method_table import MethodTable
 from .order.conditions import with_proven_orders
 from .radau import RadauIIA
 from .runge_kutta import RungeKutta
@@ -21,7 +22,7 @@ Method = RungeKutta | Composition | GeneralizedAlpha
 MethodLike = Method | str | Path
 
 _FOUND = members(__name__, *get_args(Method))
-METHODS: dict[str, Method] = {m.name: m for m in sorted(_FOUND, key=lambda m: m.name)}
+METHODS: dict[str, Method] = MethodTable({m.name: m for m in sorted(_FOUND, key=lambda m: m.name)})
 """All methods by name, discovered in the files of this folder: none can be missing."""
 
 _ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")

@@ -156,7 +156,8 @@ def pivots_of_many(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.
     S = B.T.dot(B)
     i, j = S.nonzero()
     window = max(MANY_ROWS, 2 * int(np.abs(position[i] - position[j]).max()) + 2)
-    diagonal, sequence, found = S.diagonal().copy(), position.argsort(), []
+    diagonal, sequence = S.diagonal().copy(), position.argsort()
+    found: list[tuple[float, int, int]] = []
     nothing = tie**2 * diagonal.max()
     while (left := sequence[diagonal[sequence] > nothing][:window]).size:
         p = int(left[diagonal[left] > diagonal[left].max() * (1 - tie)].min())

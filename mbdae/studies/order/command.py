@@ -61,8 +61,7 @@ def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
     """List the methods, or check their order conditions. The check is exact."""
     from ...methods import METHODS, method
-    from ...methods.coupled_method import CoupledMethod
-    from ...methods.order.assumptions import assumptions
+    from ...methods.method_table import summary
     from ...methods.order.reports import check_claims
 
     chosen = [method(n) for n in names or METHODS]
@@ -70,19 +69,4 @@ def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
         reports = [check_claims(m) for m in chosen]
         emit([r.to_dict() for r in reports], "\n\n".join(str(r) for r in reports), as_json)
         sys.exit(HOLDS if all(r.holds for r in reports) else FAILED)
-    data = [
-        {
-            "name": m.name,
-            "family": m.family,
-            "order": m.order,
-            "f linear in z": m.order_linear,
-            "own lam": m.order_own,
-            "embedded": m.order_embedded or None,
-            "solves": m.solves,
-            "assumptions": assumptions(m).implicit if isinstance(m, CoupledMethod) else None,
-            "R(inf)": float(m.R_infinity) if isinstance(m, CoupledMethod) else None,
-            "title": m.title,
-        }
-        for m in chosen
-    ]
-    print_table(data, as_json)
+    print_table([summary(m) for m in chosen], as_json)

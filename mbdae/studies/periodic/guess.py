@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import e
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
     system = mech.system()
     (q, v), inner = system.split(y), system.element_states(y)
     for k in range(SAMPLED_TIMES):
-        at = t + k * mech.duration / np.e
+        at = t + k * mech.duration / e
         by_time = system.g_t(at), *time_partials(system, at, q, v, inner, np.zeros(mech.ng))
         if any(x.any() for x in by_time):
             return False
