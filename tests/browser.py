@@ -72,6 +72,10 @@ class Tab:
         self.browser = browser
         self.session = browser.left.pop() if browser.left else browser.blank()
         self.resize(size)
+        self.navigate(address, ready)
+
+    def navigate(self, address, ready="window.mbdae"):
+        """Load a page, until it is ready."""
         self.call("Page.navigate", url=address)
         self.evaluate(READY % ready)
 

@@ -56,6 +56,7 @@ function player(viewer, scene) {
     const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${pace}${chosen ? `, ${chosen.name}` : ""}`;
     if (byId("clock").textContent !== text) byId("clock").textContent = text;
     byId("time").value = duration > 0 ? offset / duration : 0;
+    byId("time").ariaValueText = text;
     byId("play").classList.toggle("playing", playing);
     document.documentElement.dataset.t = page.t;
   }

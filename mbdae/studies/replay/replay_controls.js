@@ -100,5 +100,6 @@ function applyAddress(page, scene) {
   if (given("shadows")) nodeOf(page.viewer, "Lights/Sun/<object>").castShadow = !off("shadows");
   const timed = !scene.sliders && given("t") && Number.isFinite(count("t"));
   if (timed) page.pauseAt(count("t"));
-  return given("autoplay") ? !off("autoplay") : !timed;
+  const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  return given("autoplay") ? !off("autoplay") : !timed && !reduced;
 }
