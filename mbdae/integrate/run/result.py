@@ -1,5 +1,6 @@
 """The solution of a run, with its statistics and warnings."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,6 +13,8 @@ from ...solution.solution import Solution
 from ...system import Array
 from .run_diagnostics import accuracy_warnings
 from .run_state import CarryRecord, RunState
+
+log = logging.getLogger("mbdae")
 
 
 def make_solution(run: RunState, status: str, message: str, seconds: float) -> Solution:
@@ -26,6 +29,10 @@ def make_solution(run: RunState, status: str, message: str, seconds: float) -> S
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, found)
     if out.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
         out.status, out.message = "doubtful", words
+    log.info(
+        "%s: %s, %s steps by %s (%s back end), %.3g s: %s",
+        run.problem.title, out.status, stats["steps"], settings["method"], stats["backend"], seconds, out.message,
+    )  # fmt: skip
     return out
 
 
