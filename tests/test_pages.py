@@ -36,6 +36,7 @@ PAGES = ["README.md", *(str(p.relative_to(ROOT)) for f in FOLDERS for p in sorte
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.S | re.M)
 FILE = re.compile(r"(?:#|<!--) (\S+\.(?:toml|py|urdf|xml))( -->)?\n")
 TEXT = {page: (ROOT / page).read_text() for page in PAGES}
+BRIEF = {"live": ("--seconds", "0.5"), "compare": ("--repeats", "0")}  # ends by itself; without times, shown nowhere
 OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks that are not run here
 
 
@@ -81,8 +82,7 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
                 assert words[0] in OUTSIDE, words
                 assert all((ROOT / w).is_file() for w in words if w.endswith(".py")), words
                 continue
-            ended_by_itself = ["--seconds", "0.5"] if words[1] == "live" else []
-            monkeypatch.setattr(sys, "argv", [*words, *ended_by_itself])
+            monkeypatch.setattr(sys, "argv", [*words, *BRIEF.get(words[1], ())])
             with pytest.raises(SystemExit) as ended:
                 main()
             assert ended.value.code == code, words
