@@ -57,7 +57,8 @@ def motion(scene, q, end=2.0, start=0.0, title="a test"):
     points = np.array([q(x) for x in t])
     mech = SimpleNamespace(scene=scene, title=title, model=scene._model, switches=())
     sol = SimpleNamespace(t=t, q=points, mechanism=mech)
-    return type("Motion", (SimpleNamespace,), {"__call__": lambda self, x: (q(x), None)})(**vars(sol))
+    called = {"__call__": lambda self, times: (np.array([q(x) for x in times]), None)}
+    return type("Motion", (SimpleNamespace,), called)(**vars(sol))
 
 
 def fourbar():
