@@ -8,7 +8,7 @@ from ..mixed import MixedHessenberg
 __all__ = ["mixed_index"]
 
 
-def numbers(y: Array, z: Array, u: Array) -> tuple[float, float, float, float]:
+def scalars(y: Array, z: Array, u: Array) -> tuple[float, float, float, float]:
     """Return y1, y2, z and u; arithmetic with Python's numbers is several times faster."""
     return *y.tolist(), *z.tolist(), *u.tolist()
 
@@ -23,25 +23,25 @@ def mixed_index() -> MixedHessenberg:
     """
 
     def f(t, y, z, u):
-        y1, y2, z1, u1 = numbers(y, z, u)
+        y1, y2, z1, u1 = scalars(y, z, u)
         return np.array([y1 * y2**2 * z1 * u1**2, (y1**2 - 3 * u1**2) * y2**2])
 
     def f_y(t, y, z, u):
-        y1, y2, z1, u1 = numbers(y, z, u)
+        y1, y2, z1, u1 = scalars(y, z, u)
         return np.array(
             [[y2**2 * z1 * u1**2, 2 * y1 * y2 * z1 * u1**2], [2 * y1 * y2**2, 2 * (y1**2 - 3 * u1**2) * y2]]
         )
 
     def f_z(t, y, z, u):
-        y1, y2, _, u1 = numbers(y, z, u)
+        y1, y2, _, u1 = scalars(y, z, u)
         return np.array([[y1 * y2**2 * u1**2], [0.0]])
 
     def f_u(t, y, z, u):
-        y1, y2, z1, u1 = numbers(y, z, u)
+        y1, y2, z1, u1 = scalars(y, z, u)
         return np.array([[2 * y1 * y2**2 * z1 * u1], [-6 * u1 * y2**2]])
 
     def k(t, y, z, u):
-        y1, _, z1, u1 = numbers(y, z, u)
+        y1, _, z1, u1 = scalars(y, z, u)
         return np.array([u1**3 + u1 - y1 * z1 - y1])
 
     def g(t, y):
