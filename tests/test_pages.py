@@ -37,7 +37,9 @@ PAGES = ["README.md", *(str(p.relative_to(ROOT)) for f in FOLDERS for p in sorte
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.S | re.M)
 FILE = re.compile(r"(?:#|<!--) (\S+\.(?:toml|py|urdf|xml))( -->)?\n")
 TEXT = {page: (ROOT / page).read_text() for page in PAGES}
-BRIEF = {"live": ("--seconds", "0.5"), "compare": ("--repeats", "0")}  # ends by itself; without times, shown nowhere
+BRIEF = {  # options of commands whose output is not shown: they end by themselves, and take no times of whole runs
+    "live": ("--seconds", "0.5"), "compare": ("--repeats", "0"), "compare four_bar -m": ("-t", "2"),
+}  # fmt: skip
 OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks that are not run here
 
 
@@ -83,7 +85,8 @@ def run_block(block: Block, names: dict, monkeypatch) -> None:
                 assert words[0] in OUTSIDE, words
                 assert all((ROOT / w).is_file() for w in words if w.endswith(".py")), words
                 continue
-            monkeypatch.setattr(sys, "argv", [*words, *BRIEF.get(words[1], ())])
+            more = (x for begin, options in BRIEF.items() if " ".join(words[1:]).startswith(begin) for x in options)
+            monkeypatch.setattr(sys, "argv", [*words, *more])
             with pytest.raises(SystemExit) as ended:
                 main()
             assert ended.value.code == code, words
