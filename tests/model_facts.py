@@ -42,7 +42,7 @@ class Facts:
 
     @property
     def kind(self) -> tuple:
-        """What decides which commands give a result, and which an error."""
+        """Properties that determine which commands give a result, and which an error."""
         features = self.single, self.switches, self.regularised_interfaces, self.acts
         kinds = map(bool, (self.rolls, self.windows, self.several, self.mech.states, self.mech.resets, len(self.rows)))
         return *features, *kinds, self.held == 0, min(self.movable, 2), min(self.free(), 2)
